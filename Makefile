@@ -14,7 +14,7 @@ BIN := $(VENV)/bin
 PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner ./src/llm_astar_lab
 SOURCES := $(shell find src config maps -type f \
 	-not -path '*/build/*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*' -not -name '*.pyc')
-SETUPS := $(wildcard src/*/setup.py)
+SETUPS := $(wildcard src/*/setup.*)
 
 # The wheels re-execute Python once and mark the environment; a mark from elsewhere misleads.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE

@@ -13,8 +13,7 @@ from functools import partial
 
 import numpy as np
 from llm_astar_planner.search.astar import exact_astar
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 from numpy.typing import NDArray
 from scipy import ndimage

@@ -16,8 +16,7 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 from numpy.typing import NDArray
 

@@ -49,17 +49,8 @@ def markdown_section(node: str) -> str:
     if node == 'llm_client_node':
         names = ', '.join(f'`{name}`' for name in SET_BY_PLANNER)
         lines += ['', f'Before it asks, `planner_node` also sets its own values of {names}.']
-    others = OTHERS.get(node, ())
-    same = [
-        f"Nav2's name of `{item.replacement}`, `{item.name}`, is accepted too."
-        for item in others
-        if not item.advice
-    ]
-    if same:
-        lines += ['', *same]
-    old = [f'- `{item.name}`, which {item.advice}.' for item in others if item.advice]
-    if old:
-        lines += ['', 'Accepted for one more release, with a warning:', '', *old]
+    for name, ours in OTHERS.get(node, {}).items():
+        lines += ['', f"Nav2's name of `{ours}`, `{name}`, is accepted too."]
     return '\n'.join(lines)
 
 

@@ -37,34 +37,32 @@ from llm_astar_lab.evaluation.topics import TopicSelection, describe
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
-from llm_astar_lab.results.parquet_rows import write_part
 from llm_astar_lab.results.row import Row
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     load_barrier_maps,
-    save_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_from_geojson
+from llm_astar_msgs_adapter.maps.places import load_places, places_from_geojson
 from llm_astar_msgs_adapter.maps.problem_maps import (
     format_kept_maps,
     load_grid_problem,
     load_kept_maps,
+    save_maps,
 )
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
+from llm_astar_planner.instructions.model.interpreter import interpret_reply
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
-from llm_astar_planner.instructions.model.reply import interpret_reply
 from llm_astar_planner.instructions.specification_json import from_json
 from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.learned.network import read_weights
-from llm_astar_planner.waypoints.llm.http import HttpReply
-from llm_astar_planner.waypoints.llm.protocol import read_completion
-from llm_astar_planner.waypoints.llm.redaction import redact
+from llm_astar_planner.waypoints.llm.credentials import redact
+from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
@@ -245,7 +243,7 @@ def make_scenarios(folder: Path) -> Path:
 
 
 def make_barriers(folder: Path) -> Path:
-    save_barrier_maps(load_barrier_maps(MAPS / 'samples_1000.json')[:2], folder / 'x.json')
+    save_maps(load_barrier_maps(MAPS / 'samples_1000.json')[:2], folder / 'x.json')
     return folder / 'x.json'
 
 
@@ -273,7 +271,8 @@ def make_results(name: str) -> Callable[[Path], Path]:
 def make_parquet(folder: Path) -> Path:
     table = make_results('results.csv')(folder)
     part = folder / 'results.parquet' / 'part-000000.parquet'
-    write_part(part, list(ResultsFolder(folder).read()))
+    part.parent.mkdir()
+    ResultsFolder(folder).stored().write(part)
     table.write_text(table.read_text().partition('\n')[0] + '\n')
     return part
 

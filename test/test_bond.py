@@ -41,7 +41,6 @@ class ManagerBond:
         self._node.create_subscription(bond.Status, 'bond', self._on_status, 100)
         self._alive = self._node.create_timer(MANAGER_PERIOD, lambda: self.publish(is_active=True))
         self._thread = SpinThread(self._node)
-        self._thread.start()
 
     def _on_status(self, status):
         if status.id == self._name and status.instance_id != self._instance:

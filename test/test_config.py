@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.nodes.planner.goal_server import INTROSPECTION_STATES
+from llm_astar_planner.nodes.planner.goals import INTROSPECTION_STATES
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES
 
@@ -15,8 +15,7 @@ TABLE = {node: {item.name: item for item in table} for node, table in NODES.item
 
 @pytest.mark.parametrize('name', FILES)
 def test_a_parameter_file_holds_what_its_nodes_take(name):
-    found = read_parameter_files([CONFIG / name], list(NODES))
-    assert found.warnings == []
+    assert set(read_parameter_files([CONFIG / name], list(NODES))) == set(NODES)
     sections = yaml.safe_load((CONFIG / name).read_text())
     assert {node.removeprefix('/**/') for node in sections} <= set(NODES)
     for node, section in sections.items():

@@ -117,8 +117,10 @@ def test_the_page_on_installing_names_all_that_pip_has_to_install_for_colcon():
     page = (ROOT / 'docs' / 'install.md').read_text()
     named = re.search(r'pip install --break-system-packages(.*?)colcon', page, re.DOTALL)[1]
     needed = set()
-    for setup in (ROOT / 'src').glob('*/setup.py'):
-        listed = re.search(r'install_requires=\[(.*?)\]', setup.read_text(), re.DOTALL)[1]
-        needed |= set(re.findall(r"'([a-z0-9_]+)", listed))
+    for setup in (ROOT / 'src').glob('*/setup.cfg'):
+        listed = re.search(r'install_requires =\n(.*?)\n\n', setup.read_text() + '\n', re.DOTALL)[
+            1
+        ]
+        needed |= set(re.findall(r'^    ([a-z0-9_]+)', listed, re.MULTILINE))
     from_apt = {'setuptools', 'pillow', 'pyyaml', 'llm_astar_msgs_adapter', 'llm_astar_planner'}
     assert needed - from_apt <= set(re.findall(r'[a-z][a-z0-9]+', named))

@@ -22,7 +22,7 @@ from llm_astar_planner.nodes import llm_client_node
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE
 from llm_astar_planner.nodes.llm_client_node import CALLERS, QUERY_THREADS, LlmClientNode
-from llm_astar_planner.nodes.planner.instruction_client import MOST_WAITING, InstructionClient
+from llm_astar_planner.nodes.planner.instruction_server import MOST_WAITING, InstructionClient
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply

@@ -178,7 +178,7 @@ def test_the_topic_counts_without_the_parameter_and_what_is_malformed_is_ignored
 def test_a_published_path_is_checked_again_when_the_footprint_changes(robot):
     assert robot.set(SHORT).successful
     assert robot.ask()[1].code_name == 'NONE'
-    monitor = robot.planner._server._monitor
+    monitor = robot.planner._server.monitor
     assert robot.set(LONG).successful
     wait_for(lambda: 'no path fits the footprint' in monitor.state, 'the check')
     assert robot.set('').successful

@@ -20,7 +20,6 @@ from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_mes
 from llm_astar_planner.nodes.common.map_subscription import OccupancyGridUpdate
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, UPDATES
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.planning.kernel_compiler import Compiled
 from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.parameter import Parameter
 
@@ -115,7 +114,7 @@ class Robot:
 
     @property
     def failures(self):
-        return self.planner._server._handler._waits.failures
+        return self.planner._server.handler._waits.failures
 
     def wait_for_rhythm(self):
         wait_for(lambda: self.arrivals.is_due(PERIOD), 'a rhythm')
@@ -132,8 +131,8 @@ def robot_in(namespace, **parameters):
     with running(planner), calling(namespace) as caller:
         wait_for(lambda: planner._server and planner.is_active, 'the start')
         # Maps that change are prepared at once.
-        compiler = planner._server._handler._compiler
-        wait_for(lambda: compiler.compiled >= Compiled.MAP_CHANGES, 'the compilation')
+        compiler = planner._server.handler._compiler
+        wait_for(lambda: compiler.done >= 3, 'the compilation')  # of maps that change, too
         costmap = Costmap(caller.node)
         robot = Robot(planner, caller, costmap)
         try:

@@ -37,7 +37,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 from nav_msgs.msg import OccupancyGrid, Path
-from nav_msgs.srv import GetMap
+from nav_msgs.srv import GetMap, GetPlan
 from rcl_interfaces.srv import DescribeParameters
 
 LABEL = 'replay:hand-written example'
@@ -311,15 +311,20 @@ def test_a_client_killed_mid_call_never_stops_the_plan():
         publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
         old, new = free_map(30), free_map(31)
         publisher.publish(grid_to_message(old, now(caller)))
+        events = []
+        topic = 'planner_node/get_plan/_service_event'
+        other.listen(GetPlan.Event, topic, lambda event: events.append(event.info), RELIABLE)
         caller.wait_until_ready(old.digest, client='llm_client_node')
+        wait_for(lambda: other.node.count_publishers(topic), topic)
         assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].source_status == 'MISSING'
+        wait_for(lambda: len(events) == 2, 'the events of a request and its response')
         client.send_signal(signal.SIGSTOP)
         answers = []
         asking = threading.Thread(
             target=lambda: answers.append(caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0)))
         )
         asking.start()
-        time.sleep(0.3)
+        wait_for(lambda: len(events) == 3, 'the event of the next request')
         publisher.publish(grid_to_message(new, now(caller)))
         other.wait_until_ready(new.digest)
         assert answers == []
@@ -447,15 +452,6 @@ def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
         assert plan[name] == getattr(report, name), name
 
 
-def test_a_deprecated_parameter_still_works_and_names_the_present_one():
-    arguments = ('-p', 'lifecycle:=true', '-p', 'remember_plans:=9')
-    with process('planner_node', *arguments, namespace=ALONE) as node:
-        wait_for(lambda: 'ready to be configured' in ''.join(node.output), 'the node')
-    output = ''.join(node.output)
-    assert 'parameter lifecycle is deprecated: it became autostart' in output
-    assert 'parameter remember_plans is deprecated: it has no effect any more' in output
-
-
 @pytest.mark.parametrize(
     ('arguments', 'word'),
     [
@@ -489,7 +485,7 @@ def rows_of(folder):
 def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_path):
     """Row for row, through GetPlan: what the graph adds is time alone."""
     live, direct = tmp_path / 'live', tmp_path / 'direct'
-    selection = ['--limit', '12', '--maps', '0-3', '--methods', 'llm_astar']
+    selection = ['--limit', '12', '--map-ids', '0-3', '--methods', 'llm_astar']
     with (
         process('llm_client_node', '-p', 'source:=oracle', namespace=ALONE),
         process('planner_node', '-p', 'method:=weighted_astar', namespace=ALONE),

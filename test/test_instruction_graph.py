@@ -323,7 +323,7 @@ def test_the_call_command_asks_a_running_planner(graph):
     here = ['--namespace', SPACE, '--start', '39', '18']
     preview = command('--namespace', SPACE, '--interpret', 'avoid the lab', '--json')
     unknown = command(*here, '--to', 'ballroom')
-    nobody = command('--namespace', '/nobody', '--interpret', 'x', '--timeout', '1')
+    nobody = command('--namespace', '/nobody', '--interpret', 'x', '--time-limit', '1')
     code, output, _ = ended(preview)
     assert code == 0
     assert json.loads(output)['sentence'] == 'avoid the lab'

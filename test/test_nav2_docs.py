@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from graph_tools import running, wait_for
-from llm_astar_planner.nodes.planner.nav2_server import error_name
+from llm_astar_planner.nodes.planner.goals import error_name
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.parameters import NODES
 from llm_astar_planner.planning.types import ResultCode

@@ -172,11 +172,10 @@ def test_paths_are_checked_on_a_map_that_is_still_being_prepared(maps, rules):
 
 
 def test_a_map_with_other_zones_is_as_old_as_the_last_message(maps):
-    maps.arrivals.note(0.3)
-    maps.take(map_with((1, 1)))
+    maps.take(map_with((1, 1)), 0.3)
     assert maps.wait(PATIENCE, always)
     before = maps.newest
-    maps.take(map_with((2, 2)))
+    maps.take(map_with((2, 2)), None)
     assert maps.wait(PATIENCE, always)
     assert maps.newest.planner is not before.planner
     assert maps.newest.arrived == before.arrived == maps.arrivals.last
@@ -206,7 +205,8 @@ def test_a_cancelled_goal_and_a_closed_node_wait_no_longer(maps, rules):
 
 def test_a_map_of_another_size_between_updates_and_updates_off_it_leave_the_last_good_map():
     entities, taken = Mock(), []
-    subscription = MapSubscription(entities, taken.append)
+    entities.node.get_clock().now.return_value.nanoseconds = 0
+    subscription = MapSubscription(entities, lambda grid_map, _: taken.append(grid_map))
     errors = entities.node.get_logger().error
 
     def update(x, sec=0, value=100):
@@ -236,7 +236,7 @@ def test_a_map_of_another_size_between_updates_and_updates_off_it_leave_the_last
 def test_a_message_says_how_long_it_was_under_way_if_its_stamp_is_of_just_now():
     node, transits = rclpy.create_node('stamps'), []
     entities = Mock(node=node)
-    subscription = MapSubscription(entities, lambda _: None, on_arrival=transits.append)
+    subscription = MapSubscription(entities, lambda _, transit: transits.append(transit))
     now = node.get_clock().now()
 
     def send(seconds):

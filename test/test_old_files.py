@@ -20,11 +20,11 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, report_from_message
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES, defaults
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript
 
@@ -138,7 +138,7 @@ def test_an_old_recording_is_replayed_and_gives_the_plan_it_holds(tmp_path):
 # oracle` (benchmark), `evaluate samples --methods guided --source straight --robot-radius 0.6
 # --tolerance 0.5` (evaluation) ---
 
-BENCH = ('--maps', '0-2', '--limit', '6', '--methods', 'llm_only,llm_astar,guided')
+BENCH = ('--map-ids', '0-2', '--limit', '6', '--methods', 'waypoints_only,llm_astar,guided')
 FOLDERS = {
     'benchmark': ('bench', *BENCH, '--source', 'oracle'),
     'evaluation': (
@@ -219,11 +219,10 @@ def test_an_old_run_is_resumed_by_its_own_version_alone(
     assert untimed(results) == untimed(OLD / name / 'results.csv')
 
 
-def test_the_old_name_of_a_method_is_accepted_with_a_warning(tmp_path, undrawn, capsys):
+def test_the_same_run_has_the_same_rows_today(tmp_path, undrawn):
     out = tmp_path / 'out'
-    limit = ('--fail-under', 'llm_only/oracle:valid=100')
+    limit = ('--fail-under', 'waypoints_only/oracle:valid=100')
     assert main(['bench', *BENCH, '--source', 'oracle', '--out', str(out), *limit]) == 0
-    assert 'method llm_only is now called waypoints_only' in capsys.readouterr().err
     assert untimed(out / 'results.csv') == untimed(OLD / 'benchmark' / 'results.csv')
     assert 'llm_only' not in (out / 'results.csv').read_text()
 
@@ -244,14 +243,13 @@ def big_map():
 
 def test_an_old_transcript_holds_the_same_exchanges(tmp_path):
     exchanges = read_transcript(TRANSCRIPT)
-    assert [(e.map, e.pair, e.unit, e.instruction, e.status.value) for e in exchanges] == [
-        (0, 0, 1, '', 'OK'),
-        (0, 0, 1, 'pass by 5, 5', 'OK'),
-        (0, 1, 1, '', 'MALFORMED'),
-        (big_map().digest, '4,4->115,100', 2, '', 'OK'),
+    assert [(e.map, e.pair, e.unit, e.status.value) for e in exchanges] == [
+        (0, 0, 1, 'OK'),
+        (0, 1, 1, 'MALFORMED'),
+        (big_map().digest, '4,4->115,100', 2, 'OK'),
     ]
-    assert [len(exchange.messages) for exchange in exchanges] == [1, 1, 3, 1]
-    assert exchanges[2].response == 'Sorry.'
+    assert [len(exchange.messages) for exchange in exchanges] == [1, 3, 1]
+    assert exchanges[1].response == 'Sorry.'
     copy = TranscriptWriter(tmp_path / 'copy.jsonl')
     for exchange in exchanges:
         copy.write(exchange)
@@ -285,39 +283,52 @@ def test_the_shipped_transcript_is_of_that_version_and_is_replayed():
     assert source.waypoints(query).waypoints == ON_THE_DEMO
 
 
-# --- parameter files: config/planner.yaml, with the deprecated remember_plans and lifecycle ---
+# --- parameter files: config/planner.yaml, but for two parameters that there are no more ---
 
-DEPRECATED = ('remember_plans', 'lifecycle')
+GONE = ('remember_plans', 'lifecycle')
 # Since then a robot inside the marks of an obstacle plans its way out.
 CHANGED = {'start_tolerance': 0.0}
-PARAMETERS = str(OLD / 'planner.yaml')
+PARAMETERS = OLD / 'planner.yaml'
 
 
-def test_an_old_parameter_file_is_planned_by_with_a_warning_for_each_deprecated_name(capsys):
-    assert main(['plan', '--params-file', PARAMETERS, '--json']) == 0
+@pytest.fixture
+def parameters(tmp_path):
+    """The file without these two."""
+    lines = PARAMETERS.read_text().splitlines()
+    kept = [line for line in lines if not line.strip().startswith(GONE)]
+    assert len(lines) - len(kept) == len(GONE)
+    path = tmp_path / 'planner.yaml'
+    path.write_text('\n'.join(kept))
+    return str(path)
+
+
+def test_a_parameter_that_there_is_no_more_is_named_with_its_file():
+    with pytest.raises(ParameterError) as refused:
+        read_parameter_files([PARAMETERS])
+    message = f'{PARAMETERS}: {GONE[0]}: planner_node has no parameter of this name'
+    assert str(refused.value).startswith(message)
+
+
+def test_an_old_parameter_file_is_planned_by(parameters, capsys):
+    assert main(['plan', '--params-file', parameters, '--json']) == 0
     out, err = capsys.readouterr()
     assert json.loads(out)['method'] == 'guided'
-    for name, line in zip(DEPRECATED, err.splitlines(), strict=True):
-        assert line.startswith(f'llm-astar: warning: parameter {name} is deprecated: it ')
+    assert err == ''
 
 
-def test_an_old_parameter_file_says_what_the_defaults_are_today():
-    found = read_parameter_files([PARAMETERS])
-    for node, values in found.values.items():
+def test_an_old_parameter_file_says_what_the_defaults_are_today(parameters):
+    for node, values in read_parameter_files([parameters]).items():
         known = defaults(NODES[node]) | CHANGED
         assert values == {name: known[name] for name in values}
         assert len(values) > 2
 
 
-def test_bags_are_evaluated_by_an_old_parameter_file(capsys, tmp_path):
+def test_bags_are_evaluated_by_an_old_parameter_file(parameters, tmp_path):
     (bag,) = [OLD / 'recorded.mcap']
-    rows = evaluated(bag, tmp_path, '--params-file', PARAMETERS, '--source', 'straight')
+    rows = evaluated(bag, tmp_path, '--params-file', parameters, '--source', 'straight')
     assert {row['method'] for row in rows} == {'astar', 'guided'}
-    assert 'remember_plans is deprecated' in capsys.readouterr().err
 
 
-def test_a_node_starts_with_an_old_parameter_file():
-    with process('planner_node', '--params-file', PARAMETERS, namespace=ALONE) as node:
+def test_a_node_starts_with_an_old_parameter_file(parameters):
+    with process('planner_node', '--params-file', parameters, namespace=ALONE) as node:
         wait_for(lambda: 'ready; waiting for a map' in ''.join(node.output), 'the planner')
-    for name in DEPRECATED:
-        assert f'parameter {name} is deprecated' in ''.join(node.output)

@@ -75,7 +75,7 @@ def test_package_xml_is_format_3_and_agrees_with_setup(package):
     assert root.findtext('name') == package
     assert root.findtext('license') == 'Apache-2.0'
     assert root.findtext('export/build_type') == 'ament_python'
-    assert f"version='{root.findtext('version')}'" in (folder / 'setup.py').read_text()
+    assert f'version = {root.findtext("version")}\n' in (folder / 'setup.cfg').read_text()
     assert (folder / package / 'py.typed').is_file()
 
 
@@ -98,6 +98,20 @@ def test_a_package_says_what_it_is_who_made_it_and_where_to_read_more(package):
     assert metadata(folder, 'long-description') == (folder / 'README.md').read_text().strip()
     classifiers = metadata(folder, 'classifiers').splitlines()
     assert 'License :: OSI Approved :: Apache Software License' in classifiers
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_colcon_can_read_what_setup_says(package):
+    # It evaluates the texts of values, which a specifier of versions from setup.cfg has none of.
+    code = (
+        'import ast, setuptools, distutils.core; '
+        "found = distutils.core.run_setup('setup.py', stop_after='config'); "
+        'print(ast.literal_eval(repr(found.python_requires)))'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], cwd=ROOT / 'src' / package, capture_output=True, text=True
+    )
+    assert done.stdout.strip() == '>=3.10', done.stderr
 
 
 def test_a_file_that_is_not_there_lists_those_that_are():

@@ -27,8 +27,7 @@ from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -160,7 +159,7 @@ def world(slow_graph):
 def forget(world):
     """Drop the waypoints and the path of an earlier test."""
     world.planner._server._cache.clear()
-    world.planner._server._monitor.forget()
+    world.planner._server.monitor.forget()
 
 
 def yaws(path):
@@ -181,7 +180,7 @@ def test_goals_that_are_published_back_to_back_are_taken_in_their_order(world, m
         rows[token] = goal.goals[0].pose.position.y
 
     monkeypatch.setattr(server._goals, 'begin', begun)
-    monkeypatch.setattr(server, 'answer_goal', answer)
+    monkeypatch.setattr(world.planner, 'answer_goal', answer)
     sys.setswitchinterval(1e-6)
     try:
         for _ in range(10):
@@ -503,7 +502,7 @@ def test_a_path_planned_before_a_deactivation_is_not_replanned_after_it():
 
 def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition():
     with (
-        process('planner_node', '-p', 'lifecycle:=true', namespace=APART) as planner,
+        process('planner_node', '-p', 'autostart:=false', namespace=APART) as planner,
         calling(APART) as caller,
     ):
         wait_for(lambda: 'ready to be configured' in ''.join(planner.output), 'the node')
@@ -547,7 +546,7 @@ def test_stamps_of_plans_differ_when_a_simulation_begins_anew():
         for seconds in (100, 200, 100):
             clock.publish(Clock(clock=Time(sec=seconds)))
             wait_for(lambda at=seconds: node.get_clock().now().nanoseconds == at * 10**9, 'time')
-            stamps += [node._server._handler.next_stamp() for _ in range(2)]
+            stamps += [node._server.handler.next_stamp() for _ in range(2)]
     assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [
         (100, 0), (100, 1), (200, 0), (200, 1), (100, 2), (100, 3)
     ]  # fmt: skip

@@ -25,8 +25,7 @@ from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_m
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 

@@ -5,14 +5,17 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
+from graph_tools import wait_for
 from llm_astar_lab.pictures import style
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.cli.node_processes import ended_by_signals
-from llm_astar_planner.nodes.__main__ import PARAMETER_NODES, start
+from llm_astar_planner.nodes import MODULES
+from llm_astar_planner.nodes.__main__ import start
 from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments
 from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER
 from PIL import Image, ImageColor
@@ -23,7 +26,7 @@ import sys; sys.argv[1:] = {words!r}
 from llm_astar_planner.cli.__main__ import main as run
 """
 PROGRAMS = {
-    **{name: NODE.format(name=name) for name in (*PARAMETER_NODES, 'benchmark_node')},
+    **{name: NODE.format(name=name) for name in (*MODULES, 'benchmark_node')},
     'plan': COMMAND.format(words=['plan']),
     'call': COMMAND.format(words=['call', '--start', '1', '1', '--goal', '2', '2']),
 }
@@ -47,7 +50,7 @@ def llm_astar(*words):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize('name', PARAMETER_NODES)
+@pytest.mark.parametrize('name', MODULES)
 def test_the_help_of_a_node_lists_its_parameters_and_starts_nothing(name, capsys):
     assert start(name, ['--help']) == 0
     said = capsys.readouterr().out
@@ -84,7 +87,7 @@ def test_nodes_without_rclpy_say_so_in_one_line():
     without = 'import sys; sys.modules["rclpy"] = None\n'
     nodes = {
         name: python(f'{without}{PROGRAMS[name]}\nsys.exit(run())')
-        for name in (*PARAMETER_NODES, 'benchmark_node')
+        for name in (*MODULES, 'benchmark_node')
     }
     for name, node in nodes.items():
         said, _ = node.communicate(timeout=PATIENCE)
@@ -110,33 +113,62 @@ def test_a_node_without_a_home_logs_elsewhere_and_says_so(tmp_path):
     assert any(folder.iterdir())
 
 
-def interrupted(name, seconds):
-    """Start a program, send SIGINT after some seconds, and return it."""
-    process = python(f'{PROGRAMS[name]}\nprint("started", flush=True)\nraise SystemExit(run())')
-    assert process.stdout.readline() == 'started\n'
-    time.sleep(seconds)
+# A program says how far its start is, by what it has imported: seconds mean something else on
+# every machine.
+ANNOUNCING = """
+import sys
+imports = 0
+def announce(event, _):
+    global imports
+    if event == 'import':
+        if imports % 25 == 0:
+            print('import', imports, flush=True)
+        imports += 1
+sys.addaudithook(announce)
+"""
+# Its log is made when a program has joined the graph.
+JOINED = 'joined'
+
+
+def end_at(name, moment, logs):
+    """Send SIGINT to a program at a moment of its start, the last of which is JOINED.
+
+    Check how it ends, also where it has ended before that.
+    """
+    process = python(
+        f'{PROGRAMS[name]}\n{ANNOUNCING}\nraise SystemExit(run())',
+        env=os.environ | {'ROS_LOG_DIR': str(logs)},
+    )
+    lines = []
+    reader = threading.Thread(target=lambda: lines.extend(process.stdout))
+    reader.start()
+
+    def is_there():
+        has_joined = any(logs.glob(f'*_{process.pid}_*'))
+        return has_joined or f'{moment}\n' in lines or process.poll() is not None
+
+    wait_for(is_there, f'{name}, {moment}')
     process.send_signal(signal.SIGINT)
-    return process
-
-
-def assert_ended_well(process, what):
-    said, _ = process.communicate(timeout=PATIENCE)
-    assert process.returncode in {0, *INTERRUPTED}, f'{what}: {said}'
+    code = process.wait(PATIENCE)
+    reader.join()
+    process.stdout.close()
+    said = ''.join(lines)
+    assert code in {0, *INTERRUPTED}, f'{name}, {moment}: {said}'
     for word in ('Traceback', 'Exception', 'error'):
-        assert word not in said, f'{what}: {said}'
+        assert word not in said, f'{name}, {moment}: {said}'
 
 
-def test_ctrl_c_at_any_moment_of_the_start_ends_nodes_and_commands_without_a_traceback():
-    for number, name in enumerate(PROGRAMS, start=1):
-        seconds = 0.23 * number
-        assert_ended_well(interrupted(name, seconds), f'{name} after {seconds:.3f} s')
+def test_ctrl_c_at_any_moment_of_the_start_ends_nodes_and_commands_without_a_traceback(tmp_path):
+    for number, name in enumerate(PROGRAMS):
+        end_at(name, f'import {100 * number}', tmp_path)
+        end_at(name, JOINED, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize('name', PROGRAMS)
-def test_ctrl_c_at_many_moments_of_the_first_three_seconds(name):
+def test_ctrl_c_at_many_moments_of_the_start(name, tmp_path):
     for number in range(60):
-        assert_ended_well(interrupted(name, number * 0.05), f'{name} after {number * 0.05} s')
+        end_at(name, f'import {25 * number}', tmp_path)
 
 
 def children_of(process):

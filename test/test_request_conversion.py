@@ -17,20 +17,20 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, pose_to_message, quaternion_of
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
-from llm_astar_planner.nodes.planner import nav2_server
+from llm_astar_planner.nodes.planner import goals
 from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
+    PathAction,
     PlanGoal,
     PlanResponse,
     PreemptingGoalSlot,
+    fill_result,
+    plan_goal,
 )
-from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
-from llm_astar_planner.nodes.planner.map_manager import PlanningMap
-from llm_astar_planner.nodes.planner.nav2_server import PathAction, fill_result, plan_goal
+from llm_astar_planner.nodes.planner.map_manager import MapArrivals, PlanningMap
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
-from llm_astar_planner.planning.kernel_compiler import Compiled
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
@@ -80,9 +80,12 @@ def converter(buffer=None, source=None, **changes):
     return RequestConverter(Settings(**changes), Frames(buffer), source, footprint)
 
 
-def to_request(converter, goal, grid_map=MAP, want_expanded=False):
-    poses = converter.poses(goal, grid_map)
-    return converter.to_request(goal, poses, grid_map, 2.0, want_expanded=want_expanded)
+def convert(converter, goal, grid_map=MAP, want_expanded=False):
+    return converter.to_request(goal, grid_map, lambda: 2.0, want_expanded=want_expanded)
+
+
+def to_request(*arguments, **fields):
+    return convert(*arguments, **fields).request
 
 
 def refusal(converter, goal):
@@ -115,7 +118,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
         settings,
         SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
         RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
-        compiler=SimpleNamespace(compiled=Compiled.EVERYTHING),
+        compiler=SimpleNamespace(is_ready=True),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),
@@ -139,9 +142,9 @@ def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():
     publisher = PlanPublisher(Mock(node=node))
     for is_cancelled in (True, False):
         plan = Plan(ResultCode.TIMEOUT, 'canceled: why', '', (0, 0), (0, 0), NOTHING)
-        publisher.publish_report(plan, None, None, STAMP, is_cancelled=is_cancelled)
+        publisher.publish_report(PlanResponse(None, plan, None), STAMP, is_cancelled=is_cancelled)
     moved = replace(plan, code=ResultCode.NONE, message='a path', warnings=('0.20 m off',))
-    publisher.publish_report(moved, None, None, STAMP)
+    publisher.publish_report(PlanResponse(None, moved, None), STAMP, is_cancelled=False)
     publisher._thread.shutdown()
     why = 'canceled: why [TIMEOUT 207]'
     said = 'path found: a path; 0.20 m off'
@@ -197,9 +200,9 @@ def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words)
 def test_without_a_start_the_robots_pose_counts():
     buffer = Buffer(base_link=(3.0, 4.0, 0.5), robot_base=(5.0, 6.0, 0.0))
     goal = PlanGoal((pose(1.0, 1.0),))
-    assert converter(buffer).poses(goal, MAP).start == pytest.approx((3.0, 4.0, 0.5))
+    assert convert(converter(buffer), goal).start == pytest.approx((3.0, 4.0, 0.5))
     named = converter(buffer, robot_base_frame='robot_base')
-    assert named.poses(goal, MAP).start == pytest.approx((5.0, 6.0, 0.0))
+    assert convert(named, goal).start == pytest.approx((5.0, 6.0, 0.0))
     code, message = refusal(converter(Buffer()), goal)
     assert code == 'TF_ERROR'
     assert 'base_link' in message
@@ -207,10 +210,10 @@ def test_without_a_start_the_robots_pose_counts():
 
 def test_a_fallback_serves_where_the_robots_pose_is_not_known():
     goal = PlanGoal((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
-    assert converter(None).poses(goal, MAP).start[:2] == (9.0, 8.0)
-    assert converter(Buffer()).poses(goal, MAP).start[:2] == (9.0, 8.0)
+    assert convert(converter(None), goal).start[:2] == (9.0, 8.0)
+    assert convert(converter(Buffer()), goal).start[:2] == (9.0, 8.0)
     known = Buffer(base_link=(3.0, 4.0, 0.0))
-    assert converter(known).poses(goal, MAP).start[:2] == (3.0, 4.0)
+    assert convert(converter(known), goal).start[:2] == (3.0, 4.0)
 
 
 def test_a_pose_that_is_not_finite_is_refused():
@@ -478,7 +481,7 @@ class LateAnswerer:
 
 
 def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(monkeypatch):
-    monkeypatch.setattr(nav2_server, 'ActionServer', Mock())
+    monkeypatch.setattr(goals, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
     goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal))

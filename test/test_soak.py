@@ -235,7 +235,7 @@ def note(planner, tally, start, goal, path, report):
     cells = grid_map.world_to_cells(path_from_message(path)).astype(np.int32)
     # The exact start and goal may lie in one cell with the pose next to them.
     cells = cells[np.any(np.diff(cells, axis=0, prepend=-1), axis=1)]
-    problem = planner.path_problem(cells, *ends)
+    problem = planner.checker.path_problem(cells, *ends)
     if report.code == 0 and problem is None:
         tally.guided += report.guided_by != 'none'
         tally.unguided += report.guided_by == 'none'

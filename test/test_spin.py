@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 import rclpy
-from llm_astar_planner.nodes.common.spin import end_threads, spin
-from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
+from llm_astar_planner.nodes.common.spin import RCLError, end_threads, spin
 from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import MultiThreadedExecutor
 
 GONE = "Failed to add 'rcl_action_server_t' to wait set: action server pointer is invalid"

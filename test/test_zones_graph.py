@@ -1,7 +1,6 @@
 """Zones and filter masks of a running planner: what plans, replans and other nodes see of them."""
 
 import contextlib
-import importlib
 import json
 import time
 from types import SimpleNamespace
@@ -12,7 +11,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.srv import AddDiagnostics
-from geometry_msgs.msg import Point32, TransformStamped
+from geometry_msgs.msg import TransformStamped
 from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
@@ -21,11 +20,9 @@ from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, Filte
 from llm_astar_planner.costmap.zones import ZonesError
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError
-from llm_astar_planner.nodes.planner import mask_subscription
-from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
+from llm_astar_planner.nodes.planner import zone_server
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.nodes.planner.shape_server import ShapeServer
-from llm_astar_planner.nodes.planner.zone_server import ZoneServer
+from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
 from llm_astar_planner.parameter import ParameterError
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
@@ -292,41 +289,6 @@ def test_is_path_valid_knows_the_zones(graph):
     wait_for(is_valid, 'the way')
 
 
-def test_the_messages_of_nav2s_vector_object_server_are_served(graph):
-    services = pytest.importorskip('nav2_msgs.srv', reason='nav2_msgs is not installed')
-    if not hasattr(services, 'AddShapes'):
-        pytest.skip('nav2_msgs has no AddShapes yet')
-    messages = importlib.import_module('nav2_msgs.msg')
-    node = graph.caller.node
-    add, remove, get = (
-        node.create_client(getattr(services, kind), f'planner_node/{name}')
-        for kind, name in (
-            ('AddShapes', 'add_shapes'),
-            ('RemoveShapes', 'remove_shapes'),
-            ('GetShapes', 'get_shapes'),
-        )
-    )
-    straight = graph.plan()[0].tolist()
-    wall = messages.PolygonObject(closed=True, value=100)
-    wall.points = [Point32(x=x, y=y) for x, y in ring(WALL)[:4]]
-    spot = messages.CircleObject(fill=True, value=30, radius=1.5, center=Point32(x=5.0, y=25.0))
-    request = services.AddShapes.Request(polygons=[wall], circles=[spot])
-    assert graph.caller.ask(add, request).success
-    points, report = graph.plan()
-    assert not within(points)
-    assert len(report.zones) == 2
-    shapes = graph.caller.ask(get, services.GetShapes.Request())
-    assert (shapes.polygons[0].value, shapes.circles[0].radius) == (100, 1.5)
-    wrong = messages.PolygonObject(closed=True, value=100, points=wall.points[:2])
-    assert not graph.caller.ask(add, services.AddShapes.Request(polygons=[wrong])).success
-    ids = services.RemoveShapes.Request(uuids=[shapes.polygons[0].uuid])
-    assert graph.caller.ask(remove, ids).success
-    assert graph.plan()[0].tolist() == straight
-    assert not graph.caller.ask(remove, ids).success
-    assert graph.caller.ask(remove, services.RemoveShapes.Request(all_objects=True)).success
-    assert not graph.caller.ask(get, services.GetShapes.Request()).circles
-
-
 def test_zones_of_another_frame_are_transformed(graph):
     messages = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs is not installed')
     pytest.importorskip('tf2_ros', reason='tf2_ros is not installed')
@@ -450,7 +412,7 @@ def speed_mask(topic='slow', kind=FilterKind.SPEED_ABSOLUTE, frame_id='map'):
 def test_a_mask_that_cannot_be_used_yet_is_tried_again_with_the_next_map(server):
     server.take(grid())
     server._frames.locate.side_effect = FrameError('no transform')
-    server.set_masks([speed_mask(frame_id='odom')])
+    server.use(masks=[speed_mask(frame_id='odom')])
     server.take(grid())
     cells = server._on_map.call_args[0][0].cells
     assert (cells == grid().cells).all(), 'the speed of the robot is not known'
@@ -494,107 +456,9 @@ def test_masks_replace_those_of_their_sort_and_stay_when_the_next_is_wrong():
     assert sorted(mask.info.topic for mask in taken[-1]) == ['b', 'c']
 
 
-def uuid_message(number=0):
-    return SimpleNamespace(uuid=[0] * 15 + [number])
-
-
-def polygon(number=0, points=((18, 0), (22, 0), (22, 12), (18, 12)), **fields):
-    fields = {'frame_id': '', 'closed': True, 'value': 100} | fields
-    header = SimpleNamespace(frame_id=fields.pop('frame_id'))
-    corners = [SimpleNamespace(x=float(x), y=float(y)) for x, y in points]
-    return SimpleNamespace(header=header, uuid=uuid_message(number), points=corners, **fields)
-
-
-def circle(number=0, **fields):
-    fields = {'radius': 2.0, 'fill': True, 'value': 40} | fields
-    header, center = SimpleNamespace(frame_id=''), SimpleNamespace(x=10.0, y=10.0)
-    return SimpleNamespace(header=header, uuid=uuid_message(number), center=center, **fields)
-
-
-@pytest.fixture
-def shapes(server):
-    server.take(grid())
-    served = ShapeServer(Mock(), Mock(), server)
-
-    def call(change, **fields):
-        response = SimpleNamespace(success=None)
-        request = {'polygons': [], 'circles': [], 'all_objects': False, 'uuids': []} | fields
-        return served.logged(change)(SimpleNamespace(**request), response).success
-
-    def get():
-        response = served.on_get(None, SimpleNamespace())
-        return [shape.uuid.uuid[-1] for shape in (*response.polygons, *response.circles)]
-
-    return SimpleNamespace(
-        add=lambda *polygons, circles=(): call(
-            served.on_add, polygons=list(polygons), circles=list(circles)
-        ),
-        remove=lambda **fields: call(served.on_remove, **fields),
-        get=get,
-        cells=lambda: server._on_map.call_args[0][0].cells,
-        zones=server,
-    )
-
-
-def test_shapes_of_nav2_are_zones(shapes):
-    line = [(1, 20), (5, 20.5), (9, 20)]
-    assert shapes.add(polygon(1), polygon(2, line, closed=False), circles=[circle(3)])
-    cells = shapes.cells()
-    assert (cells[:12, 18:22] == 100).all()
-    assert (cells[20, 1:9] == 100).all()
-    assert (cells[22] == 0).all()
-    assert cells[10, 10] == 40
-    assert shapes.get() == [1, 2, 3]
-    # The same uuid replaces the shape, and a shape without one gets one.
-    assert shapes.add(polygon(1, [(0, 0), (1, 0), (1, 1)]), circles=[circle(fill=False)])
-    cells = shapes.cells()
-    assert (cells[0, :2].tolist(), cells[5, 20]) == ([100, 0], 0)
-    assert len(shapes.get()) == 4
-    shapes.zones.add_text(geojson(zone((30.0, 20.0, 31.0, 21.0), id='other')))
-    assert shapes.remove(uuids=[uuid_message(1)])
-    assert not shapes.remove(uuids=[uuid_message(2), uuid_message(9)])
-    assert 3 in shapes.get()
-    assert len(shapes.get()) == 2
-    assert shapes.remove(all_objects=True)
-    assert shapes.get() == []
-    assert [one.id for one in shapes.zones.zones] == ['other']
-
-
-@pytest.mark.parametrize(
-    'wrong',
-    [
-        polygon(points=[(0, 0), (1, 1)]),
-        polygon(points=[(0, 0), (2, 2), (2, 0), (0, 2)]),
-        polygon(points=[(0, 0), (np.nan, 2), (2, 0)]),
-        polygon(points=[(0, 0), (1e300, 2), (2, 0)]),
-        polygon(points=[(0, 0), (2, 2), (4, 4)]),
-        polygon(points=[(0, 0)] * 100_000),
-        polygon(value=0),
-        polygon(value=-1),
-        polygon(value=101),
-        polygon(frame_id='nowhere'),
-        circle(radius=0.0),
-        circle(radius=np.inf),
-        circle(radius=np.nan),
-    ],
-)
-def test_a_wrong_shape_adds_none(shapes, wrong):
-    shapes.zones._frames.locate.side_effect = FrameError('no transform')
-    if hasattr(wrong, 'points'):
-        assert not shapes.add(polygon(1), wrong)
-    else:
-        assert not shapes.add(polygon(1), circles=[wrong])
-    assert shapes.get() == []
-    assert len(shapes.zones.zones) == 0
-
-
-def test_too_many_shapes_are_refused(shapes):
-    assert not shapes.add(*[polygon()] * 10_000)
-
-
 def test_an_impossible_topic_of_masks_is_named(monkeypatch):
     parent = Mock()
     parent.resolve_topic_name.side_effect = InvalidTopicNameException('bad', 'a space', 0)
-    monkeypatch.setattr(mask_subscription, 'CostmapFilterInfo', object())
+    monkeypatch.setattr(zone_server, 'CostmapFilterInfo', object())
     with pytest.raises(ParameterError, match=r'filter_info_topic: .*a space'):
         MaskSubscription(Mock(), parent, 'no topic', Mock())

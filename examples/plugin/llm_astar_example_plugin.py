@@ -5,11 +5,12 @@ docs/plugins.md says what each of them gets and returns.
 
 import heapq
 import math
+import time
 
 import numpy as np
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
-from llm_astar_planner.waypoints.plugins import SourceContext
+from llm_astar_planner.waypoints.config import SourceContext
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
 
@@ -61,7 +62,7 @@ def greedy_best_first(problem: SearchProblem) -> SearchResult:
         before = {path[-1]: None}
         queue = [(math.dist(path[-1], target), path[-1])]
         while queue and target not in before:
-            if problem.stop[0]:
+            if problem.stop[0] or time.monotonic() > problem.deadline:
                 return SearchResult(SearchStatus.STOPPED, expansions, storage, expanded)
             _, cell = heapq.heappop(queue)
             expansions += 1

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import reprlib
+from typing import TypeVar
 
+_T = TypeVar('_T')
 # The longest value that is shown in a message.
 SHOWN = 60
 
@@ -38,3 +40,15 @@ def printable(text: str) -> str:
     """
     line = ' '.join(text.split())
     return ''.join(letter if letter.isprintable() else '?' for letter in line)
+
+
+def expect(
+    value: object, kind: type[_T], where: str, words: str, error: type[LlmAstarError]
+) -> _T:
+    """Return a JSON value of a kind; true is no number.
+
+    Raises an error that begins with `where`, says that `words` are expected, and shows the value.
+    """
+    if isinstance(value, kind) and (kind is bool or not isinstance(value, bool)):
+        return value
+    raise error(f'{where}: {words} is expected, not {short_repr(value)}')

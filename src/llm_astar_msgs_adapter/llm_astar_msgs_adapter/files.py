@@ -1,4 +1,4 @@
-"""Reads files that somebody else wrote: regular ones of a bounded size, and every error named.
+"""Reads files and JSON that somebody else wrote: bounded in size, and every error named.
 
 What a parameter or a field of a file names may be a device, a FIFO or a file of many gigabytes,
 and its contents may be made to take all time or memory.
@@ -6,6 +6,7 @@ and its contents may be made to take all time or memory.
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 from collections.abc import Iterable
@@ -15,11 +16,14 @@ from typing import Any
 import yaml
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.json_values import parse_json
 
 # Larger than any dataset or transcript; a prompt or a yaml file of this size is none.
 MAX_BYTES = 64 * 2**20
 MAX_YAML_BYTES = 2**20
+# Of JSON: values, which take up to 300 bytes each as Python's, by the signs that begin or follow
+# one.
+MAX_VALUES = 800_000
+SIGNS = '[{,'
 # Of yaml: collections in one another, values and ends of collections, which take 30 us each, and
 # characters of one value.
 MAX_DEPTH = 50
@@ -110,3 +114,16 @@ def check_events(events: Iterable[yaml.Event]) -> None:
             raise ValueError(f'line {event.start_mark.line + 1}: is nested too deeply')
         if count > MAX_EVENTS:
             raise ValueError(f'over {MAX_EVENTS} values')
+
+
+def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
+    """Return a JSON value. Raises ValueError, also where it is too deep or has too many values."""
+    count = sum(
+        text.count(sign) if isinstance(text, str) else text.count(sign.encode()) for sign in SIGNS
+    )
+    if count > MAX_VALUES:
+        raise ValueError(f'over {MAX_VALUES} values')
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError('is nested too deeply') from None

@@ -18,5 +18,6 @@ class LazyModule:
         return getattr(importlib.import_module(self._name), attribute)
 
 
-# A fifth of a second; most plans need none of it.
+# A fifth of a second and a tenth; most plans need none of them.
 ndimage: Any = LazyModule('scipy.ndimage')
+shapely: Any = LazyModule('shapely')

@@ -38,7 +38,7 @@ class Parameter:
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
     default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
     and `bench_reason` are the same for `bench` and `evaluate`. `short_flags` are shorter names of
-    its flag, `old_flags` deprecated ones.
+    its flag.
     """
 
     name: str
@@ -57,7 +57,6 @@ class Parameter:
     bench_default: Scalar | None = None
     bench_reason: str = ''
     short_flags: tuple[str, ...] = ()
-    old_flags: tuple[str, ...] = ()
 
     @property
     def limits(self) -> str:
@@ -107,31 +106,6 @@ class Parameter:
             raise ParameterError(problem)
         scalar: Scalar = value
         return scalar
-
-
-@dataclass(frozen=True)
-class OtherParameter:
-    """A parameter of Nav2's or, deprecated, of the previous version that is accepted as well.
-
-    Its value becomes that of `replacement` through `convert`, unless that one is given too;
-    without a replacement it has no effect. `advice` completes the sentence "NAME ..." of a
-    deprecated one, '' for one that stays.
-    """
-
-    name: str
-    default: Scalar
-    advice: str = ''
-    replacement: str = ''
-    convert: Callable[[Any], Scalar] = lambda value: value
-
-    @property
-    def warnings(self) -> list[str]:
-        """The sentence for the user of a deprecated one."""
-        return [f'parameter {self.name} is deprecated: it {self.advice}'] if self.advice else []
-
-    def translate(self, value: Any) -> dict[str, Scalar]:  # noqa: ANN401 - values come from files
-        """Return the parameter and the value that replace this one; empty for none."""
-        return {self.replacement: self.convert(value)} if self.replacement else {}
 
 
 def parameter(default: _T, sentence: str, **facts: Any) -> _T:  # noqa: ANN401 - see Parameter

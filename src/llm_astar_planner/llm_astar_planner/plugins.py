@@ -2,7 +2,7 @@
 
 Waypoint sources and search methods are found here. The package's own are listed as
 `module:name` and are imported at their first use. Other packages install theirs as entry points
-(docs/plugins.md). A plug-in is foreign code: a `Guard` calls it on a thread of its own.
+(docs/plugins.md). A plug-in is foreign code: `call` makes one kind of error of what it raises.
 """
 
 from __future__ import annotations
@@ -11,9 +11,8 @@ import logging
 import os
 import pkgutil
 import sys
-import threading
-import time
 import traceback
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,21 +24,11 @@ from llm_astar_msgs_adapter.errors import LlmAstarError, printable, short_repr, 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    import numpy as np
-    from numpy.typing import NDArray
-
 _T = TypeVar('_T')
 _LOG = logging.getLogger(__name__)
-# Seconds that a plug-in may take to be imported and made: time to read a large model.
-LOADING_S = 600.0
-# Seconds between two looks at whether a call is still wanted.
-POLL_S = 0.01
-# Seconds in which a call whose time is over may still return what it has.
-GRACE_S = 0.05
-# Calls of one plug-in that may be left behind, each on a thread that does not come back.
-MAX_LATE = 4
 # Different failures of one plug-in that are logged.
 MAX_LOGGED = 5
+_LOGGED: defaultdict[str, set[str]] = defaultdict(set)
 # Characters of the name of a plug-in, and of the message of an exception that is repeated.
 MAX_NAME, MAX_MESSAGE = 200, 300
 # The largest count that a plug-in may give.
@@ -50,76 +39,26 @@ class PluginError(LlmAstarError, ValueError):
     """A plug-in cannot be loaded or has failed; the message names it and says why."""
 
 
-class Guard:
-    """Calls a plug-in on threads of their own, so that nothing it does can stop a plan.
+def call(function: Callable[[], _T]) -> _T:
+    """Return what a function of a plug-in returns.
 
-    A call that is not back in time is left behind. After MAX_LATE of those the plug-in is called
-    no more until one has come back; calls that run at that time may still join them. Thread-safe.
+    Raises PluginError where it raises anything, SystemExit included. Ctrl-C stays what it is.
     """
-
-    def __init__(self, name: str) -> None:
-        """Guard the plug-in of that name."""
-        self.name = name
-        self._late: set[threading.Thread] = set()
-        self._logged: set[str] = set()
-
-    def call(
-        self,
-        function: Callable[[], _T],
-        seconds: float,
-        stop: NDArray[np.uint8] | None = None,
-        stopped: NDArray[np.uint8] | None = None,
-    ) -> _T:
-        """Return what `function()` returns within `seconds` and before `stop[0]` is 1.
-
-        After that `stopped[0]` becomes 1, and it has a moment to return. Raises PluginError where
-        it raises anything, SystemExit included, and TimeoutError where it does not return.
-        """
-        self._late -= {thread for thread in tuple(self._late) if not thread.is_alive()}
-        if len(self._late) >= MAX_LATE:
-            raise PluginError(f'not called, since {MAX_LATE} calls of it have not come back')
-        call = _Call(function)
-        thread = threading.Thread(target=call.run, name=f'plug-in {self.name}', daemon=True)
-        thread.start()
-        begin = time.monotonic()
-        deadline = begin + seconds
-        while not call.done.wait(min(POLL_S, max(0.0, deadline - time.monotonic()))):
-            if time.monotonic() >= deadline or (stop is not None and stop[0]):
-                break
-        if stopped is not None and not call.done.is_set():
-            stopped[0] = 1
-        if not call.done.wait(GRACE_S):
-            self._late.add(thread)
-            raise TimeoutError(f'had not come back after {time.monotonic() - begin:.2f} s')
-        if call.problem is not None:
-            raise PluginError(call.problem)
-        result: _T = call.result
-        return result
-
-    def log(self, problem: Exception) -> None:
-        """Log a failure, unless it was logged before or many others were."""
-        if str(problem) not in self._logged and len(self._logged) < MAX_LOGGED:
-            self._logged.add(str(problem))
-            _LOG.warning('plug-in %s: %s', self.name, problem)
+    try:
+        return function()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # noqa: BLE001 - of foreign code, SystemExit too
+        problem = description(error)
+    raise PluginError(problem)
 
 
-class _Call:
-    """One call of foreign code: its result, or what was raised, as a text."""
-
-    def __init__(self, function: Callable[[], Any]) -> None:
-        """Take what to call."""
-        self._function = function
-        self.result: Any = None
-        self.problem: str | None = None
-        self.done = threading.Event()
-
-    def run(self) -> None:
-        """Call the function; never raises."""
-        try:
-            self.result = self._function()
-        except BaseException as error:  # noqa: BLE001 - of foreign code, SystemExit too
-            self.problem = description(error)
-        self.done.set()
+def log_failure(name: str, problem: Exception) -> None:
+    """Log a failure of a plug-in, unless it was logged before or many others were."""
+    logged = _LOGGED[name]
+    if str(problem) not in logged and len(logged) < MAX_LOGGED:
+        logged.add(str(problem))
+        _LOG.warning('plug-in %s: %s', name, problem)
 
 
 def checked_count(value: Any, field: str) -> int:  # noqa: ANN401 - of foreign code
@@ -151,7 +90,7 @@ class Plugins:
     `kind` is what they are called in messages, `group` that of the entry points of other
     packages, and `own` has the package's own as `module:name`. What a plug-in's name leads to
     becomes `adapt(name, object)`. `reserved` are more names that no plug-in may take. `loaded` has
-    those that were used so far, `guards` what calls the imports of plug-ins.
+    those that were used so far.
     """
 
     kind: str
@@ -160,7 +99,6 @@ class Plugins:
     adapt: Callable[[str, Any], Any]
     reserved: frozenset[str] = frozenset()
     loaded: dict[str, Any] = field(default_factory=dict)
-    guards: dict[str, Guard] = field(default_factory=dict)
 
     @cached_property
     def installed(self) -> dict[str, list[EntryPoint]]:
@@ -222,8 +160,8 @@ class Plugins:
             sys.path.append(os.getcwd())
         self.loaded[name] = self._import(name, name)
 
-    def load(self, name: str, seconds: float = LOADING_S) -> Any:  # noqa: ANN401 - of any kind
-        """Return what a name stands for; a plug-in has so many seconds. Raises PluginError."""
+    def load(self, name: str) -> Any:  # noqa: ANN401 - of any kind
+        """Return what a name stands for. Raises PluginError."""
         problem = self.problem(name)
         if problem:
             raise PluginError(f'{self.kind}: {problem}')
@@ -231,13 +169,12 @@ class Plugins:
             if name in self.own:
                 self.loaded[name] = pkgutil.resolve_name(self.own[name])
             else:
-                self.loaded[name] = self._import(name, self.installed[name][0].value, seconds)
+                self.loaded[name] = self._import(name, self.installed[name][0].value)
         return self.loaded[name]
 
-    def _import(self, name: str, place: str, seconds: float = LOADING_S) -> Any:  # noqa: ANN401
+    def _import(self, name: str, place: str) -> Any:  # noqa: ANN401 - of any kind
         """Import a plug-in from `module:name`. Raises PluginError."""
-        guard = self.guards.setdefault(name, Guard(name))
         try:
-            return guard.call(lambda: self.adapt(name, pkgutil.resolve_name(place)), seconds)
-        except (PluginError, TimeoutError) as error:
+            return call(lambda: self.adapt(name, pkgutil.resolve_name(place)))
+        except PluginError as error:
             raise PluginError(f'{self.kind} {name} cannot be loaded: {error}') from None

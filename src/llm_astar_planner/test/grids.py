@@ -6,6 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 from hypothesis import strategies as st
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.search.grid_graph import GridGraph, path_units
 
 
@@ -85,3 +88,9 @@ def queries(draw, graded=None):
     )
     start, goal = ((int(x), int(y)) for x, y in cells)
     return grid, start, goal
+
+
+def checker_of(blocked, *, corner_cutting=False) -> CollisionChecker:
+    """The last check on blocked cells, bool [height, width], as they are."""
+    config = CostmapConfig(occupied_threshold=1, corner_cutting=corner_cutting)
+    return CollisionChecker(GridMap(blocked.view(np.int8)), config)

@@ -1,10 +1,9 @@
 """Pairs the rows of two runs by variant and sample: ratios with intervals, and what changed."""
+# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
-from array import array
-from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,40 +17,34 @@ from llm_astar_lab.analysis.statistics import (
     mean_interval,
     ratio_interval,
 )
-from llm_astar_lab.results.row import Row, Variant
+from llm_astar_lab.results.row import Variant
+from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
 
 # The columns of a row that are compared; of each, less is better.
 METRICS = ('operation', 'storage', 'length', 'seconds_search')
 # The code of a row with a valid path.
 FOUND = 'NONE'
-# How many numbers identify a sample: map, pair and scale.
-KEYS = 3
-
-
-@dataclass(frozen=True)
-class RunRows:
-    """What a comparison takes of the rows of a run: 64 bytes a row.
-
-    `values` [n, 8] of a variant are map, pair, scale, the number of its code in `codes`, METRICS.
-    """
-
-    values: Mapping[Variant, NDArray[np.float64]]
-    codes: tuple[str, ...]
+# Queries of a variant: its samples, and those that are in the run of another schema too.
+SAMPLES = f'SELECT map FROM rows WHERE {OF_VARIANT}'
+PAIRED = f"""
+    SELECT map, pair, scale,
+        {', '.join(f'a.{n} AS {n}_1, b.{n} AS {n}_2' for n in ('code', *METRICS))}
+    FROM (FROM rows WHERE {OF_VARIANT}) a JOIN (FROM {{}}.rows WHERE {OF_VARIANT}) b
+    USING (map, pair, scale) ORDER BY map, pair, scale"""
 
 
 @dataclass(frozen=True)
 class PairedRows:
-    """The rows of one variant on the n samples that two runs share, in the same order.
+    """The rows of one variant on the n samples that two runs share, in the order of the samples.
 
     `samples` [n, 3] are map, pair and scale; `codes` [2, n] are the result codes of the first run
-    and the second by their places in `names`, `values` [2, n, 4] their METRICS. `only_first` and
-    `only_second` count the samples that only one run has.
+    and the second, `values` [2, n, 4] their METRICS. `only_first` and `only_second` count the
+    samples that only one run has.
     """
 
     variant: Variant
     samples: NDArray[np.int64]
-    codes: NDArray[np.int64]
-    names: tuple[str, ...]
+    codes: NDArray[np.object_]
     values: NDArray[np.float64]
     only_first: int
     only_second: int
@@ -59,7 +52,7 @@ class PairedRows:
     @property
     def found(self) -> NDArray[np.bool_]:
         """Which samples [2, n] have a valid path."""
-        return np.array([name == FOUND for name in self.names])[self.codes]
+        return np.asarray(self.codes == FOUND)
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -139,44 +132,22 @@ class SampleChange(NamedTuple):
     size: float
 
 
-def run_rows(rows: Iterable[Row]) -> RunRows:
-    """Read rows once and keep what a comparison takes of them. Raises what reading them raises."""
-    codes: dict[str, int] = {}
-    columns: dict[Variant, array[float]] = defaultdict(lambda: array('d'))
-    for row in rows:
-        code = codes.setdefault(row.code, len(codes))
-        numbers = (getattr(row, metric) for metric in METRICS)
-        columns[row.variant].extend((row.map, row.pair, row.scale, code, *numbers))
-    width = KEYS + 1 + len(METRICS)
-    values = {name: np.frombuffer(found).reshape(-1, width) for name, found in columns.items()}
-    return RunRows(values, tuple(codes))
+def pair_rows(first: StoredRows, second: StoredRows, variant: Variant) -> PairedRows | None:
+    """Return the rows of a variant on the samples that both runs have, None without any.
 
-
-def pair_rows(first: RunRows, second: RunRows, variant: Variant) -> PairedRows | None:
-    """Return the rows of a variant on the samples that both runs have, None without any."""
-    if variant not in first.values or variant not in second.values:
-        return None
-    runs = first.values[variant], second.values[variant]
-    keys = np.concatenate([values[:, :KEYS] for values in runs]).astype(np.int64)
-    _, numbers = np.unique(keys, axis=0, return_inverse=True)
-    numbers = numbers.reshape(-1)
-    sizes = [len(values) for values in runs]
-    _, *places = np.intersect1d(numbers[: sizes[0]], numbers[sizes[0] :], return_indices=True)
-    count = len(places[0])
+    Both are in one database. Raises what reading them raises.
+    """
+    sizes = [len(rows.arrays(SAMPLES, *variant)['map']) for rows in (first, second)]
+    found = first.arrays(PAIRED.format(second.schema), *variant, *variant)
+    count = len(found['map'])
     if not count:
         return None
-    shared = [values[place] for values, place in zip(runs, places)]
-    names = {name: number for number, name in enumerate({*first.codes, *second.codes})}
-    codes = [
-        np.array([names[name] for name in run.codes])[values[:, KEYS].astype(int)]
-        for run, values in zip((first, second), shared)
-    ]
+    of_runs = [[found[f'{name}_{run}'] for name in METRICS] for run in (1, 2)]
     return PairedRows(
         variant,
-        shared[0][:, :KEYS].astype(np.int64),
-        np.array(codes),
-        tuple(names),
-        np.stack([values[:, KEYS + 1 :] for values in shared]),
+        np.stack([found[name] for name in ('map', 'pair', 'scale')], axis=1),
+        np.stack([found['code_1'], found['code_2']]),
+        np.stack(of_runs).transpose(0, 2, 1),
         sizes[0] - count,
         sizes[1] - count,
     )
@@ -240,7 +211,7 @@ def sample_change(paired: PairedRows, place: int, metric: str, size: float) -> S
     """Return how one sample, by its place in `paired`, changed."""
     map_id, pair, scale = paired.samples[place].tolist()
     first, second = paired.values[:, place].tolist()
-    before, now = (paired.names[code] for code in paired.codes[:, place])
+    before, now = paired.codes[:, place]
     column, length = METRICS.index(metric), METRICS.index('length')
     return SampleChange(
         paired.variant,

@@ -13,7 +13,7 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.llm.route_feedback import is_follow_up
 from llm_astar_planner.waypoints.prompts.reply_parser import labelled_lists, parse_reply
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, load_template
-from llm_astar_planner.waypoints.sample_resolver import lattice_of
+from llm_astar_planner.waypoints.replay import lattice_of
 from llm_astar_planner.waypoints.source import Message, SourceStatus, Waypoint, WaypointReply
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval

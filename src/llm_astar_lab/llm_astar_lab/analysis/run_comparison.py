@@ -11,11 +11,9 @@ from llm_astar_msgs_adapter.errors import shortened
 from llm_astar_planner.parameter import nearest_name
 
 from llm_astar_lab.analysis.paired import (
-    RunRows,
     SampleChange,
     VariantChange,
     pair_rows,
-    run_rows,
     sample_changes,
     variant_change,
 )
@@ -23,6 +21,7 @@ from llm_astar_lab.analysis.summary import report_order
 from llm_astar_lab.analysis.thresholds import variants_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Variant
+from llm_astar_lab.results.stored_rows import StoredRows
 
 # Changed samples that are kept of each variant, the largest changes first.
 MAX_SAMPLES = 10_000
@@ -35,7 +34,7 @@ class Run(NamedTuple):
 
     path: Path
     metadata: Mapping[str, Any]
-    rows: RunRows
+    rows: StoredRows
 
 
 @dataclass(frozen=True)
@@ -54,12 +53,15 @@ class RunComparison:
     samples: Sequence[SampleChange]
 
 
-def load_run(path: str) -> Run:
-    """Read a results folder. Raises ResultsError where it is none or has no rows."""
+def load_run(path: str, base: Run | None = None) -> Run:
+    """Read a results folder, to be compared with a base if that is given.
+
+    Raises ResultsError where it is none or has no rows.
+    """
     folder = ResultsFolder(path)
     metadata = folder.read_metadata()
-    rows = run_rows(folder.read())
-    if not rows.values:
+    rows = folder.stored(None if base is None else base.rows)
+    if not len(rows):
         raise ResultsError(f'{folder.results}: has no rows; run the benchmark to its end first')
     return Run(folder.path, metadata, rows)
 
@@ -71,7 +73,8 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
     """
     check_datasets(base, other)
     seed = int(base.metadata['parameters'].get('seed', 0))
-    every = sorted({*base.rows.values, *other.rows.values}, key=report_order)
+    of_base = base.rows.variants()
+    every = sorted({*of_base, *other.rows.variants()}, key=report_order)
     chosen = chosen_variants(every, name)
     changes, samples = [], []
     for variant in chosen:
@@ -88,7 +91,7 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
         list(differences(base.metadata, other.metadata)),
         changes,
         [variant for variant in chosen if variant not in compared],
-        [variant for variant in base.rows.values if variant in chosen and variant not in compared],
+        [variant for variant in of_base if variant in chosen and variant not in compared],
         sorted(samples, key=lambda sample: -sample.size),
     )
 

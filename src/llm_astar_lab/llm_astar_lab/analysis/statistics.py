@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+Floats = NDArray[np.float64]
 DRAWS = 2000
 # Numbers of maps that are drawn at a time, over all draws.
 MAX_DRAWN = 2_000_000
@@ -43,6 +45,14 @@ class Spread(NamedTuple):
     worst: float
 
 
+@dataclass(frozen=True)
+class Ratio:
+    """Ratios of two variants on the same samples: geometric mean with interval, and spread."""
+
+    mean: Interval
+    spread: Spread
+
+
 UNKNOWN = Interval(float('nan'), float('nan'), float('nan'))
 NO_SPREAD = Spread(*[float('nan')] * 4)
 
@@ -60,9 +70,7 @@ def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interv
     return middle_of(float(numbers.mean()), bootstrap_means(numbers, groups, seed))
 
 
-def bootstrap_means(
-    values: ArrayLike, groups: ArrayLike, seed: int | Sequence[int]
-) -> NDArray[np.float64]:
+def bootstrap_means(values: ArrayLike, groups: ArrayLike, seed: int | Sequence[int]) -> Floats:
     """Return the means [DRAWS] of `values` [n], n > 0, over maps drawn with replacement.
 
     They are NaN for values of a single map, unless there are several and all are equal.
@@ -98,13 +106,13 @@ def drawn_maps(count: int, seed: int | tuple[int, ...]) -> NDArray[np.uint16]:
     return times
 
 
-def middle_of(value: float, means: NDArray[np.float64]) -> Interval:
+def middle_of(value: float, means: Floats) -> Interval:
     """Return a value with the middle of the means of bootstrap draws as its interval."""
     low, high = np.quantile(means, ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
     return Interval(value, float(low), float(high))
 
 
-def normal_interval(values: NDArray[np.float64], groups: ArrayLike) -> Interval:
+def normal_interval(values: Floats, groups: ArrayLike) -> Interval:
     """Return mean and interval of `values` [n] as the bootstrap over very many maps approaches it.
 
     With s and c the sum and the number of the values of a map the mean is r = sum(s) / sum(c) and
@@ -146,6 +154,17 @@ def spread(values: ArrayLike) -> Spread:
         return NO_SPREAD
     median, p95 = np.percentile(array, (50, 95))
     return Spread(float(array.mean()), float(median), float(p95), float(array.max()))
+
+
+def quotients(values: Floats, base: Floats, maps: NDArray[Any]) -> tuple[Floats, NDArray[Any]]:
+    """Return values / base where both are above 0, and the `maps` of these."""
+    usable = (values > 0) & (base > 0)
+    return values[usable] / base[usable], maps[usable]
+
+
+def ratio_of(values: Floats, maps: NDArray[Any], seed: int) -> Ratio:
+    """Return mean and spread of ratios and the interval of the mean."""
+    return Ratio(ratio_interval(values, maps, seed), spread(values))
 
 
 def is_optimal(lengths: ArrayLike, best: ArrayLike) -> NDArray[np.bool_]:

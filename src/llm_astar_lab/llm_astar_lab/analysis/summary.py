@@ -1,10 +1,11 @@
 """Summarises rows: metrics of every variant, paired comparisons, and growth with the scale."""
+# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -12,36 +13,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from llm_astar_lab.analysis.columns import (
-    RowColumns,
-    VariantColumns,
-    columns_of,
-)
-from llm_astar_lab.analysis.families import (
-    FamilyMeans,
-    FamilySummary,
-    Grouped,
-    family_means,
-    family_summaries,
-)
-from llm_astar_lab.analysis.solved_pairs import (
-    Ratio,
-    SolvedPairs,
-    quotients,
-    ratio_of,
-)
+from llm_astar_lab.analysis.replies import count_problems
 from llm_astar_lab.analysis.statistics import (
     NO_SPREAD,
     UNKNOWN,
+    Floats,
     Interval,
+    Ratio,
     Spread,
+    bootstrap_means,
     is_optimal,
     mean_interval,
+    middle_of,
+    quotients,
     ratio_interval,
+    ratio_of,
     spread,
 )
 from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
+from llm_astar_lab.results.stored_rows import ANSWERED, OF_VARIANT, StoredRows
 
+Arrays = Mapping[str, NDArray[Any]]
 SampleId = tuple[int, int]
 # Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.
 EXACT_ASTAR = Variant('exact_astar')
@@ -53,6 +45,54 @@ METHOD_ORDER = (
 BASELINE_SOURCES = ('none', 'coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 # The columns whose growth over the scales of the map is measured.
 GROWING_COLUMNS = ('operation', 'storage')
+# The columns that are compared with A*.
+COMPARED = ('operation', 'storage', 'length')
+FAMILIES = 'SELECT family FROM rows GROUP BY family ORDER BY min(rowid)'
+# Queries of a variant: its numbers at scale 1, the samples that another variant solved too, its
+# texts, and what it solved at any scale with the number of scales that it solved the sample at.
+OWN_NUMBERS = f"""
+    SELECT map, family, code = 'NONE' AS found, {ANSWERED} AS answered, seconds_source,
+        seconds_search, seconds_round_trip, prompt_tokens, completion_tokens, ratio, clearance,
+        turns, length, unknown_length, recorded_length, instruction_satisfied,
+        recorded_instruction_satisfied, seconds_reply, CASE waypoints WHEN '' THEN 0
+        ELSE 1 + length(waypoints) - length(replace(waypoints, ';', '')) END AS waypoints
+    FROM rows WHERE scale = 1 AND {OF_VARIANT}"""
+SOLVED = f"(FROM rows WHERE code = 'NONE' AND {OF_VARIANT})"
+SOLVED_PAIRS = f"""
+    SELECT map, a.family, {', '.join(f'a.{name}, b.{name} AS base_{name}' for name in COMPARED)}
+    FROM {SOLVED} a JOIN {SOLVED} b USING (map, pair, scale) WHERE scale = 1 ORDER BY map, pair"""
+TEXTS = f"""
+    SELECT {{0}}, count(*) AS times FROM rows WHERE scale = 1 AND {{0}} <> '' AND {OF_VARIANT}
+    GROUP BY {{0}} ORDER BY min(rowid)"""
+SOLVED_AT_SCALES = f"""
+    SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
+    FROM {SOLVED} WHERE operation > 0 ORDER BY scale, map, pair"""
+
+
+@dataclass(frozen=True)
+class FamilySummary:
+    """A variant on the maps of one family.
+
+    `valid` is the share of the samples with a valid path; `operation` and `length` are geometric
+    means of the ratios to A*, over the samples that both solved.
+    """
+
+    samples: int
+    maps: int
+    valid: Interval
+    operation: Interval
+    length: Interval
+
+
+@dataclass(frozen=True)
+class FamilyMeans:
+    """Geometric means of the families' operation ratios: of all, and without each one of them.
+
+    What changes when one is left out shows how much of a figure hangs on it.
+    """
+
+    every: Interval = UNKNOWN
+    without: Mapping[str, Interval] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -162,175 +202,228 @@ def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[Sample
     return dict(variants)
 
 
-def summarise_run(rows: Iterable[Row] | RowColumns, metadata: Mapping[str, Any]) -> RunSummary:
+def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any]) -> RunSummary:
     """Summarise a run by the seed and the price in its metadata."""
-    columns, parameters = columns_of(rows), metadata['parameters']
+    stored, parameters = StoredRows.of(rows), metadata['parameters']
     seed, price = int(parameters.get('seed', 0)), parameters.get('price')
-    variants = summarise(columns, seed, None if price is None else Price(*price))
-    return RunSummary(variants, compare_with_none(columns, seed), growth(columns), metadata)
+    variants = summarise(stored, seed, None if price is None else Price(*price))
+    return RunSummary(variants, compare_with_none(stored, seed), growth(stored), metadata)
 
 
 def summarise(
-    rows: Iterable[Row] | RowColumns, seed: int = 0, price: Price | None = None
+    rows: Iterable[Row] | StoredRows, seed: int = 0, price: Price | None = None
 ) -> list[VariantSummary]:
-    """Summarise every variant at scale 1, in the order of the report's table.
-
-    Rows are read once; columns that were made of them serve several analyses.
-    """
-    variants = columns_of(rows).at_scale(1)
-    bases = variants.get(PAPER_ASTAR), variants.get(EXACT_ASTAR)
+    """Summarise every variant at scale 1, in the order of the report's table."""
+    stored = StoredRows.of(rows)
+    families = stored.arrays(FAMILIES)['family'].tolist()
     return [
-        summarise_variant(variant, variants[variant], bases, seed, price)
-        for variant in sorted(variants, key=report_order)
+        summarise_variant(stored, variant, families, seed, price)
+        for variant in sorted(stored.variants('scale = 1'), key=report_order)
     ]
 
 
 def summarise_variant(
-    variant: Variant,
-    rows: VariantColumns,
-    bases: tuple[VariantColumns | None, VariantColumns | None],
-    seed: int,
-    price: Price | None,
+    stored: StoredRows, variant: Variant, names: Sequence[str], seed: int, price: Price | None
 ) -> VariantSummary:
-    """Summarise the rows of one variant against those of A* and of our exact A*, `bases`."""
-    found, maps = rows.flags('found'), rows.column('map')
-    pairs, exact_pairs = (SolvedPairs.of(rows, base) for base in bases)
-    families, family_means = by_family(rows, pairs, seed)
+    """Summarise the rows of one variant against those of A* and of our exact A*.
+
+    `names` are the families of the run's maps.
+    """
+    rows = stored.arrays(OWN_NUMBERS, *variant)
+    pairs, exact = (solved_pairs(stored, variant, base) for base in (PAPER_ASTAR, EXACT_ASTAR))
+    found, maps = rows['found'], rows['map']
+    families, family_means = by_family(names, rows, pairs, seed)
     # A map without obstacles has an infinite clearance.
-    clearances = finite(rows.column('clearance')[found])
-    tokens = [int(rows.column(name).sum()) for name in ('prompt_tokens', 'completion_tokens')]
-    bounds, round_trips = rows.column('ratio'), rows.column('seconds_round_trip')
+    clearances = finite(rows['clearance'][found])
+    tokens = int(rows['prompt_tokens'].sum()), int(rows['completion_tokens'].sum())
+    verdicts = count_texts(stored, variant, 'verdicts', lambda text: filter(None, text.split(';')))
+    bounds, round_trips = rows['ratio'], rows['seconds_round_trip']
     return VariantSummary(
         variant=variant,
-        samples=len(rows),
+        samples=len(found),
         maps=len(np.unique(maps)),
         valid=mean_interval(found, maps, seed),
-        operation=pairs.ratio('operation', seed),
-        storage=pairs.ratio('storage', seed),
-        length=pairs.ratio('length', seed),
+        **{name: pairs_ratio(pairs, name, seed) for name in COMPARED},
         optimal=optimal_share(pairs, seed),
-        seconds_source=spread(rows.column('seconds_source')),
-        seconds_search=spread(rows.column('seconds_search')),
-        waypoints=rows.waypoints / len(rows),
-        verdicts={
-            name: count / rows.verdicts.total() for name, count in rows.verdicts.most_common()
-        },
+        seconds_source=spread(rows['seconds_source']),
+        seconds_search=spread(rows['seconds_search']),
+        waypoints=int(rows['waypoints'].sum()) / len(found),
+        verdicts={name: count / verdicts.total() for name, count in verdicts.most_common()},
         prompt_tokens=tokens[0],
         completion_tokens=tokens[1],
         cost=None if price is None else price.of(*tokens),
         seconds_round_trip=spread(round_trips[round_trips >= 0]),
-        operation_exact=exact_pairs.ratio('operation', seed) if len(exact_pairs) else None,
+        operation_exact=pairs_ratio(exact, 'operation', seed) if len(exact['map']) else None,
         proven=spread(bounds[bounds >= 1.0]),
-        unanswered=int(np.count_nonzero(~rows.flags('answered'))),
+        unanswered=int(np.count_nonzero(~rows['answered'])),
         clearance=spread(clearances),
         least_clearance=float(clearances.min()) if len(clearances) else math.nan,
-        turns=spread(finite(rows.column('turns')[found])),
-        unknown_length=spread(finite(rows.column('unknown_length')[found])),
+        turns=spread(finite(rows['turns'][found])),
+        unknown_length=spread(finite(rows['unknown_length'][found])),
         recorded=recorded_ratio(rows, seed),
         instruction=satisfied_share(rows, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
         families=families,
         family_means=family_means,
-        replies=dict(rows.replies),
-        seconds_reply=spread(finite(rows.column('seconds_reply'))),
+        replies=dict(count_texts(stored, variant, 'reply_problems', count_problems)),
+        seconds_reply=spread(finite(rows['seconds_reply'])),
     )
 
 
-def by_family(
-    rows: VariantColumns, pairs: SolvedPairs, seed: int
-) -> tuple[dict[str, FamilySummary], FamilyMeans]:
-    """Return the figures of a variant by family, and their means; empty for a single family."""
-    names = rows.families
-    if len(names) < 2:
-        return {}, FamilyMeans()
-    groups = np.stack([pairs.maps, pairs.rows.column('family')[pairs.places[0]]])
-    ratios = [quotients(*pairs.columns(name), groups) for name in ('operation', 'length')]
-    operation, length = (Grouped(values, *kept) for values, kept in ratios)
-    valid = Grouped(rows.flags('found'), rows.column('map'), rows.column('family'))
-    summaries = family_summaries(names, valid, operation, length, seed)
-    return summaries, family_means(summaries, names, operation, seed)
+def solved_pairs(stored: StoredRows, variant: Variant, base: Variant) -> Arrays:
+    """Return COMPARED on the samples that two variants solved at scale 1, with their maps.
+
+    What the second variant has is called `base_*`.
+    """
+    return stored.arrays(SOLVED_PAIRS, *variant, *base)
 
 
-def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def pairs_quotients(pairs: Arrays, name: str) -> tuple[Floats, NDArray[np.int64]]:
+    """Return first / second of a column where both are above 0, and the maps of these."""
+    return quotients(pairs[name], pairs[f'base_{name}'], pairs['map'])
+
+
+def pairs_ratio(pairs: Arrays, name: str, seed: int) -> Ratio:
+    """Return the ratios of a column."""
+    return ratio_of(*pairs_quotients(pairs, name), seed)
+
+
+def count_texts(
+    stored: StoredRows, variant: Variant, column: str, split: Callable[[str], Iterable[str]]
+) -> Counter[str]:
+    """Count what the texts of a variant at scale 1 are split into, but for empty texts."""
+    found = stored.arrays(TEXTS.format(column), *variant)
+    counts: Counter[str] = Counter()
+    for text, times in zip(found[column], found['times'].tolist()):
+        for part in split(text):
+            counts[part] += times
+    return counts
+
+
+def finite(values: Floats) -> Floats:
     """Return the values that are numbers."""
     return values[np.isfinite(values)]
 
 
-def optimal_share(pairs: SolvedPairs, seed: int) -> Interval:
+def optimal_share(pairs: Arrays, seed: int) -> Interval:
     """Return the share of pairs of rows whose first path is no longer than the second."""
-    if not len(pairs):
+    if not len(pairs['map']):
         return UNKNOWN
-    return mean_interval(is_optimal(*pairs.columns('length')), pairs.maps, seed)
+    return mean_interval(is_optimal(pairs['length'], pairs['base_length']), pairs['map'], seed)
 
 
-def recorded_ratio(rows: VariantColumns, seed: int) -> Ratio | None:
+def recorded_ratio(rows: Arrays, seed: int) -> Ratio | None:
     """Return the lengths over those of the paths in the bags; None where there is none."""
-    recorded = rows.column('recorded_length')
-    has_both = rows.flags('found') & (recorded > 0)
-    if not has_both.any():
+    both = rows['found'] & (rows['recorded_length'] > 0)
+    if not both.any():
         return None
-    lengths, maps = rows.column('length'), rows.column('map')
-    return ratio_of(*quotients(lengths[has_both], recorded[has_both], maps[has_both]), seed)
+    columns = (rows[name][both] for name in ('length', 'recorded_length', 'map'))
+    return ratio_of(*quotients(*columns), seed)
 
 
-def satisfied_share(rows: VariantColumns, column: str, seed: int) -> Interval:
+def satisfied_share(rows: Arrays, column: str, seed: int) -> Interval:
     """Return the share of rows with 1 in a column among those that have a number there."""
-    values = rows.column(column)
-    asked = np.isfinite(values)
-    return mean_interval(values[asked] == 1.0, rows.column('map')[asked], seed)
+    asked = np.isfinite(rows[column])
+    return mean_interval(rows[column][asked] == 1.0, rows['map'][asked], seed)
 
 
-def compare_with_none(rows: Iterable[Row] | RowColumns, seed: int = 0) -> list[PairedComparison]:
-    """Compare every variant that had waypoints with its method without any, at scale 1."""
-    variants = columns_of(rows).at_scale(1)
-    comparisons = []
-    for variant in sorted(variants, key=report_order):
-        none = variants.get(Variant(variant.method))
-        if variant.source == 'none' or none is None:
+def by_family(
+    names: Sequence[str], rows: Arrays, pairs: Arrays, seed: int
+) -> tuple[dict[str, FamilySummary], FamilyMeans]:
+    """Return the figures of a variant by family, and their means; empty for a single family."""
+    if len(names) < 2:
+        return {}, FamilyMeans()
+    summaries, ratios = {}, {}
+    for name in names:
+        own, solved = rows['family'] == name, pairs['family'] == name
+        if not own.any():
             continue
-        pairs = SolvedPairs.of(variants[variant], none)
-        operation, maps = pairs.quotients('operation')
-        length, length_maps = pairs.quotients('length')
+        maps, of_family = rows['map'][own], {key: pairs[key][solved] for key in pairs}
+        ratios[name] = pairs_quotients(of_family, 'operation')
+        summaries[name] = FamilySummary(
+            len(maps),
+            len(np.unique(maps)),
+            mean_interval(rows['found'][own], maps, seed),
+            ratio_interval(*ratios[name], seed),
+            ratio_interval(*pairs_quotients(of_family, 'length'), seed),
+        )
+    seeds = {name: (seed, names.index(name)) for name in ratios}
+    return summaries, family_means(summaries, ratios, seeds)
+
+
+def family_means(
+    summaries: Mapping[str, FamilySummary],
+    ratios: Mapping[str, tuple[Floats, NDArray[Any]]],
+    seeds: Mapping[str, tuple[int, int]],
+) -> FamilyMeans:
+    """Return the mean of two or more families' ratios, and the means without each of them.
+
+    `ratios` are those of each family with their maps; the intervals are by bootstrap over these.
+    Each family weighs the same, however many samples it has. Without a ratio in one of the
+    families the means are unknown: they would be of other families than those of other variants.
+    """
+    if len(summaries) < 2 or not all(item.operation.value > 0 for item in summaries.values()):
+        return FamilyMeans()
+    logs = {name: np.log(item.operation.value) for name, item in summaries.items()}
+    draws = {
+        name: bootstrap_means(np.log(values), maps, seeds[name])
+        for name, (values, maps) in ratios.items()
+    }
+
+    def mean_without(left_out: str | None) -> Interval:
+        kept = [name for name in logs if name != left_out]
+        drawn = np.mean([draws[name] for name in kept], axis=0)
+        mean = middle_of(float(np.mean([logs[name] for name in kept])), drawn)
+        return Interval(*(float(np.exp(end)) for end in mean))
+
+    return FamilyMeans(mean_without(None), {name: mean_without(name) for name in logs})
+
+
+def compare_with_none(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[PairedComparison]:
+    """Compare every variant that had waypoints with its method without any, at scale 1."""
+    stored = StoredRows.of(rows)
+    variants, comparisons = stored.variants('scale = 1'), []
+    for variant in sorted(variants, key=report_order):
+        none = Variant(variant.method)
+        if variant.source == 'none' or none not in variants:
+            continue
+        pairs = solved_pairs(stored, variant, none)
+        (operation, maps), length = (
+            pairs_quotients(pairs, name) for name in ('operation', 'length')
+        )
         comparisons.append(
             PairedComparison(
                 variant,
                 len(operation),
                 len(np.unique(maps)),
-                ratio_interval(operation, maps, seed) if len(operation) else UNKNOWN,
-                ratio_interval(length, length_maps, seed) if len(length) else UNKNOWN,
+                ratio_interval(operation, maps, seed),
+                ratio_interval(*length, seed),
             )
         )
     return comparisons
 
 
-def growth(rows: Iterable[Row] | RowColumns) -> list[Growth]:
+def growth(rows: Iterable[Row] | StoredRows) -> list[Growth]:
     """Return the growth of every variant that was run at more than one scale.
 
     Only samples with a valid path at every scale of the variant count, so that all its factors
     are over the same samples.
     """
-    found = []
-    for variant, by_scale in columns_of(rows).by_variant():
-        solved = {
-            scale: np.flatnonzero(columns.flags('found') & (columns.column('operation') > 0))
-            for scale, columns in by_scale.items()
-        }
-        scales = tuple(sorted(scale for scale, places in solved.items() if len(places)))
+    stored, found = StoredRows.of(rows), []
+    for variant in stored.variants():
+        solved = stored.arrays(SOLVED_AT_SCALES, *variant)
+        scales = np.unique(solved['scale'])
         if len(scales) < 2 or 1 not in scales:
             continue
-        own = {scale: by_scale[scale].samples()[solved[scale]] for scale in scales}
-        samples = own[1]
-        for others in own.values():
-            samples = np.intersect1d(samples, others)
-        places = {}
-        for scale, numbers in own.items():
-            order = np.argsort(numbers)
-            places[scale] = solved[scale][order[np.isin(numbers[order], samples)]]
+        everywhere = solved['times'] == len(scales)
         for quantity in GROWING_COLUMNS:
-            values = {scale: by_scale[scale].column(quantity)[places[scale]] for scale in scales}
-            factors = tuple(growth_factor(values[scale], values[1]) for scale in scales)
-            slope = log_log_slope(scales, factors) if len(samples) else float('nan')
-            found.append(Growth(variant, quantity, len(samples), scales, factors, slope))
+            values = solved[quantity][everywhere].reshape(len(scales), -1)
+            base = values[scales.tolist().index(1)]
+            factors = tuple(growth_factor(of_scale, base) for of_scale in values)
+            slope = log_log_slope(scales, factors) if len(base) else math.nan
+            found.append(
+                Growth(variant, quantity, len(base), tuple(scales.tolist()), factors, slope)
+            )
     return found
 
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from llm_astar_planner.parameter import nearest_name
 
-from llm_astar_lab.analysis.solved_pairs import Ratio
-from llm_astar_lab.analysis.statistics import Interval
+from llm_astar_lab.analysis.statistics import Interval, Ratio
 from llm_astar_lab.analysis.summary import VariantSummary
 from llm_astar_lab.results.row import METHOD_ALIASES, Variant
 

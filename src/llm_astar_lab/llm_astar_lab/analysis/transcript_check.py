@@ -8,21 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.json_values import parse_json
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.instructions import transcript as instructions
-from llm_astar_planner.waypoints.answer import read_answer
-from llm_astar_planner.waypoints.replay import ReplaySource
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
+from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
 from llm_astar_planner.waypoints.transcript import (
+    CUT_OFF,
     Exchange,
     TranscriptError,
     is_about_instruction,
-    numbered_lines,
     parse_exchange,
     parse_time,
+    read_lines,
 )
 
 from llm_astar_lab.datasets.samples import BenchmarkSample
@@ -149,7 +148,7 @@ def check_transcript(
 
     Raises TranscriptError where the file cannot be read.
     """
-    lines = read_lines(path)
+    lines = check_lines(path)
     digest = dataset_digest([item for item in maps if isinstance(item, BarrierMap)])
     by_model: dict[tuple[str, str], list[Exchange]] = defaultdict(list)
     for exchange in lines.exchanges:
@@ -180,20 +179,17 @@ def check_transcript(
     return TranscriptCheck(path, lines, tuple(models), len(samples))
 
 
-def read_lines(path: Path) -> Lines:
+def check_lines(path: Path) -> Lines:
     """Read every line, whatever is wrong with others. Raises TranscriptError for the file."""
     exchanges: list[Exchange] = []
     problems: list[str] = []
     about_instructions, cut_off = 0, None
-    for number, line, is_last in numbered_lines(path):
-        where = f'line {number}'
-        try:
-            record = parse_json(line)
-        except ValueError as error:
-            if is_last:
-                cut_off = f'{where}: cut off while it was written; readers skip it'
-            else:
-                problems.append(f'{where}: not JSON: {error}')
+    for where, record, problem in read_lines(path):
+        if problem == CUT_OFF:
+            cut_off = f'{where}: {problem}; readers skip it'
+        elif problem:
+            problems.append(f'{where}: {problem}')
+        if problem:
             continue
         try:
             if is_about_instruction(record):

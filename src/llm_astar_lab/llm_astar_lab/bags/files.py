@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import zstandard
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -43,37 +43,6 @@ class Channel(NamedTuple):
     definition: str
     format: str
     encoding: str
-
-
-class Record(NamedTuple):
-    """One message as it was stored; `time` is the recorder's (ns)."""
-
-    topic: str
-    time: int
-    data: bytes
-
-
-class Storage(Protocol):
-    """One storage file. `stamps` must be read to its end before `records` or `damage` are used.
-
-    `damage` is then a sentence on what cannot be read of the file, None for an intact one.
-    """
-
-    path: Path
-    damage: str | None
-
-    @property
-    def channels(self) -> list[Channel]:
-        """The topics of the file."""
-
-    def stamps(self) -> Iterator[tuple[str, int]]:
-        """Yield topic and time (ns) of every message, in the order of recording."""
-
-    def records(self, topics: Collection[str], *, as_recorded: bool) -> Iterator[Record]:
-        """Yield the messages of topics, in order of time or of recording."""
-
-    def close(self) -> None:
-        """Close the file."""
 
 
 @dataclass

@@ -1,7 +1,6 @@
 """Topics and messages of the bags that are written here, made without ROS.
 
-Live messages are made in `messages/`, since rclpy's classes are filled field by field, which is
-twice as fast for them, while those of rosbags take all their fields at once.
+A message within a message may be given as a dict of its fields.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import headings_along
 from numpy.typing import ArrayLike
+from rosbags.interfaces import Nodetype
 
-from llm_astar_lab.bags.types import GET_PLAN_EVENT_TYPE, bag_types
+from llm_astar_lab.bags.types import GET_PLAN_EVENT_TYPE, bag_types, element_of
 
 # Topics, with the names that the nodes use by default.
 MAP = '/map'
@@ -34,8 +35,8 @@ LAST_SECOND = 2**31 - 1
 # Constants of service_msgs/ServiceEventInfo and visualization_msgs/Marker.
 REQUEST_RECEIVED = 1
 SPHERE_LIST, ADD, DELETE = 7, 0, 2
-ACCEPTED, REJECTED = (0.16, 0.63, 0.17), (0.84, 0.15, 0.16)
-NO_BYTES = np.zeros(0, dtype=np.uint8)
+ACCEPTED = {'r': 0.16, 'g': 0.63, 'b': 0.17, 'a': 1.0}
+REJECTED = {'r': 0.84, 'g': 0.15, 'b': 0.16, 'a': 1.0}
 
 
 def evaluation_topic(method: str, source: str, kind: str) -> str:
@@ -52,15 +53,14 @@ def occupancy_grid(grid_map: GridMap, stamp: int) -> object:
     """Return a map message whose stamp and load time are `stamp` (ns)."""
     return make_message(
         'nav_msgs/msg/OccupancyGrid',
-        header=make_header(grid_map.frame_id, stamp),
-        info=make_message(
-            'nav_msgs/msg/MapMetaData',
-            map_load_time=make_time(stamp),
-            resolution=grid_map.resolution,
-            width=grid_map.width,
-            height=grid_map.height,
-            origin=make_pose(grid_map.origin),
-        ),
+        header=header(grid_map.frame_id, stamp),
+        info={
+            'map_load_time': time_of(stamp),
+            'resolution': grid_map.resolution,
+            'width': grid_map.width,
+            'height': grid_map.height,
+            'origin': pose_of(grid_map.origin),
+        },
         data=grid_map.cells.ravel(),
     )
 
@@ -74,49 +74,30 @@ def get_plan_request(
     start: Pose2D, goal: Pose2D, frame_id: str, stamp: int, number: int
 ) -> object:
     """Return the event that a server of GetPlan publishes for its request `number`."""
-    service = GET_PLAN_EVENT_TYPE.removesuffix('_Event')
-    request = make_message(
-        f'{service}_Request',
-        start=make_pose_stamped(start, frame_id, stamp),
-        goal=make_pose_stamped(goal, frame_id, stamp),
-        tolerance=0.0,
-    )
-    info = make_message(
-        'service_msgs/msg/ServiceEventInfo',
-        event_type=REQUEST_RECEIVED,
-        stamp=make_time(stamp),
-        client_gid=np.zeros(16, dtype=np.uint8),
-        sequence_number=number,
-    )
-    return make_message(GET_PLAN_EVENT_TYPE, info=info, request=[request], response=[])
+    head = header(frame_id, stamp)
+    request = {name: {'header': head, 'pose': pose_of(pose)}
+               for name, pose in (('start', start), ('goal', goal))}  # fmt: skip
+    info = {'event_type': REQUEST_RECEIVED, 'stamp': time_of(stamp), 'sequence_number': number}
+    return make_message(GET_PLAN_EVENT_TYPE, info=info, request=[request])
 
 
-def path(points: ArrayLike, frame_id: str, stamp: int, goal_yaw: float | None = None) -> object:
+def path(points: ArrayLike, frame_id: str, stamp: int) -> object:
     """Return points [n, 2] in metres as a path, each pose oriented towards the next."""
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    head = header(frame_id, stamp)
     poses = [
-        make_pose_stamped(Pose2D(x, y, yaw), frame_id, stamp)
-        for (x, y), yaw in zip(points.tolist(), headings_along(points, goal_yaw))
+        {'header': head, 'pose': pose_of(Pose2D(x, y, yaw))}
+        for (x, y), yaw in zip(points.tolist(), headings_along(points))
     ]
-    return make_message('nav_msgs/msg/Path', header=make_header(frame_id, stamp), poses=poses)
+    return make_message('nav_msgs/msg/Path', header=head, poses=poses)
 
 
 def status(name: str, level: int, message: str, values: Mapping[str, Any], stamp: int) -> object:
     """Return one diagnostic status with JSON values, like the planner node's report."""
-    pairs = [
-        make_message('diagnostic_msgs/msg/KeyValue', key=key, value=json.dumps(value))
-        for key, value in values.items()
-    ]
-    one = make_message(
-        'diagnostic_msgs/msg/DiagnosticStatus',
-        level=level,
-        name=name,
-        message=message,
-        hardware_id='',
-        values=pairs,
-    )
+    pairs = [{'key': key, 'value': json.dumps(value)} for key, value in values.items()]
+    one = {'level': level, 'name': name, 'message': message, 'values': pairs}
     array = 'diagnostic_msgs/msg/DiagnosticArray'
-    return make_message(array, header=make_header('', stamp), status=[one])
+    return make_message(array, header=header('', stamp), status=[one])
 
 
 def waypoint_markers(
@@ -126,72 +107,64 @@ def waypoint_markers(
 
     Green where accepted, red where not. They replace the spheres before; no waypoints delete them.
     """
-    colours = [ACCEPTED if status == 'accepted' else REJECTED for *_, status in waypoints]
-    marker = make_message(
-        'visualization_msgs/msg/Marker',
-        header=make_header(frame_id, stamp),
-        ns='waypoints',
-        id=0,
-        type=SPHERE_LIST,
-        action=ADD if waypoints else DELETE,
-        pose=make_pose(Pose2D(0.0, 0.0)),
-        scale=make_message('geometry_msgs/msg/Vector3', x=size, y=size, z=size),
-        color=make_colour(ACCEPTED),
-        lifetime=make_message('builtin_interfaces/msg/Duration', sec=0, nanosec=0),
-        frame_locked=False,
-        points=[make_point(x, y) for x, y, _ in waypoints],
-        colors=[make_colour(colour) for colour in colours],
-        texture_resource='',
-        texture=make_message(
-            'sensor_msgs/msg/CompressedImage', header=make_header('', 0), format='', data=NO_BYTES
-        ),
-        uv_coordinates=[],
-        text='',
-        mesh_resource='',
-        mesh_file=make_message('visualization_msgs/msg/MeshFile', filename='', data=NO_BYTES),
-        mesh_use_embedded_materials=False,
-    )
+    marker = {
+        'header': header(frame_id, stamp),
+        'ns': 'waypoints',
+        'type': SPHERE_LIST,
+        'action': ADD if waypoints else DELETE,
+        'pose': pose_of(Pose2D(0.0, 0.0)),
+        'scale': {'x': size, 'y': size, 'z': size},
+        'color': ACCEPTED,
+        'points': [{'x': float(x), 'y': float(y)} for x, y, _ in waypoints],
+        'colors': [ACCEPTED if found == 'accepted' else REJECTED for *_, found in waypoints],
+    }
     return make_message('visualization_msgs/msg/MarkerArray', markers=[marker])
 
 
-def make_message(msgtype: str, **fields: Any) -> object:  # noqa: ANN401 - of the message's own types
-    """Return a message of `bag_types()`."""
-    return bag_types().types[msgtype](**fields)
+def make_message(msgtype: str, **given: Any) -> object:  # noqa: ANN401 - of the message's own types
+    """Return a message of `bag_types()`; a field that is not given is 0 or empty."""
+    parts, empty = empty_fields(msgtype)
+    filled = {name: with_parts(parts.get(name, ''), value) for name, value in given.items()}
+    return bag_types().types[msgtype](**(empty | filled))
 
 
-def make_time(stamp: int) -> object:
-    """Return a time in nanoseconds as a message."""
+def with_parts(msgtype: str, value: Any) -> Any:  # noqa: ANN401 - of the field's type
+    """Return the value of a field with messages of this type for dicts."""
+    if isinstance(value, list):
+        return [with_parts(msgtype, item) for item in value]
+    return make_message(msgtype, **value) if isinstance(value, dict) else value
+
+
+@cache
+def empty_fields(msgtype: str) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return the types of a message's fields that are messages, and what empty fields hold."""
+    parts, empty = {}, {}
+    for name, (kind, detail) in bag_types().fielddefs[msgtype][1]:
+        element, base = element_of(kind, detail)
+        has_many = kind in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+        if element is Nodetype.NAME:
+            parts[name] = base
+            empty[name] = [] if has_many else make_message(base)
+        elif has_many:
+            count = int(detail[1]) if kind is Nodetype.ARRAY else 0
+            empty[name] = np.zeros(count, dtype=base[0])
+        else:
+            empty[name] = {'string': '', 'bool': False}.get(base[0], 0)
+    return parts, empty
+
+
+def time_of(stamp: int) -> dict[str, int]:
+    """Return the fields of a time in nanoseconds."""
     seconds, rest = divmod(stamp, NANOSECONDS)
-    return make_message('builtin_interfaces/msg/Time', sec=min(seconds, LAST_SECOND), nanosec=rest)
+    return {'sec': min(seconds, LAST_SECOND), 'nanosec': rest}
 
 
-def make_header(frame_id: str, stamp: int) -> object:
+def header(frame_id: str, stamp: int) -> object:
     """Return a header with its stamp in nanoseconds."""
-    return make_message('std_msgs/msg/Header', stamp=make_time(stamp), frame_id=frame_id)
+    return make_message('std_msgs/msg/Header', stamp=time_of(stamp), frame_id=frame_id)
 
 
-def make_point(x: float, y: float) -> object:
-    """Return a point in the plane."""
-    return make_message('geometry_msgs/msg/Point', x=float(x), y=float(y), z=0.0)
-
-
-def make_colour(colour: tuple[float, float, float]) -> object:
-    """Return an opaque colour of red, green and blue, each 0 to 1."""
-    red, green, blue = colour
-    return make_message('std_msgs/msg/ColorRGBA', r=red, g=green, b=blue, a=1.0)
-
-
-def make_pose(pose: Pose2D) -> object:
-    """Return a pose in the plane."""
-    half = pose.yaw / 2.0
-    point = make_point(pose.x, pose.y)
-    turn = make_message(
-        'geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=math.sin(half), w=math.cos(half)
-    )
-    return make_message('geometry_msgs/msg/Pose', position=point, orientation=turn)
-
-
-def make_pose_stamped(pose: Pose2D, frame_id: str, stamp: int) -> object:
-    """Return a pose in the plane with its header; the stamp is in nanoseconds."""
-    message = 'geometry_msgs/msg/PoseStamped'
-    return make_message(message, header=make_header(frame_id, stamp), pose=make_pose(pose))
+def pose_of(pose: Pose2D) -> dict[str, dict[str, float]]:
+    """Return the fields of a pose in the plane."""
+    turn = {'z': math.sin(pose.yaw / 2.0), 'w': math.cos(pose.yaw / 2.0)}
+    return {'position': {'x': float(pose.x), 'y': float(pose.y)}, 'orientation': turn}

@@ -8,7 +8,7 @@ clock jumped, and that file is read in the order of recording. Memory does not g
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,14 +22,11 @@ from llm_astar_lab.bags.files import (
     BagError,
     Channel,
     Problems,
-    Record,
-    Storage,
     bag_name,
     storage_files,
     unpack,
 )
-from llm_astar_lab.bags.mcap import McapReader
-from llm_astar_lab.bags.sqlite import SqliteReader
+from llm_astar_lab.bags.storage import McapFile, SqliteFile, Storage
 from llm_astar_lab.bags.types import DecodeError, Decoder, UnknownTypeError
 
 
@@ -46,11 +43,11 @@ class BagMessage(NamedTuple):
 class RecordedTopic:
     """One topic of a bag: its message count, and the recorder's first and last times (ns)."""
 
-    name: str
-    msgtype: str
+    name: str = ''
+    msgtype: str = ''
     count: int = 0
-    first: int = 0
-    last: int = 0
+    first: int = 2**64
+    last: int = -(2**63)
 
 
 class Bag:
@@ -62,23 +59,21 @@ class Bag:
         self.name = bag_name(self.path)
         self.problems = Problems()
         self.topics: dict[str, RecordedTopic] = {}
-        self._stack = ExitStack()
-        unpacked = TemporaryDirectory(prefix='llm-astar-bag-')
-        self._unpacked = Path(self._stack.enter_context(unpacked))
         # Each file, and whether it must be read in the order of recording.
         self._files: list[tuple[Storage, bool]] = []
         self._decoder = Decoder()
         self._unreadable: set[str] = set()
-        try:
-            for file in storage_files(self.path, self.problems):
-                with self.problems.catch(BagError, OSError, zstandard.ZstdError, path=file):
-                    self._open(file)
+        with ExitStack() as stack:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix='llm-astar-bag-')))
+            for found in storage_files(self.path, self.problems):
+                with self.problems.catch(BagError, OSError, zstandard.ZstdError, path=found):
+                    file = unpack(found, folder, self.problems)
+                    make: type[Storage] = McapFile if file.suffix == '.mcap' else SqliteFile
+                    self._count(stack.enter_context(closing(make(file))))
             if not self._files:
                 raise BagError('\n'.join(self.problems.left_out) or f'{path}: holds no messages')
             self._note_unknown_types()
-        except BaseException:
-            self.close()
-            raise
+            self._stack = stack.pop_all()
 
     def __enter__(self) -> Bag:
         return self
@@ -107,43 +102,33 @@ class Bag:
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """Yield the messages of topics; what cannot be decoded is left out, as `problems` say."""
         for storage, as_recorded in self._files:
-            for record in storage.records(topics, as_recorded=as_recorded):
-                if record.topic in self._unreadable:
-                    continue
-                msgtype = self.topics[record.topic].msgtype
+            names = {n: found.topic for n, found in storage.channels.items()}
+            wanted = {n for n, topic in names.items() if topic in topics}
+            for channel, time, data in storage.records(wanted, as_recorded=as_recorded):
+                topic = self.topics[names[channel]]
                 try:
-                    value = self._decoder.decode(msgtype, record.data)
-                except (DecodeError, UnknownTypeError) as error:
-                    self._leave_out(record, error)
-                else:
-                    yield BagMessage(record.topic, msgtype, record.time, value)
+                    if topic.name not in self._unreadable:
+                        value = self._decoder.decode(topic.msgtype, data)
+                        yield BagMessage(topic.name, topic.msgtype, time, value)
+                except UnknownTypeError as error:
+                    self._unreadable.add(topic.name)
+                    self.problems.leave_out(f'{self.path}: {topic.name} is left out: {error}')
+                except DecodeError as error:
+                    what = f'a message at {self.seconds(time):.3f} s is left out: {error}'
+                    kind = f'{topic.name}: damaged messages'
+                    self.problems.leave_out(f'{self.path}: {topic.name}: {what}', kind)
             if storage.damage:
                 self.problems.leave_out(storage.damage)
 
-    def _leave_out(self, record: Record, error: DecodeError | UnknownTypeError) -> None:
-        """Leave out a message that does not decode, or a whole topic of unknown type."""
-        topic = record.topic
-        if isinstance(error, UnknownTypeError):
-            self._unreadable.add(topic)
-            self.problems.leave_out(f'{self.path}: {topic} is left out: {error}')
-            return
-        problem = f'a message at {self.seconds(record.time):.3f} s is left out: {error}'
-        self.problems.leave_out(f'{self.path}: {topic}: {problem}', f'{topic}: damaged messages')
-
-    def _open(self, path: Path) -> None:
-        """Open a storage file and count its messages."""
-        file = unpack(path, self._unpacked, self.problems)
-        storage: Storage = McapReader(file) if file.suffix == '.mcap' else SqliteReader(file)
-        self._stack.callback(storage.close)
+    def _count(self, storage: Storage) -> None:
+        """Add a storage file and count its messages."""
         counts, jump = count_messages(storage)
         if jump:
-            self.problems.note(
-                f'{storage.path}: {jump}; the file is read in the order of recording'
-            )
+            what = f'{jump}; the file is read in the order of recording'
+            self.problems.note(f'{storage.path}: {what}')
         self._files.append((storage, jump is not None))
-        for channel in {channel.topic: channel for channel in storage.channels}.values():
-            self._add(channel, counts.get(channel.topic, RecordedTopic(channel.topic, '')))
-        for channel in storage.channels:
+        for number, channel in storage.channels.items():
+            self._add(channel, counts.get(number, RecordedTopic()))
             self._decoder.learn(channel)
         if storage.damage:
             self.problems.leave_out(storage.damage)
@@ -152,9 +137,9 @@ class Bag:
         """Add the messages of a topic in one file to those of the bag."""
         known = self.topics.get(channel.topic)
         if known is None or not known.count:
-            found.msgtype = channel.msgtype
+            found.name, found.msgtype = channel.topic, channel.msgtype
             self.topics[channel.topic] = found
-        elif found.count:
+        else:
             known.count += found.count
             known.first, known.last = min(known.first, found.first), max(known.last, found.last)
         if channel.encoding not in ('cdr', ''):
@@ -189,18 +174,21 @@ def open_bags(paths: Sequence[str | Path]) -> Iterator[tuple[list[Bag], Problems
         yield bags, problems
 
 
-def count_messages(storage: Storage) -> tuple[dict[str, RecordedTopic], str | None]:
-    """Count a file's messages by topic; the sentence says where the clock first jumps back."""
-    topics: dict[str, RecordedTopic] = {}
-    latest: dict[str, int] = {}
-    jump = None
-    for name, time in storage.stamps():
-        topic = topics.setdefault(name, RecordedTopic(name, '', 0, time, time))
+def count_messages(storage: Storage) -> tuple[dict[int, RecordedTopic], str | None]:
+    """Count a file's messages by channel; the sentence says where the clock first jumps back."""
+    found: dict[int, RecordedTopic] = {}
+    latest: dict[int, int] = {}
+    jumps: dict[int, tuple[int, int]] = {}
+    for channel, time in storage.stamps():
+        topic = found.setdefault(channel, RecordedTopic())
         topic.count += 1
         topic.first, topic.last = min(topic.first, time), max(topic.last, time)
-        back = latest.get(name, time) - time
-        if back > JUMP and not jump:
-            where = f'message {topic.count} of {name}'
-            jump = f'the clock jumps back by {back / 1e9:.3f} s at {where}'
-        latest[name] = time
-    return topics, jump
+        back = latest.get(channel, time) - time
+        if back > JUMP:
+            jumps.setdefault(channel, (back, topic.count))
+        latest[channel] = time
+    for channel, (back, count) in jumps.items():
+        if channel in storage.channels:
+            where = f'message {count} of {storage.channels[channel].topic}'
+            return found, f'the clock jumps back by {back / 1e9:.3f} s at {where}'
+    return found, None

@@ -88,10 +88,11 @@ class UnknownTypeError(LlmAstarError, ValueError):
 
 
 class TypeDefinition(NamedTuple):
-    """A message type's name, its definition for a bag (`.msg` or IDL), and its RIHS01 hash."""
+    """A message type's name, its definition for a bag, that one's format, and its RIHS01 hash."""
 
     msgtype: str
     text: str
+    encoding: str
     digest: str
 
 
@@ -113,10 +114,10 @@ def define(msgtype: str) -> TypeDefinition:
     try:
         learn(store, msgtype)
         if '/msg/' in msgtype:
-            text, _ = store.generate_msgdef(msgtype, ros_version=2)
+            (text, _), encoding = store.generate_msgdef(msgtype, ros_version=2), 'ros2msg'
         else:
-            text = idl_text(store, msgtype)
-        return TypeDefinition(msgtype, text, store.hash_rihs01(msgtype))
+            text, encoding = idl_text(store, msgtype), 'ros2idl'
+        return TypeDefinition(msgtype, text, encoding, store.hash_rihs01(msgtype))
     except (OSError, TypesysError, ValueError) as error:
         raise BagTypeError(f'{msgtype}: its definition cannot be read: {error}') from None
 
@@ -153,9 +154,10 @@ def register_service(store: Typestore, package: str, name: str, text: str) -> No
 
 def register(store: Typestore, types: dict[str, Any]) -> None:
     """Register types and, from installed packages, the types of their fields."""
-    for name in nested_types(fields for _, fields in types.values()):
-        if name not in types:
-            learn(store, name)
+    for _, fields in types.values():
+        for name in nested_types(fields):
+            if name not in types:
+                learn(store, name)
     store.register(types)
 
 
@@ -169,35 +171,32 @@ def installed_text(package: str, kind: str, name: str) -> str:
     raise BagTypeError(f'no installed package {package} has {kind}/{name}.{kind}')
 
 
-def nested_types(definitions: Iterable[Any]) -> list[str]:
-    """Return the message types among the fields of definitions, in rosbags' parse trees."""
-    names = []
-    for fields in definitions:
-        for _, (kind, detail) in fields:
-            while kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-                kind, detail = detail[0]  # noqa: PLW2901 - down to the element
-            if kind is Nodetype.NAME:
-                names.append(str(detail))
-    return names
+def nested_types(fields: Iterable[Any]) -> list[str]:
+    """Return the message types among fields, which are rosbags' parse trees."""
+    elements = (element_of(*tree) for _, tree in fields)
+    return [str(detail) for kind, detail in elements if kind is Nodetype.NAME]
 
 
-def idl_text(store: Typestore, msgtype: str) -> str:
+def element_of(kind: Nodetype, detail: Any) -> Any:  # noqa: ANN401 - a parse tree of rosbags
+    """Return kind and detail of a field's type, or of its elements where it has many."""
+    return detail[0] if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (kind, detail)
+
+
+def idl_text(store: Typestore, msgtype: str, found: dict[str, str] | None = None) -> str:
     """Return the definitions of a registered type and of its parts as ROS 2 IDL.
 
-    Constants are left out. Services need IDL, since `.msg` cannot name a type below `srv`.
+    Constants are left out. Services need IDL, since `.msg` cannot name a type below `srv`. `found`
+    are the definitions before.
     """
-    found: dict[str, str] = {}
-    waiting = [msgtype]
-    while waiting:
-        name = waiting.pop(0)
-        if name in found:
-            continue
-        _, fields = store.fielddefs[name]
-        package, kind, own = name.split('/')
+    found = {} if found is None else found
+    if msgtype not in found:
+        _, fields = store.fielddefs[msgtype]
+        package, kind, own = msgtype.split('/')
         members = ' '.join(idl_member(field, *tree) for field, tree in fields)
-        struct = f'struct {own} {{ {members} }};'
-        found[name] = f'{BAR}IDL: {name}\nmodule {package} {{ module {kind} {{ {struct} }}; }};\n'
-        waiting = nested_types([fields]) + waiting
+        module = f'module {package} {{ module {kind} {{ struct {own} {{ {members} }}; }}; }};'
+        found[msgtype] = f'{BAR}IDL: {msgtype}\n{module}\n'
+        for part in nested_types(fields):
+            idl_text(store, part, found)
     return ''.join(found.values())
 
 
@@ -213,9 +212,9 @@ def idl_type(kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree
     if kind is Nodetype.NAME:
         return str(detail).replace('/', '::')
     base, bound = detail
+    limit = f', {bound}' if bound else ''
     if kind is Nodetype.SEQUENCE:
-        base = idl_type(*base)
-        return f'sequence<{base}, {bound}>' if bound else f'sequence<{base}>'
+        return f'sequence<{idl_type(*base)}{limit}>'
     if base == 'string' and bound:
         return f'string<{bound}>'
     return IDL_NAMES.get(base, str(base))
@@ -285,12 +284,11 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
         types = dict(get_types_from_msg(channel.definition, channel.msgtype))
     for name, (_, fields) in types.items():
         for field, (kind, detail) in fields:
-            if kind is not Nodetype.ARRAY or detail[1] <= MAX_ELEMENTS:
-                continue
-            (element, base), count = detail
+            element, base = element_of(kind, detail)
             # Arrays of numbers are read at once.
-            if element is not Nodetype.BASE or base[0] in ('string', 'wstring'):
-                raise ValueError(f'{name}: {field}: {count} elements')
+            at_once = element is Nodetype.BASE and base[0] not in ('string', 'wstring')
+            if kind is Nodetype.ARRAY and detail[1] > MAX_ELEMENTS and not at_once:
+                raise ValueError(f'{name}: {field}: {detail[1]} elements')
     return types
 
 

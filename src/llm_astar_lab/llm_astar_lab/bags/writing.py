@@ -1,66 +1,55 @@
 """Writes bags as rosbag2 does: a folder of files split by size, with one metadata.yaml.
 
-Each file is complete up to the last chunk or second even if the process dies. The files lie next
-to the folder that rosbags makes for each of them, so that readers find unfinished ones too.
+Each file is complete up to the last chunk or second even if the process dies.
 """
 
 from __future__ import annotations
 
-import contextlib
+import json
 import os
 import sqlite3
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from mcap.writer import Writer as McapWriter
-from rosbags.interfaces import (
-    Connection,
-    MessageDefinitionFormat,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from llm_astar_lab.bags.types import TypeDefinition, bag_types
 
-STORAGES = {'mcap': StoragePlugin.MCAP, 'sqlite3': StoragePlugin.SQLITE3}
 INFORMATION = 'rosbag2_bagfile_information'
-ENCODINGS = {MessageDefinitionFormat.MSG: 'ros2msg', MessageDefinitionFormat.IDL: 'ros2idl'}
 # How much a power cut may lose: bytes before compression, and seconds.
 CHUNK_BYTES = 64 * 1024
 COMMIT_SECONDS = 1.0
+# The start (ns) of a file without messages, as rosbag2 writes it.
+NEVER = 2**63 - 1
 
 
 class BagWriteError(LlmAstarError, ValueError):
     """A bag that cannot be written; the message names its folder and what to do."""
 
 
-def qos(depth: int = 10, *, latched: bool = False) -> Qos:
-    """Return a reliable QoS; `latched` means transient_local, for subscribers that join late."""
-    never = QosTime(9223372036, 854775807)
-    return Qos(
-        history=QosHistory.KEEP_LAST,
-        depth=depth,
-        reliability=QosReliability.RELIABLE,
-        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-        deadline=never,
-        lifespan=never,
-        liveliness=QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=never,
-        avoid_ros_namespace_conventions=False,
-    )
+def qos(depth: int = 10, *, latched: bool = False) -> dict[str, Any]:
+    """Return a reliable QoS as a bag holds it; `latched` is for subscribers that join late."""
+    forever = {'nsec': 854775807, 'sec': 9223372036}
+    return {
+        'avoid_ros_namespace_conventions': False,
+        'deadline': forever,
+        'depth': depth,
+        'durability': 'transient_local' if latched else 'volatile',
+        'history': 'keep_last',
+        'lifespan': forever,
+        'liveliness': 'automatic',
+        'liveliness_lease_duration': forever,
+        'reliability': 'reliable',
+    }
 
 
 LATCHED = qos(1, latched=True)
@@ -71,64 +60,64 @@ class OfferedTopic(NamedTuple):
 
     name: str
     definition: TypeDefinition
-    qos: tuple[Qos, ...] = ()
+    qos: tuple[dict[str, Any], ...] = ()
 
 
-class McapStorageWriter:
-    """Writes an mcap file by mcap's own library: zstd chunks, indices, checksums.
+@dataclass
+class Written:
+    """What was written: the number of messages by topic, their first and last times (ns)."""
 
-    The one that comes with rosbags writes no checksums, so that damage goes unseen.
-    """
+    counts: Counter[str] = field(default_factory=Counter)
+    first: int = NEVER
+    last: int = 0
 
-    def __init__(self, path: Path, compression: CompressionMode) -> None:  # noqa: ARG002 - always zstd
-        """Create the file next to the folder `path`, with its name."""
-        self.path = path.with_name(f'{path.name}.mcap')
-        self._stream = self.path.open('xb')
+    def add(self, topic: str, stamp: int) -> None:
+        """Count a message."""
+        self.counts[topic] += 1
+        self.first, self.last = min(self.first, stamp), max(self.last, stamp)
+
+    @property
+    def duration(self) -> int:
+        """The time from the first message to the last (ns)."""
+        return max(0, self.last - self.first)
+
+
+class McapPart:
+    """Writes an mcap file: zstd chunks, indices, checksums."""
+
+    def __init__(self, path: Path) -> None:
+        """Create the file."""
+        self._stream = path.open('xb')
         self._file = McapWriter(
             self._stream, chunk_size=CHUNK_BYTES, enable_crcs=True, enable_data_crcs=True
         )
         self._file.start(profile='ros2')
         self._schemas: dict[str, int] = {}
-        self._channels: dict[int, int] = {}
-        self._written: dict[int, int] = {}
+        self._channels: dict[str, int] = {}
+        self._written: Counter[str] = Counter()
 
-    def add_msgtype(self, connection: Connection) -> None:
-        """Write a message type's definition."""
-        self._schemas[connection.msgtype] = self._file.register_schema(
-            connection.msgtype,
-            ENCODINGS[connection.msgdef.format],
-            connection.msgdef.data.encode(),
+    def add_topic(self, topic: OfferedTopic) -> None:
+        """Write a topic with the QoS that its publishers offer, and its type where it is new."""
+        msgtype, text, encoding, digest = topic.definition
+        if msgtype not in self._schemas:
+            schema = self._file.register_schema(msgtype, encoding, text.encode())
+            self._schemas[msgtype] = schema
+        metadata = {'offered_qos_profiles': as_yaml(topic.qos).strip(), 'topic_type_hash': digest}
+        self._channels[topic.name] = self._file.register_channel(
+            topic.name, 'cdr', self._schemas[msgtype], metadata
         )
 
-    def add_connection(self, connection: Connection, offered_qos_profiles: str) -> None:
-        """Write a topic with the QoS that its publishers offer."""
-        self._written[connection.id] = 0
-        self._channels[connection.id] = self._file.register_channel(
-            connection.topic,
-            'cdr',
-            self._schemas[connection.msgtype],
-            {
-                'offered_qos_profiles': offered_qos_profiles,
-                'topic_type_hash': connection.digest,
-            },
-        )
-
-    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
-        self._written[connection.id] += 1
+        self._written[topic] += 1
         self._file.add_message(
-            self._channels[connection.id],
-            timestamp,
-            bytes(data),
-            timestamp,
-            self._written[connection.id],
+            self._channels[topic], stamp, bytes(data), stamp, self._written[topic]
         )
         self._stream.flush()
 
-    def close(self, version: int, metadata: str) -> None:  # noqa: ARG002 - rosbags' own
-        """Write the bag's metadata into the file and finish it."""
-        own = yaml.safe_dump(with_distro(yaml.safe_load(metadata)), sort_keys=False)
-        self._file.add_metadata('rosbag2', {'serialized_metadata': own})
+    def close(self, metadata: str) -> None:
+        """Write the metadata of the bag into the file and finish it."""
+        self._file.add_metadata('rosbag2', {'serialized_metadata': metadata})
         self._file.finish()  # type: ignore[no-untyped-call]
         self._stream.close()
 
@@ -137,43 +126,68 @@ class McapStorageWriter:
         self._stream.close()
 
 
-class SqliteStorageWriter(Sqlite3Writer):
-    """Writes a database as rosbags does, but commits every second into a write-ahead log.
+class SqlitePart:
+    """Writes a database and commits every second into a write-ahead log.
 
-    The one that comes with rosbags commits only at its end, and what a power cut leaves of it
-    cannot be read.
+    With neither, a power cut would leave a file that cannot be read.
     """
 
-    def __init__(self, path: Path, compression: CompressionMode) -> None:  # noqa: ARG002 - none
-        """Create the file next to the folder `path`, with its name."""
-        self.path = path.with_name(f'{path.name}.db3')
-        self.conn = sqlite3.connect(self.path)
-        self.conn.executescript(f'PRAGMA journal_mode=WAL; {self.SQLITE_SCHEMA}')
-        self.cursor = self.conn.cursor()
-        self.cursor.execute('UPDATE schema SET ros_distro = ?', (ros_distro(),))
+    def __init__(self, path: Path) -> None:
+        """Create the file."""
+        self._database = sqlite3.connect(path)
+        self._database.executescript(f'PRAGMA journal_mode=WAL; {Sqlite3Writer.SQLITE_SCHEMA}')
+        self._database.execute('UPDATE schema SET ros_distro = ?', (ros_distro(),))
+        self._topics: dict[str, int] = {}
+        self._types: set[str] = set()
         self._committed = time.monotonic()
 
-    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+    def add_topic(self, topic: OfferedTopic) -> None:
+        """Write a topic with the QoS that its publishers offer, and its type where it is new."""
+        msgtype, text, encoding, digest = topic.definition
+        if msgtype not in self._types:
+            self._types.add(msgtype)
+            self._database.execute(
+                'INSERT INTO message_definitions (topic_type, encoding, '
+                'encoded_message_definition, type_description_hash) VALUES (?, ?, ?, ?)',
+                (msgtype, encoding, text, digest),
+            )
+        number = self._topics[topic.name] = len(self._topics) + 1
+        self._database.execute(
+            'INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)',
+            (number, topic.name, msgtype, 'cdr', as_yaml(topic.qos).strip(), digest),
+        )
+
+    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
-        super().write(connection, timestamp, data)
+        self._database.execute(
+            'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)',
+            (self._topics[topic], stamp, data),
+        )
         if time.monotonic() > self._committed + COMMIT_SECONDS:
-            self.conn.commit()
+            self._database.commit()
             self._committed = time.monotonic()
 
-    def close(self, version: int, metadata: str) -> None:
+    def close(self, metadata: str) -> None:
         """Finish the file and merge its log: with a log it could not be opened read-only."""
-        self.conn.commit()
-        self.conn.execute('PRAGMA journal_mode=DELETE')
-        own = yaml.safe_dump(with_distro(yaml.safe_load(metadata)), sort_keys=False)
-        super().close(version, own)
+        self._database.commit()
+        self._database.execute('PRAGMA journal_mode=DELETE')
+        self._database.execute(
+            'INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)', (9, metadata)
+        )
+        self._database.commit()
+        self._database.execute('PRAGMA optimize')
+        self._database.close()
+
+    def abort(self) -> None:
+        """Close the file without what was not committed."""
+        self._database.close()
 
 
-class BagFileWriter(Writer):
-    """rosbags' writer of one file, with the storages above."""
-
-    STORAGE_PLUGINS = MappingProxyType(
-        {StoragePlugin.MCAP: McapStorageWriter, StoragePlugin.SQLITE3: SqliteStorageWriter}
-    )
+Part = McapPart | SqlitePart
+STORAGES: dict[str, tuple[str, type[Part]]] = {
+    'mcap': ('.mcap', McapPart),
+    'sqlite3': ('.db3', SqlitePart),
+}
 
 
 class BagWriter:
@@ -193,11 +207,11 @@ class BagWriter:
         self.folder = Path(folder)
         if self.folder.exists():
             raise BagWriteError(f'{folder}: exists already; name a new folder, or remove this one')
-        self.counts: dict[str, int] = {}
         self._storage = storage
         self._max_bytes = max_bytes or sys.maxsize
         self._topics: dict[str, OfferedTopic] = {}
-        self._parts: list[dict[str, Any]] = []
+        self._files: list[dict[str, Any]] = []
+        self._written = Written()
 
     def __enter__(self) -> BagWriter:
         """Make the folder. Raises OSError where that fails."""
@@ -206,29 +220,32 @@ class BagWriter:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if error is None:
+        try:
             with self._disk_errors():
                 self._close_part()
-            return
-        try:
-            self._close_part()
-        except Exception:  # noqa: BLE001 - the error that ended the block is reported
-            with contextlib.suppress(Exception):
+        except Exception:
+            if error is None:
+                raise
+            # The error that ended the block is reported.
+            with suppress(Exception):
                 self._part.abort()
-            with contextlib.suppress(OSError):
-                self._part.path.rmdir()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """The number of messages written, by topic."""
+        return self._written.counts
 
     @property
     def total(self) -> int:
         """The number of messages written."""
-        return sum(self.counts.values())
+        return self._written.counts.total()
 
     def add_topic(self, topic: OfferedTopic) -> None:
         """Add a topic, once, before its first message."""
         self._topics[topic.name] = topic
-        self.counts[topic.name] = 0
+        self._written.counts[topic.name] = 0
         with self._disk_errors():
-            self._connect(topic)
+            self._part.add_topic(topic)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a serialized message of an added topic at its time in nanoseconds."""
@@ -236,16 +253,16 @@ class BagWriter:
             if self._part_bytes >= self._max_bytes:
                 self._close_part()
                 self._open_part()
-            self._part.write(self._connections[topic], stamp, data)
+            self._part.write(topic, stamp, data)
         self._part_bytes += len(data)
-        self.counts[topic] += 1
+        self._in_part.add(topic, stamp)
+        self._written.add(topic, stamp)
 
-    def write_message(self, topic: str, stamp: int, message: object) -> None:
+    def write_message(self, topic: str, stamp: int, message: Any) -> None:  # noqa: ANN401 - of rosbags
         """Write a message whose type is one of `bag_types()`."""
-        msgtype = self._topics[topic].definition.msgtype
-        self.write(topic, stamp, bag_types().serialize_cdr(message, msgtype))
+        self.write(topic, stamp, bag_types().serialize_cdr(message, message.__msgtype__))
 
-    @contextlib.contextmanager
+    @contextmanager
     def _disk_errors(self) -> Iterator[None]:
         """Raise BagWriteError for what the disk raises in the block."""
         try:
@@ -254,37 +271,63 @@ class BagWriter:
             why = getattr(error, 'strerror', None) or error
             raise BagWriteError(f'{self.folder}: {why}; what was written before is kept') from None
 
-    def _connect(self, topic: OfferedTopic) -> None:
-        self._connections[topic.name] = self._part.add_connection(
-            topic.name,
-            topic.definition.msgtype,
-            msgdef=topic.definition.text,
-            rihs01=topic.definition.digest,
-            offered_qos_profiles=topic.qos,
-        )
-
     def _open_part(self) -> None:
-        folder = self.folder / f'{self.folder.name}_{len(self._parts)}'
-        # 9 is the format of Jazzy.
-        self._part = BagFileWriter(folder, version=9, storage_plugin=STORAGES[self._storage])
-        self._part.open()
+        suffix, make = STORAGES[self._storage]
+        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{suffix}'
+        self._part: Part = make(self._path)
         self._part_bytes = 0
-        self._connections: dict[str, Connection] = {}
+        self._in_part = Written()
         for topic in self._topics.values():
-            self._connect(topic)
+            self._part.add_topic(topic)
 
     def _close_part(self) -> None:
         """Finish a file and list it with the others in metadata.yaml."""
-        self._part.close()
-        folder = self._part.path
-        metadata = folder / 'metadata.yaml'
-        self._parts.append(yaml.safe_load(metadata.read_text(encoding='utf-8'))[INFORMATION])
-        metadata.unlink()
-        folder.rmdir()
-        text = yaml.safe_dump({INFORMATION: merge_metadata(self._parts)}, sort_keys=False)
+        written = self._in_part
+        file = {
+            'duration': {'nanoseconds': written.duration},
+            'message_count': written.counts.total(),
+            'path': self._path.name,
+            'starting_time': {'nanoseconds_since_epoch': written.first},
+        }
+        self._part.close(as_yaml(self._information([file], written)))
+        self._files.append(file)
+        text = as_yaml(
+            {INFORMATION: self._information(self._files, self._written)}, sort_keys=False
+        )
         draft = self.folder / 'metadata.yaml.tmp'
         draft.write_text(text, encoding='utf-8')
         draft.replace(self.folder / 'metadata.yaml')
+
+    def _information(self, files: list[dict[str, Any]], written: Written) -> dict[str, Any]:
+        """Return the metadata of a bag of these files."""
+        topics = [
+            {
+                'topic_metadata': {
+                    'name': topic.name,
+                    'offered_qos_profiles': topic.qos,
+                    'serialization_format': 'cdr',
+                    'type': topic.definition.msgtype,
+                    'type_description_hash': topic.definition.digest,
+                },
+                'message_count': written.counts[topic.name],
+            }
+            for topic in self._topics.values()
+        ]
+        return {
+            'compression_format': '',
+            'compression_mode': '',
+            'custom_data': None,
+            'duration': {'nanoseconds': written.duration},
+            'files': files,
+            'message_count': written.counts.total(),
+            'relative_file_paths': [file['path'] for file in files],
+            'ros_distro': ros_distro(),
+            'starting_time': {'nanoseconds_since_epoch': written.first},
+            'storage_identifier': self._storage,
+            'topics_with_message_count': topics,
+            # The format of Jazzy.
+            'version': 9,
+        }
 
 
 def ros_distro() -> str:
@@ -292,29 +335,7 @@ def ros_distro() -> str:
     return os.environ.get('ROS_DISTRO') or 'jazzy'
 
 
-def with_distro(information: dict[str, Any]) -> dict[str, Any]:
-    """Return the metadata of a bag with its ROS distribution, where rosbags has its own name."""
-    return {**information, 'ros_distro': ros_distro()}
-
-
-def merge_metadata(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the metadata of a bag, made from that of each of its files."""
-    filled = [part for part in parts if part['message_count']] or parts[:1]
-    starts = [part['starting_time']['nanoseconds_since_epoch'] for part in filled]
-    ends = [start + part['duration']['nanoseconds'] for start, part in zip(starts, filled)]
-    counts: Counter[str] = Counter()
-    for part in parts:
-        for item in part['topics_with_message_count']:
-            counts[item['topic_metadata']['name']] += item['message_count']
-    # The last file knows all topics.
-    last = [item['topic_metadata'] for item in parts[-1]['topics_with_message_count']]
-    topics = [{'topic_metadata': item, 'message_count': counts[item['name']]} for item in last]
-    return {
-        **with_distro(parts[0]),
-        'relative_file_paths': [path for part in parts for path in part['relative_file_paths']],
-        'duration': {'nanoseconds': max(ends) - min(starts)},
-        'starting_time': {'nanoseconds_since_epoch': min(starts)},
-        'message_count': sum(part['message_count'] for part in parts),
-        'topics_with_message_count': topics,
-        'files': [file for part in parts for file in part['files']],
-    }
+def as_yaml(value: object, *, sort_keys: bool = True) -> str:
+    """Return plain values as YAML, where equal ones are written out again."""
+    text: str = yaml.safe_dump(json.loads(json.dumps(value)), sort_keys=sort_keys)
+    return text

@@ -16,28 +16,11 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.search.methods import uses_waypoints
-from llm_astar_planner.waypoints.config import BASELINE_NAMES
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 
+from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset_options import add_dataset_choice, open_dataset
 from llm_astar_lab.commands.option_types import count, seed
-from llm_astar_lab.commands.run_options import (
-    BAD_INPUT,
-    INCOMPLETE,
-    OK,
-    add_instruction,
-    add_running,
-    add_variants,
-    check_thresholds,
-    close_run,
-    complain,
-    deciding_files,
-    deciding_parameters,
-    instruction_of,
-    make_executor,
-    run_into,
-    settle_variants,
-    source_specs,
-)
 from llm_astar_lab.datasets.named import Dataset
 from llm_astar_lab.datasets.samples import draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
@@ -77,9 +60,9 @@ the optimal one in the dataset, 130 interrupted
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_samples(parser.add_argument_group('samples'))
-    add_variants(parser.add_argument_group('methods and sources'))
-    add_instruction(parser.add_argument_group('an instruction for every sample'))
-    add_running(parser.add_argument_group('running'), 'out/bench')
+    common.add_variants(parser.add_argument_group('methods and sources'))
+    common.add_instruction(parser.add_argument_group('an instruction for every sample'))
+    common.add_running(parser.add_argument_group('running'), 'out/bench')
 
 
 def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -108,19 +91,19 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
-    settle_variants(args)
+    common.settle_variants(args)
     dataset = open_dataset(args)
     maps = dataset.maps
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
     config = benchmark_config(args, folder, dataset)
-    check_thresholds(args, config.sources)
+    common.check_thresholds(args, config.sources)
     for item in config.coverage:
-        complain(args, item.sentence(), OK)
+        common.complain(args, item.sentence(), common.OK)
     if omits_baselines(args, maps):
         names = ', '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
-        complain(args, message, OK)
-    with make_executor(args, config.sources) as pool:
+        common.complain(args, message, common.OK)
+    with common.make_executor(args, config.sources) as pool:
         try:
             tasks, metadata = start_run(
                 folder, config, run_parameters(args, maps), resume=args.resume,
@@ -137,12 +120,12 @@ def run(args: argparse.Namespace) -> int:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
                 metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
         except ResultsError as error:
-            return complain(args, str(error), BAD_INPUT)
+            return common.complain(args, str(error), common.BAD_INPUT)
         try:
-            code = run_into(args, folder, metadata, tasks, pool)
+            code = common.run_into(args, folder, metadata, tasks, pool)
         except ResultsError as error:
-            return complain(args, str(error), INCOMPLETE)
-    return close_run(args, folder, metadata, code)
+            return common.complain(args, str(error), common.INCOMPLETE)
+    return common.close_run(args, folder, metadata, code)
 
 
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
@@ -164,11 +147,11 @@ def benchmark_config(
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         check_grid_options(problem, args.source)
-    instruction = instruction_of(args, open_places(args.places_file or '', file))
+    instruction = common.instruction_of(args, open_places(args.places_file or '', file))
     if instruction is not None and scales != [1]:
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
-    sources = source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
+    sources = common.source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
     samples = select_samples(maps, str(dataset), args.maps)
     recorded = RecordedRun(samples, sources, [])
     if args.samples == RECORDED:
@@ -193,7 +176,7 @@ def benchmark_config(
         scales,
         args.scale_samples,
         args.seed,
-        deciding_files(args),
+        common.deciding_files(args),
         recorded.coverage,
         dataset.identity,
     )
@@ -201,7 +184,7 @@ def benchmark_config(
 
 def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
-    parameters = deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
+    parameters = common.deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
     if REPLAY in args.source:
         parameters['samples'] = args.samples
     # A dataset's file may only name a grid: its digest then says nothing about the cells.

@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     """Compare, print and write what is asked for; return the exit code. Raises ResultsError."""
     base = load_run(args.base)
     comparisons = [
-        compare_runs(base, load_run(path), args.metric, args.variant) for path in args.runs
+        compare_runs(base, load_run(path, base), args.metric, args.variant) for path in args.runs
     ]
     threshold = TOLERATED.get(args.metric, 0.0) if args.threshold is None else args.threshold
     judgement = Judgement(base, comparisons, args.metric, threshold / 100.0)

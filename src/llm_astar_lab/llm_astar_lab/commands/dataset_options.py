@@ -7,9 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.problem_maps import load_maps
-from llm_astar_planner.cli.flags import add_old_flag, warn_renamed
 from llm_astar_planner.cli.map_files import MAP_KINDS
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
@@ -31,9 +29,7 @@ from llm_astar_lab.datasets.samples import SelectionError
 def add_dataset_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--map` and `--map-ids`, which choose maps with their start-goal pairs."""
     add_map_option(group)
-    add_old_flag(group, '--dataset', '--map', 'dataset', metavar='FILE')
     add_map_ids_option(group)
-    add_old_flag(group, '--maps', '--map-ids', 'maps', metavar='RANGES')
 
 
 def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -71,7 +67,7 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
         help="the paper's file, or the folder with MovingAI's maps and scenarios",
     )  # fmt: skip
     group.add_argument(
-        '--maps', dest='map_count', metavar='N',
+        '--maps', dest='map_count', type=count, metavar='N',
         help=f'number of maps of a generated dataset ({DEFAULT_MAPS})',
     )  # fmt: skip
     group.add_argument(
@@ -83,34 +79,22 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
 
 def open_dataset(args: Namespace) -> Dataset:
     """Return the maps that the options choose. Raises LlmAstarError or FileNotFoundError."""
-    names = None if args.named is None else parse_names(args.named)
-    if args.named is not None and names is None:
-        warn_renamed('--dataset', '--map')
-        args.dataset = args.named
-    settle_options(args, names or ())
-    if names is None:
+    names = () if args.named is None else parse_names(args.named)
+    check_options(args, names)
+    if not names:
         file = find_file(args.dataset, 'maps')
         return Dataset((), load_maps(file, args.limit, args.seed), file)
     path = None if args.path is None else Path(args.path).expanduser()
-    rules = DrawRules(args.seed, int(args.map_count or DEFAULT_MAPS), args.pairs or DEFAULT_PAIRS)
+    rules = DrawRules(args.seed, args.map_count or DEFAULT_MAPS, args.pairs or DEFAULT_PAIRS)
     return load_named(names, path, rules)
 
 
-def settle_options(args: Namespace, names: Sequence[str]) -> None:
-    """Take `--maps` for `--map-ids`, which it was up to version 0.2.0, where nothing is generated.
-
-    Raises SelectionError where an option is of another kind of dataset.
-    """
-    is_generated = bool(set(names) & set(GENERATED))
-    if args.map_count is not None and not is_generated:
-        if args.maps is not None:
-            raise SelectionError('--maps: needs --dataset with a generated one beside --map-ids')
-        warn_renamed('--maps', '--map-ids')
-        args.maps, args.map_count = args.map_count, None
-    if args.map_count is not None and not args.map_count.isdecimal():
-        text = short_repr(args.map_count)
-        raise SelectionError(f'--maps: {text} is not a number of maps; --map-ids chooses maps')
-    if args.pairs is not None and not is_generated:
-        raise SelectionError(f'--pairs: needs --dataset with one of {", ".join(GENERATED)}')
-    if args.path is not None and not set(names) & set(READ):
-        raise SelectionError(f'--path: needs --dataset with one of {", ".join(READ)}')
+def check_options(args: Namespace, names: Sequence[str]) -> None:
+    """Raise SelectionError where an option is of another kind of dataset."""
+    for option, value, kinds in (
+        ('--maps', args.map_count, GENERATED),
+        ('--pairs', args.pairs, GENERATED),
+        ('--path', args.path, READ),
+    ):
+        if value is not None and not set(names) & set(kinds):
+            raise SelectionError(f'{option}: needs --dataset with one of {", ".join(kinds)}')

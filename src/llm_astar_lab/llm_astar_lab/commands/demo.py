@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     ):
         print(f'started {", ".join(NODES)} on domain {os.environ["ROS_DOMAIN_ID"]}', flush=True)
         # It takes a second, in which the nodes start too.
-        from llm_astar_lab.nodes.demo_client import call_and_draw  # noqa: PLC0415
+        from llm_astar_lab.nodes.plan_view import call_and_draw  # noqa: PLC0415
 
         has_path = call_and_draw(endpoints, Path(arguments.png))
         if not has_path:

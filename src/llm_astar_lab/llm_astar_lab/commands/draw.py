@@ -9,13 +9,14 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.cli.pictures import ANIMATIONS, picture_or_animation
-from llm_astar_planner.cli.plan import Problem, add_query_options, compile_searches, read_problem
+from llm_astar_planner.cli.plan import Problem, add_query_options, read_problem
 from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.resources import SAMPLES_FILE
+from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 
@@ -50,7 +51,6 @@ class Drawn(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
     add_query_options(parser, SAMPLES_FILE)
-    add_old_flag(parser, '--dataset', '--map', 'map', metavar='FILE')
     parser.add_argument(
         '--out',
         '--png',
@@ -82,8 +82,10 @@ def plan_beside_astar(asked: Problem) -> list[Drawn]:
     plain = replace(asked.request, method=ASTAR, source=None)
     requests = [plain] if asked.request.method == ASTAR else [plain, with_answer(asked)]
     drawn = []
+    start_numba()
     for request in requests:
-        compile_searches(asked.planner, request)
+        with compile_progress():
+            asked.planner.compile(request)
         drawn.append(Drawn(request, asked.planner.plan(request)))
     return drawn
 

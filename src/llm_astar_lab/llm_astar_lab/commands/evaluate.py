@@ -21,34 +21,16 @@ from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
     given_values,
-    read_params_files,
 )
+from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
-from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import plan_report
 
 from llm_astar_lab.bags.files import bag_name
 from llm_astar_lab.bags.messages import BARRIER_MAP
 from llm_astar_lab.bags.reading import Bag, open_bags
 from llm_astar_lab.bags.writing import BagWriteError
-from llm_astar_lab.commands.run_options import (
-    BAD_INPUT,
-    INCOMPLETE,
-    OK,
-    add_instruction,
-    add_running,
-    add_variants,
-    check_thresholds,
-    close_run,
-    complain,
-    deciding_files,
-    deciding_parameters,
-    instruction_of,
-    make_executor,
-    run_into,
-    settle_variants,
-    source_specs,
-)
-from llm_astar_lab.evaluation.exchanges import write_exchanges
+from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
 from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
 from llm_astar_lab.evaluation.topics import (
@@ -57,7 +39,7 @@ from llm_astar_lab.evaluation.topics import (
     describe,
     describe_text,
 )
-from llm_astar_lab.evaluation.writing import ResultsBag
+from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
@@ -93,14 +75,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(seed=0)
     parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
     add_input(parser.add_argument_group('input'))
-    add_variants(parser.add_argument_group('methods and sources'))
+    common.add_variants(parser.add_argument_group('methods and sources'))
     rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)
-    add_instruction(
+    common.add_instruction(
         parser.add_argument_group('an instruction for every request, instead of the recorded ones')
     )
-    add_running(parser.add_argument_group('running'), 'out/evaluate')
+    common.add_running(parser.add_argument_group('running'), 'out/evaluate')
 
 
 def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -135,23 +117,26 @@ def run(args: argparse.Namespace) -> int:
     selection, listed = read_selection(args)
     if args.list:
         return list_contents(args, selection)
-    file = read_params_files(args).values['planner_node'] if args.params_file else None
-    settle_variants(args, file)
+    paths = args.params_file
+    file = read_parameter_files(paths)['planner_node'] if paths else None
+    common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     with open_bags(args.bags) as (bags, unopened), ExitStack() as stack:
         if not bags:
-            return complain(args, '; '.join(unopened.lines()), BAD_INPUT)
+            return common.complain(args, '; '.join(unopened.lines()), common.BAD_INPUT)
         try:
             folder = choose_folder(args.out, args.default_out, resume=args.resume)
             if 'replay' in args.source and not args.transcript:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
-            check_thresholds(args, config.sources)
-            pool = stack.enter_context(make_executor(args, config.sources))
+            common.check_thresholds(args, config.sources)
+            pool = stack.enter_context(common.make_executor(args, config.sources))
             files = [*args.bags, *([args.requests] if listed else [])]
-            metadata = describe_run(files, run_parameters(args, config), deciding_files(args))
+            metadata = describe_run(
+                files, run_parameters(args, config), common.deciding_files(args)
+            )
             metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
             done = open_folder(
                 folder,
@@ -161,28 +146,30 @@ def run(args: argparse.Namespace) -> int:
                 parquet=is_parquet_run(args.format),
             )
         except ResultsError as error:
-            return complain(args, str(error), BAD_INPUT)
+            return common.complain(args, str(error), common.BAD_INPUT)
         tasks = BagTasks(config)
         keep = partial(write_outcomes, results_bag) if results_bag else None
         try:
             with results_bag or nullcontext():
                 left = tasks.tasks(done)
-                code = run_into(args, folder, metadata, left, pool, unit='request', keep=keep)
+                code = common.run_into(
+                    args, folder, metadata, left, pool, unit='request', keep=keep
+                )
         except (ResultsError, BagWriteError) as error:
-            return complain(args, str(error), INCOMPLETE)
+            return common.complain(args, str(error), common.INCOMPLETE)
         problems = [unopened, *(bag.problems for bag in bags)]
     metadata['left_out'] = [line for one in problems for line in one.lines()]
     metadata['notes'] = [line for one in problems for line in one.notes]
     for line in metadata['notes']:
-        complain(args, f'note: {line}', OK)
+        common.complain(args, f'note: {line}', common.OK)
     for line in metadata['left_out']:
-        code = complain(args, f'left out: {line}', code or INCOMPLETE)
+        code = common.complain(args, f'left out: {line}', code or common.INCOMPLETE)
     try:
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
         folder.write_places(config.places)
     except ResultsError as error:
-        return complain(args, str(error), INCOMPLETE)
-    return close_run(args, folder, metadata, code)
+        return common.complain(args, str(error), common.INCOMPLETE)
+    return common.close_run(args, folder, metadata, code)
 
 
 def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
@@ -200,13 +187,13 @@ def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[L
 
 def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
     """Show what bags contain; return 3 where one cannot be read or evaluated."""
-    code = OK
+    code = common.OK
     with open_bags(args.bags) as (bags, unopened):
         contents = [describe(bag, selection) for bag in bags]
     for line in unopened.lines():
-        code = complain(args, line, INCOMPLETE)
+        code = common.complain(args, line, common.INCOMPLETE)
     if any(item['missing'] or item['left_out'] for item in contents):
-        code = INCOMPLETE
+        code = common.INCOMPLETE
     print(json.dumps(contents) if args.json else '\n'.join(map(describe_text, contents)))
     return code
 
@@ -256,10 +243,10 @@ def make_config(
         values['tolerance'],
         values['start_tolerance'],
         'corner_cutting' not in rules and not args.params_file,
-        instruction_of(args, places),
+        common.instruction_of(args, places),
     )
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
-    sources = source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
+    sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
     return EvaluationConfig(
         bags, selection, args.methods, sources, settings, args.plan_window, listed, places
@@ -269,7 +256,7 @@ def make_config(
 def run_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
     settings = config.settings
-    return deciding_parameters(args, 'requests', 'plan_window') | {
+    return common.deciding_parameters(args, 'requests', 'plan_window') | {
         'rules': None if settings.costmap is None else asdict(settings.costmap),
         'tolerance': settings.tolerance,
         'start_tolerance': settings.start_tolerance,

@@ -1,8 +1,8 @@
 """Measure on a suite how well route instructions are understood, enforced and reported.
 
 Each instruction is understood by each source, planned, and the path held against the machine
-checks of the suite, which share no code with the planner. A suite is a JSON file of maps, places
-and instructions with their truth.
+checks of the suite, which share no code with the search or the enforcement. A suite is a JSON
+file of maps, places and instructions with their truth.
 """
 
 from __future__ import annotations
@@ -59,8 +59,7 @@ from llm_astar_lab.instruct_bench.thresholds import (
     missed_suite_thresholds,
     parse_suite_threshold,
 )
-from llm_astar_lab.results.csv_rows import format_csv
-from llm_astar_lab.results.folder import ResultsFolder, describe_run
+from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import progress
 

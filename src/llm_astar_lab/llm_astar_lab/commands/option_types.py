@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from llm_astar_planner.resources import find_file
 
 from llm_astar_lab.analysis.thresholds import Threshold, parse_threshold
-from llm_astar_lab.results.row import METHOD_ALIASES
 
 
 def names(text: str) -> list[str]:
@@ -25,16 +23,6 @@ def file_names(text: str) -> list[str]:
     if Path(text).is_file():
         return [text]
     return [str(find_file(name, 'maps')) for name in names(text)]
-
-
-def method_names(text: str) -> list[str]:
-    """Parse names of methods; warn about an old name and return the new one."""
-    found = []
-    for name in names(text):
-        if name in METHOD_ALIASES:
-            sys.stderr.write(f'warning: method {name} is now called {METHOD_ALIASES[name]}\n')
-        found.append(METHOD_ALIASES.get(name, name))
-    return found
 
 
 def threshold(text: str) -> Threshold:

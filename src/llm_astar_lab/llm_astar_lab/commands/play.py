@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import sys
 import threading
 import webbrowser
 from collections.abc import Iterator
@@ -78,20 +77,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Serve until Ctrl-C; return 0, or 1 where a library is missing.
+    """Serve until Ctrl-C; return 0.
 
     Raises ParameterError where it cannot serve at the address, NodeNameError for a name that no
     node can have, and what reading maps raises.
     """
-    # Optional dependencies; the help needs to work without them.
-    try:
-        from llm_astar_lab.play.server import PlayApp, listen, serve, url_of  # noqa: PLC0415
-    except ModuleNotFoundError as error:
-        message = f"{error.name} is missing: pip install 'starlette' 'uvicorn'"
-        sys.stderr.write(f'llm-astar: error: {message}\n')
-        return 1
+    # Not at the top: the help should not wait for them.
     from llm_astar_lab.play.live import LiveFeed  # noqa: PLC0415
     from llm_astar_lab.play.maps import Maps  # noqa: PLC0415
+    from llm_astar_lab.play.server import PlayApp, listen, serve, url_of  # noqa: PLC0415
 
     feed = LiveFeed() if arguments.live else None
     app = PlayApp(Maps(arguments.map), feed)

@@ -62,7 +62,7 @@ def write_parts(
     args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
 ) -> int:
     """Write the section and the tables that are asked for, and print their files; return 0."""
-    summary = summarise_run(folder.read(), metadata)
+    summary = summarise_run(folder.stored(), metadata)
     if args.readme:
         replace_section(Path(args.readme), results_section(summary))
         print(args.readme)

@@ -33,13 +33,12 @@ from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 from tqdm import tqdm
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.analysis.summary import summarise
 from llm_astar_lab.analysis.thresholds import (
     missed_thresholds,
     unknown_variant,
 )
-from llm_astar_lab.commands.option_types import count, file_names, method_names, names, threshold
+from llm_astar_lab.commands.option_types import count, file_names, names, threshold
 from llm_astar_lab.datasets.reference_lengths import (
     compare_with_reference,
     reference_lengths,
@@ -47,20 +46,21 @@ from llm_astar_lab.datasets.reference_lengths import (
 from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
-from llm_astar_lab.runner.cluster import connect
+from llm_astar_lab.results.stored_rows import UNANSWERED
 from llm_astar_lab.runner.config import (
     FORMATS,
     LARGE_RUN,
+    connect,
     describe_unanswered,
+    forecast,
     progress,
     run_into_folder,
+    split_timed,
 )
-from llm_astar_lab.runner.duration import forecast, split_timed
 from llm_astar_lab.runner.engine import (
     ALL_METHODS,
     Outcome,
     Task,
-    TaskList,
     compile_once,
     list_variants,
 )
@@ -86,7 +86,7 @@ OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
     group.add_argument(
-        '--methods', type=method_names, metavar='NAMES',
+        '--methods', type=names, metavar='NAMES',
         help=f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)',
     )  # fmt: skip
     group.add_argument(
@@ -300,7 +300,7 @@ def run_into(
     args: argparse.Namespace,
     folder: ResultsFolder,
     metadata: dict[str, Any],
-    tasks: TaskList | Iterator[Task],
+    tasks: Iterable[Task],
     pool: tuple[Executor, int],
     *,
     unit: str = 'sample',
@@ -311,7 +311,7 @@ def run_into(
     `pool` is what `make_executor` yields: made before a folder is touched, as it may fail.
     Raises ResultsError where the folder cannot be written to, and what `keep` raises.
     """
-    total = len(tasks) if isinstance(tasks, TaskList) else None
+    total = len(tasks) if isinstance(tasks, list) else None
     executor, at_once = pool
     try:
         with progress(total, unit) as step:
@@ -328,27 +328,26 @@ def run_into(
             def run(some: Iterable[Task]) -> None:
                 run_into_folder(folder, some, executor, queued, metadata=metadata, step=finish)
 
-            run(run_timed(tasks, run) if isinstance(tasks, TaskList) else tasks)
+            run(run_timed(tasks, run) if isinstance(tasks, list) else tasks)
     except KeyboardInterrupt:
         message = 'interrupted: the rows so far are kept; continue with --resume'
         return complain(args, message, INTERRUPTED)
     return OK
 
 
-def run_timed(tasks: TaskList, run: Callable[[TaskList], None]) -> TaskList:
+def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> Sequence[Task]:
     """Run the first tasks of each scale, say how long the others take, and return those."""
     compile_once()
-    timed, others = split_timed(tasks.scales)
+    timed, others = split_timed(tasks)
     seconds = {}
     for scale, first in timed.items():
         begun = time.monotonic()
-        run(tasks.at(first))
+        run(first)
         seconds[scale] = (time.monotonic() - begun) / len(first)
-    left = tasks.at(others)
-    sentence = forecast(left.scales, seconds)
+    sentence = forecast(others, seconds)
     if sentence is not None:
         tqdm.write(sentence, file=sys.stderr)
-    return left
+    return others
 
 
 def close_run(
@@ -362,30 +361,30 @@ def close_run(
     maps = load_kept_maps(folder.path / MAPS_FILE)
     try:
         folder.fold()
-        columns = RowColumns()
-        unanswered = describe_unanswered(columns.passing(folder.read()))
+        rows = folder.stored()
+        unanswered = describe_unanswered(rows.rows(UNANSWERED))
         if 'map_costs' in metadata:
-            add_query_times(metadata['map_costs'], columns)
+            add_query_times(metadata['map_costs'], rows)
         folder.write_json('metadata.json', metadata)
-        recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
+        recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
         lengths = reference_lengths(maps)
         agreements = (
-            compare_with_reference(folder.read(), lengths, args.heuristic) if lengths else []
+            compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
         )
         # Last, because figures take memory that is not given back.
-        summary = write_report(folder, metadata, maps)
+        summary = write_report(folder, metadata, maps, rows)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
-    print(json.dumps(summary) if args.json else text_report(columns, args.seed, recorded))
+    print(json.dumps(summary) if args.json else text_report(rows, args.seed, recorded))
     print(
-        f'{len(columns)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
+        f'{len(rows)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
         file=sys.stderr,
     )
     for line in unanswered:
         code = complain(args, line, code or INCOMPLETE)
     for agreement in agreements:
         code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in missed_thresholds(summarise(columns, args.seed), args.fail_under):
+    for line in missed_thresholds(summarise(rows, args.seed), args.fail_under):
         code = complain(args, line, code or MISSED)
     return code
 

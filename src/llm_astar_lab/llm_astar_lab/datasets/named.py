@@ -72,22 +72,19 @@ class Dataset:
         return {'file': ', '.join(self.names), 'sha256': digest.hexdigest()}
 
 
-def parse_names(text: str) -> tuple[str, ...] | None:
-    """Return the names of datasets in a text, separated by commas; None if it names a file.
+def parse_names(text: str) -> tuple[str, ...]:
+    """Return the names of datasets in a text, separated by commas.
 
-    Raises SelectionError for what is neither, which lists the names.
+    Raises SelectionError for another, which lists the names.
     """
     parts = tuple(dict.fromkeys(part.strip() for part in text.split(',')))
-    unknown = [part for part in parts if part not in NAMES]
-    if not unknown:
-        return parts
-    looks_like_file = Path(text).suffix or Path(text).expanduser().is_file()
-    if looks_like_file and len(parts) == 1:
-        return None
-    near = nearest_name(unknown[0], NAMES) or ';'
-    raise SelectionError(
-        f'--dataset: {short_repr(unknown[0])} is unknown{near} there are {", ".join(NAMES)}'
-    )
+    for unknown in (part for part in parts if part not in NAMES):
+        near = nearest_name(unknown, NAMES) or ';'
+        file = '; a file is given with --map' if Path(unknown).suffix else ''
+        raise SelectionError(
+            f'--dataset: {short_repr(unknown)} is unknown{near} there are {", ".join(NAMES)}{file}'
+        )
+    return parts
 
 
 def load_named(names: Sequence[str], path: Path | None, rules: DrawRules) -> Dataset:

@@ -6,8 +6,9 @@ the call they answer, by their stamp, or because the path ends at the request's 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -49,9 +50,9 @@ Call = tuple[bytes, int]
 class StackAnswer:
     """What the robot's own stack answered to a request.
 
-    `points` [n, 2] are its path in metres in the map's frame: empty where it found none, None
-    where none was recorded. `code`, `waypoints` (m) and `instruction` come from a
-    report of our planner.
+    `points` [n, 2] are its path: empty where it found none, None where none was recorded. `code`,
+    `waypoints` and `instruction` come from a report of our planner. Coordinates are metres in the
+    map's frame in a `BagRequest`, those of the grid in a `RecordedPlan`.
     """
 
     points: NDArray[np.float64] | None = None
@@ -59,12 +60,19 @@ class StackAnswer:
     waypoints: tuple[tuple[float, float], ...] = ()
     instruction: Mapping[str, Any] | None = None
 
+    def on_grid(self, grid_map: GridMap) -> StackAnswer:
+        """Return the answer in grid coordinates."""
+        points = None if self.points is None else grid_map.world_to_grid(self.points).round(6)
+        waypoints = grid_map.world_to_grid(self.waypoints).round(6).tolist()
+        return replace(self, points=points, waypoints=tuple((x, y) for x, y in waypoints))
+
 
 @dataclass
 class BagRequest:
     """A request of a bag: poses in metres in the map's frame, `time` in ns since 1970.
 
     `index` is its number in the bag. `tolerance` (m) is the caller's, 0 where it named none.
+    While its answer may still come, `stamp` (ns) is that of its first path or report.
     """
 
     index: int
@@ -74,7 +82,10 @@ class BagRequest:
     grid_map: GridMap
     barrier_map: BarrierMap | None = None
     tolerance: float = 0.0
+    call: Call | None = None
     recorded: StackAnswer = field(default_factory=StackAnswer)
+    stamp: int | None = None
+    is_done: bool = False
 
     def is_answered_by(self, points: NDArray[np.float64], frame: str) -> bool:
         """Tell whether a path, points [n, 2] in metres in `frame`, ends at the goal."""
@@ -85,16 +96,6 @@ class BagRequest:
         return bool(np.hypot(*(points[-1] - self.goal[:2])) <= reach)
 
 
-@dataclass
-class PendingRequest:
-    """A request whose answer may still come; `stamp` (ns) is that of its first path or report."""
-
-    request: BagRequest
-    call: Call | None
-    stamp: int | None = None
-    done: bool = False
-
-
 class PendingRequests:
     """The requests that wait for an answer, in the order they were made."""
 
@@ -103,31 +104,30 @@ class PendingRequests:
         self._window = window
         self._plans = plans
         self._reports = reports
-        self._waiting: list[PendingRequest] = []
+        self._waiting: list[BagRequest] = []
 
-    def add(self, request: BagRequest, call: Call | None) -> None:
+    def add(self, request: BagRequest) -> None:
         """Add a request. It does not wait where nothing in the bag could answer it."""
-        answerable = self._plans or self._reports or call is not None
-        self._waiting.append(PendingRequest(request, call, done=not answerable))
+        request.is_done = not (self._plans or self._reports or request.call)
+        self._waiting.append(request)
 
-    def expire(self, now: int | None = None) -> None:
-        """Let the requests go on that have waited too long by `now`; all of them for None."""
-        for item in self._waiting:
-            item.done = item.done or now is None or now - item.request.time > self._window
+    def expire(self, now: float = math.inf) -> None:
+        """Let the requests go on that have waited too long by `now`; all of them without it."""
+        for request in self._waiting:
+            request.is_done = request.is_done or now - request.time > self._window
 
     def pop_ready(self) -> Iterator[BagRequest]:
         """Yield, in their order, the requests that no longer wait."""
-        while self._waiting and (self._waiting[0].done or len(self._waiting) > MAX_WAITING):
-            yield self._waiting.pop(0).request
+        while self._waiting and (self._waiting[0].is_done or len(self._waiting) > MAX_WAITING):
+            yield self._waiting.pop(0)
 
     def take_response(self, call: Call, plan: Any) -> None:  # noqa: ANN401 - a decoded Path
         """Take the response to a call; it replaces a path published before."""
         points = path_from_message(plan)
-        for item in self._waiting:
-            if item.call == call and are_near(points):
-                item.request.recorded.points = points
-                item.stamp = stamp_of(plan)
-                item.done = not self._reports or bool(item.request.recorded.code)
+        for request in self._waiting:
+            if request.call == call and are_near(points):
+                request.recorded.points, request.stamp = points, stamp_of(plan)
+                request.is_done = not self._reports or bool(request.recorded.code)
 
     def take_plan(self, plan: Any) -> bool:  # noqa: ANN401 - a decoded Path
         """Take a published path; return whether it belongs to a waiting request.
@@ -135,16 +135,12 @@ class PendingRequests:
         A path belongs to the first request without one that it fits. Later paths with the same
         stamp replace it.
         """
-        points = path_from_message(plan)
-        stamp = stamp_of(plan)
-        for item in self._waiting:
-            if item.done:
-                continue
-            fits = item.stamp is None and item.request.is_answered_by(points, plan.header.frame_id)
-            if fits or item.stamp == stamp:
-                item.request.recorded.points = points
-                item.stamp = stamp
-                item.done = not (self._reports or item.call)
+        points, stamp = path_from_message(plan), stamp_of(plan)
+        for request in self._waiting:
+            fits = request.stamp is None and request.is_answered_by(points, plan.header.frame_id)
+            if not request.is_done and (fits or request.stamp == stamp):
+                request.recorded.points, request.stamp = points, stamp
+                request.is_done = not (self._reports or request.call)
                 return True
         return False
 
@@ -157,55 +153,37 @@ class PendingRequests:
         except (KeyError, TypeError, ValueError, OverflowError):
             return
         stamp = stamp_of(report)
-        same_stamp = [item for item in self._waiting if item.stamp == stamp]
-        unanswered = [item for item in self._waiting if item.stamp is None]
-        for item in (*same_stamp, *unanswered)[:1]:
-            recorded = item.request.recorded
+        same_stamp = [request for request in self._waiting if request.stamp == stamp]
+        unanswered = [request for request in self._waiting if request.stamp is None]
+        for request in (*same_stamp, *unanswered)[:1]:
+            recorded, instruction = request.recorded, values.get('instruction_report')
             recorded.code = code
             recorded.waypoints = waypoints if are_near(np.array(waypoints)) else ()
-            instruction = values.get('instruction_report')
             recorded.instruction = instruction if isinstance(instruction, dict) else None
-            item.stamp = stamp
-            item.done = item.call is None or recorded.points is not None
+            request.stamp = stamp
+            request.is_done = request.call is None or recorded.points is not None
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedPlan:
-    """A request of a bag and the stack's plan for it; `time` (ns since 1970) is the request's.
-
-    `points` [n, 2] is the recorded path in grid coordinates: empty where the stack found none,
-    None where none was recorded. `code` and `waypoints` (grid coordinates) are from a report.
-    """
+    """A request of a bag and the stack's plan for it; `time` (ns since 1970) is the request's."""
 
     bag: str
     request: int
     time: int
     map_digest: str
-    points: NDArray[np.float64] | None = None
-    code: str = ''
-    waypoints: tuple[tuple[float, float], ...] = ()
-    instruction: Mapping[str, Any] | None = None
+    answer: StackAnswer
 
     @classmethod
     def of(cls, bag: str, request: BagRequest) -> RecordedPlan:
         """Return the recorded plan for a request of the bag with this name."""
-        grid_map, recorded = request.grid_map, request.recorded
-        points = recorded.points
-        waypoints = grid_map.world_to_grid(recorded.waypoints).round(6).tolist()
-        return cls(
-            bag,
-            request.index,
-            request.time,
-            grid_map.digest,
-            None if points is None else grid_map.world_to_grid(points).round(6),
-            recorded.code,
-            tuple((x, y) for x, y in waypoints),
-            recorded.instruction,
-        )
+        grid_map = request.grid_map
+        answer = request.recorded.on_grid(grid_map)
+        return cls(bag, request.index, request.time, grid_map.digest, answer)
 
     def asked(self, places: Places) -> RouteInstruction | None:
         """Return the recorded instruction as it was understood, None if there is none."""
-        interpretation = (self.instruction or {}).get('interpretation')
+        interpretation = (self.answer.instruction or {}).get('interpretation')
         if not isinstance(interpretation, dict) or not interpretation.get('text'):
             return None
         try:
@@ -221,29 +199,28 @@ class RecordedPlan:
 
     def columns(self, planner: Planner) -> dict[str, Any]:
         """Return its columns of a results row; `planner` checks the path."""
+        points, instruction = self.answer.points, self.answer.instruction
         columns: dict[str, Any] = {
             'bag': self.bag,
             'request': self.request,
             'stamp': self.time / 1e9,
             'map_digest': self.map_digest,
-            'recorded_code': self.code,
-            'recorded_waypoints': format_points(self.waypoints),
-            'recorded_instruction': str((self.instruction or {}).get('summary', '')),
-            'recorded_instruction_satisfied': satisfied_column(self.instruction),
+            'recorded_code': self.answer.code,
+            'recorded_waypoints': format_points(self.answer.waypoints),
+            'recorded_instruction': str((instruction or {}).get('summary', '')),
+            'recorded_instruction_satisfied': satisfied_column(instruction),
         }
-        if self.points is None:
+        if points is None:
             return columns
-        if len(self.points) == 0:
+        if len(points) == 0:
             return columns | {'recorded_problem': 'it is empty'}
-        length = float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+        columns['recorded_length'] = length = float(np.hypot(*np.diff(points, axis=0).T).sum())
         if length > LONGEST:
-            too_long = f'it is over {LONGEST} cells long'
-            return columns | {'recorded_length': length, 'recorded_problem': too_long}
-        cells = cells_along(self.points)
+            return columns | {'recorded_problem': f'it is over {LONGEST} cells long'}
+        cells = cells_along(points)
         start, goal = ((int(x), int(y)) for x, y in (cells[0], cells[-1]))
         return columns | {
-            'recorded_length': length,
-            'recorded_problem': planner.path_problem(cells, start, goal) or '',
+            'recorded_problem': planner.checker.path_problem(cells, start, goal) or '',
             'recorded_path': format_points(turning_points(cells)),
         }
 

@@ -16,16 +16,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import read_text
-from llm_astar_msgs_adapter.json_values import parse_json
+from llm_astar_msgs_adapter.files import parse_json, read_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
+from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
 
 from llm_astar_lab.bags.files import JUMP
 from llm_astar_lab.bags.reading import Bag, BagMessage
 from llm_astar_lab.evaluation.recorded_plans import BagRequest, Call, PendingRequests
-from llm_astar_lab.evaluation.robot_poses import PoseError, RobotPoseTracker
 from llm_astar_lab.evaluation.topics import TopicSelection, find_missing, topic_roles
 
 # The event types of service_msgs/ServiceEventInfo with a response: sent and received.
@@ -36,6 +35,8 @@ MAX_CALLS = 1000
 UNFIT = (LlmAstarError, AttributeError, TypeError, ValueError, LookupError, OverflowError)
 MAX_REQUESTS = 100_000
 MAX_LIST_BYTES = 8_000_000
+# Roles of the topics with the robot's pose, besides tf, and their names; the better one first.
+POSE_ROLES = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
@@ -47,6 +48,10 @@ class RequestListError(LlmAstarError, ValueError):
     """A list that cannot be used; the message names the file, the entry and the field."""
 
 
+class PoseError(LlmAstarError, ValueError):
+    """A pose that is not known on the map; the message says which pose, and why."""
+
+
 class ListedRequest(NamedTuple):
     """A request of a list; `time` is in seconds after the bag's first message, inf at its end."""
 
@@ -54,6 +59,65 @@ class ListedRequest(NamedTuple):
     time: float
     start: Pose2D
     goal: Pose2D
+
+
+class RobotPoseTracker:
+    """Keeps the newest transforms, odometry, and pose from amcl_pose or initialpose."""
+
+    def __init__(self, base_frame: str) -> None:
+        """Begin without poses; `base_frame` is the robot's frame in tf."""
+        self._base_frame = base_frame
+        self._transforms = Transforms()
+        self._latest: dict[str, BagMessage] = {}
+
+    def take(self, role: str, message: BagMessage) -> None:
+        """Take a message of the role `tf`, `static tf`, `odometry` or `start`."""
+        if role in ('tf', 'static tf'):
+            self._transforms.add(message.value, message.time, static=role == 'static tf')
+        else:
+            self._latest[role] = message
+
+    def forget(self) -> None:
+        """Forget all but static transforms, for when the clock jumps."""
+        self._transforms.forget_moving()
+        self._latest.clear()
+
+    def to_map(self, pose: Any, frame: str, map_frame: str, now: int, name: str) -> Pose2D:  # noqa: ANN401
+        """Return a decoded pose in the map's frame. An empty frame means the map's.
+
+        Raises PoseError, which begins with `name`.
+        """
+        try:
+            own = pose_from_message(pose)
+        except GridMapError as error:
+            raise PoseError(f'{name} cannot be used ({error})') from None
+        if frame in ('', map_frame):
+            return own
+        transform = self._transforms.lookup(map_frame, frame, now)
+        if transform is None:
+            message = f'{name} is in frame {frame!r}, the map in {map_frame!r}, and no tf'
+            raise PoseError(f'{message} joins them')
+        return moved(own, transform)
+
+    def robot(self, map_frame: str, now: int) -> Pose2D:
+        """Return the robot's pose by tf, else by odometry, else by amcl_pose or initialpose.
+
+        Raises PoseError, which begins with `start`.
+        """
+        transform = self._transforms.lookup(map_frame, self._base_frame, now)
+        if transform is not None:
+            return flat_pose(transform)
+        problems = [f'no tf from {map_frame} to {self._base_frame}']
+        for role, name in POSE_ROLES.items():
+            if role not in self._latest:
+                problems.append(f'no {name} yet')
+                continue
+            value = self._latest[role].value
+            try:
+                return self.to_map(value.pose.pose, value.header.frame_id, map_frame, now, name)
+            except PoseError as error:
+                problems.append(str(error))
+        raise PoseError(f'start is not known: {"; ".join(problems)}')
 
 
 class RequestReader:
@@ -225,8 +289,9 @@ class RequestReader:
         if barriers is not None and not are_barriers_of(barriers, grid_map):
             barriers = None
         poses = (start_pose, goal_pose)
-        request = BagRequest(index, self._now, *poses, grid_map, barriers, tolerance)
-        self._pending.add(request, call)
+        self._pending.add(
+            BagRequest(index, self._now, *poses, grid_map, barriers, tolerance, call)
+        )
 
     def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
         if place is None:
@@ -257,8 +322,7 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     request without a time is made on the last map. Raises RequestListError.
     """
     path = Path(path)
-    text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
-    entries = read_json(text, path) if path.suffix == '.json' else read_csv(text, path)
+    entries = json_entries(path) if path.suffix == '.json' else csv_entries(path)
     requests = []
     for number, entry in enumerate(entries, 1):
         where = f'{path}: entry {number}'
@@ -276,8 +340,9 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     return requests
 
 
-def read_csv(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
+def csv_entries(path: Path) -> Iterable[Mapping[str, Any]]:
     """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
+    text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
     reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
     if missing:
@@ -285,12 +350,9 @@ def read_csv(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
     return reader
 
 
-def read_json(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
+def json_entries(path: Path) -> Iterable[Mapping[str, Any]]:
     """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
-    try:
-        entries = parse_json(text)
-    except ValueError as error:
-        raise RequestListError(f'{path}: not JSON: {error}') from None
+    entries = read_json(path, RequestListError, MAX_LIST_BYTES)
     if not isinstance(entries, list):
         raise RequestListError(f'{path}: a JSON list of requests is expected')
     for number, entry in enumerate(entries, 1):

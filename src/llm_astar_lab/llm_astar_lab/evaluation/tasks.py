@@ -17,13 +17,8 @@ from llm_astar_lab.datasets.samples import BenchmarkSample
 from llm_astar_lab.evaluation.recorded_plans import BagRequest, RecordedPlan
 from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
 from llm_astar_lab.evaluation.topics import TopicSelection
-from llm_astar_lab.results.row_keys import FinishedRows
-from llm_astar_lab.runner.engine import (
-    SearchSettings,
-    Task,
-    list_variants,
-    make_tasks,
-)
+from llm_astar_lab.results.stored_rows import Finished
+from llm_astar_lab.runner.engine import SearchSettings, Task, list_variants, make_tasks
 from llm_astar_lab.runner.sources import SourceSpec
 
 # What a report may show: maps, cells on all of them together, and requests on each.
@@ -81,31 +76,6 @@ class SampleIdAllocator:
         return others.stop
 
 
-class KeptMaps:
-    """The first maps of an evaluation and their requests, to be drawn in the report."""
-
-    def __init__(self) -> None:
-        """Begin without maps."""
-        self._maps: dict[int, ProblemMap] = {}
-
-    def add(self, sample: BenchmarkSample) -> None:
-        """Keep a request and its map while there is room."""
-        map_id = sample.barrier_map.id
-        kept = self._maps.get(map_id, sample.barrier_map)
-        cells = sum(map(count_cells, self._maps.values()))
-        full = len(self._maps) >= MAX_MAPS or cells + count_cells(kept) > MAX_CELLS
-        if map_id not in self._maps and full:
-            return
-        # The requests kept are those with the first numbers, so that each keeps its own.
-        if len(kept.samples) == sample.pair < MAX_REQUESTS:
-            kept = replace(kept, samples=(*kept.samples, sample.sample))
-        self._maps[map_id] = kept
-
-    def maps(self) -> list[ProblemMap]:
-        """Return the kept maps in order of their ids."""
-        return [self._maps[map_id] for map_id in sorted(self._maps)]
-
-
 class BagTasks:
     """Makes the tasks of an evaluation while the bags are read, and keeps maps for the report."""
 
@@ -114,9 +84,10 @@ class BagTasks:
         self._config = config
         self._variants = list_variants(config.methods, config.sources)
         self._ids = SampleIdAllocator()
-        self.kept = KeptMaps()
+        # The first maps and their requests, by map.
+        self._kept: dict[int, ProblemMap] = {}
 
-    def tasks(self, done: FinishedRows) -> Iterator[Task]:
+    def tasks(self, done: Finished) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
         config = self._config
         for bag in config.bags:
@@ -128,7 +99,7 @@ class BagTasks:
                     problem = f'{bag.path}: request {request.index}: {error}'
                     bag.problems.leave_out(problem, f'{bag.path}: requests left out')
                     continue
-                self.kept.add(sample)
+                self._keep(sample)
                 settings = config.settings
                 if request.tolerance > 0.0:
                     settings = replace(settings, tolerance=request.tolerance)
@@ -160,6 +131,23 @@ class BagTasks:
             sample = barriers.samples[own]
         bare = replace(barriers, id=map_id, samples=())
         return BenchmarkSample(bare, pair, sample), pair == own and map_id == barriers.id
+
+    def _keep(self, sample: BenchmarkSample) -> None:
+        """Keep a request and its map for the report while there is room."""
+        map_id = sample.barrier_map.id
+        kept = self._kept.get(map_id, sample.barrier_map)
+        cells = sum(map(count_cells, self._kept.values()))
+        full = len(self._kept) >= MAX_MAPS or cells + count_cells(kept) > MAX_CELLS
+        if map_id not in self._kept and full:
+            return
+        # The requests kept are those with the first numbers, so that each keeps its own.
+        if len(kept.samples) == sample.pair < MAX_REQUESTS:
+            kept = replace(kept, samples=(*kept.samples, sample.sample))
+        self._kept[map_id] = kept
+
+    def kept_maps(self) -> list[ProblemMap]:
+        """Return the maps for the report in order of their ids."""
+        return [self._kept[map_id] for map_id in sorted(self._kept)]
 
 
 def count_cells(problem: ProblemMap) -> int:

@@ -1,28 +1,33 @@
-"""Bags that are written here: the samples of a dataset, and the plans of an evaluation."""
+"""What is written of bags: a dataset's samples and an evaluation's plans as bags, exchanges.
+
+Exchanges with language models that were recorded in bags become a transcript to replay.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.fields import values_of_report
 from llm_astar_msgs_adapter.messages.report import PlanReport
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
+from llm_astar_planner.waypoints.source import Message, SourceStatus
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 from numpy.typing import ArrayLike
 
 from llm_astar_lab.bags import messages as bag_messages
-from llm_astar_lab.bags.messages import (
-    BARRIER_MAP,
-    GET_PLAN_EVENT,
-    MAP,
-    NANOSECONDS,
-    evaluation_topic,
-)
+from llm_astar_lab.bags.messages import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS
+from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.types import GET_PLAN_EVENT_TYPE, define
 from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.evaluation.topics import TopicSelection, topic_roles
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
 # The time of a sample bag's first map; it is fixed, so that the same samples give the same bag.
@@ -31,12 +36,6 @@ FIRST_STAMP = 1_700_000_000 * NANOSECONDS
 STEP = NANOSECONDS
 # How long barriers come before their map, and a map before the first plan on it.
 LEAD = NANOSECONDS // 1000
-# What is written of each plan, and its type.
-RESULT_TYPES = {
-    'plan': 'nav_msgs/msg/Path',
-    'report': 'diagnostic_msgs/msg/DiagnosticArray',
-    'markers': 'visualization_msgs/msg/MarkerArray',
-}
 # The size of the spheres that show waypoints, in cells.
 MARKER_CELLS = 1.5
 
@@ -78,27 +77,21 @@ def write_sample_bag(
     return bag.counts
 
 
-class ResultsBag:
-    """Writes the plans of an evaluation into a bag; a context manager that closes it.
+class ResultsBag(BagWriter):
+    """Writes the plans of an evaluation into a new bag; a context manager.
 
     `/map` is written when it changes; for each method (with a source: both their names) there are
     `/evaluation/<method>/plan`, `/report` and `/markers`. Players show messages in order of their
     times, so the plans of all methods for one request come before those for the next.
     """
 
-    def __init__(self, folder: str | Path, storage: str = 'mcap') -> None:
-        """Prepare a new bag, `mcap` or `sqlite3`. Raises BagWriteError where `folder` exists."""
-        self._bag = BagWriter(folder, storage)
-        self._map_digest: str | None = None
+    _map_digest = ''
 
     def __enter__(self) -> ResultsBag:
         """Make the folder. Raises OSError where that fails."""
-        self._bag.__enter__()
-        self._bag.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
+        super().__enter__()
+        self.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
         return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        self._bag.__exit__(kind, error, trace)
 
     def add(
         self,
@@ -118,17 +111,70 @@ class ResultsBag:
         stamp = max(stamp, 0)
         if grid_map.digest != self._map_digest:
             before = max(stamp - LEAD, 0)
-            self._bag.write_message(MAP, before, bag_messages.occupancy_grid(grid_map, before))
+            self.write_message(MAP, before, bag_messages.occupancy_grid(grid_map, before))
             self._map_digest = grid_map.digest
         frame, size = grid_map.frame_id, MARKER_CELLS * grid_map.resolution
         level, name = report.level[0], f'{method} {source}'
-        messages = {
+        messages: dict[str, Any] = {
             'plan': bag_messages.path(points, frame, stamp),
             'report': bag_messages.status(name, level, report.summary, asdict(report), stamp),
             'markers': bag_messages.waypoint_markers(report.waypoints, size, frame, stamp),
         }
         for kind, message in messages.items():
-            topic = evaluation_topic(method, source, kind)
-            if topic not in self._bag.counts:
-                self._bag.add_topic(OfferedTopic(topic, define(RESULT_TYPES[kind]), (qos(),)))
-            self._bag.write_message(topic, stamp, message)
+            topic = bag_messages.evaluation_topic(method, source, kind)
+            if topic not in self.counts:
+                self.add_topic(OfferedTopic(topic, define(message.__msgtype__), (qos(),)))
+            self.write_message(topic, stamp, message)
+
+
+def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: Path) -> int:
+    """Write every exchange in bags to a new transcript, in their order; return their number.
+
+    Raises TranscriptError or OSError where the file cannot be written.
+    """
+    transcript.unlink(missing_ok=True)
+    writer = TranscriptWriter(transcript)
+    count = 0
+    for bag in bags:
+        roles = topic_roles(bag, selection)
+        for message in bag.messages([name for name, role in roles.items() if role == 'exchange']):
+            exchange = exchange_from_values(values_of_report(message.value))
+            if exchange is not None:
+                writer.write(exchange)
+                count += 1
+    return count
+
+
+def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
+    """Make an exchange of a message's values; None where they are not those of an exchange."""
+    try:
+        response, unit = response_of(values)
+        return Exchange(
+            map=str(values['map_digest']),
+            pair=str(values['pair']),
+            scale=1,
+            model=str(values['model']),
+            prompt=str(values['prompt']),
+            messages=tuple(Message(str(role), str(text)) for role, text in values['messages']),
+            response=response,
+            prompt_tokens=int(values['prompt_tokens']),
+            completion_tokens=int(values['completion_tokens']),
+            seconds=float(values['seconds']),
+            status=SourceStatus(values['status']),
+            unit=unit,
+        )
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
+def response_of(values: Mapping[str, Any]) -> tuple[str, int]:
+    """Return the reply's text, and how many cells one step of its coordinates is.
+
+    The message has the waypoints too. Where the text does not give the same ones, since it was
+    cut, is in other units, or the source has no text, the response is their list in cells.
+    """
+    text, unit = str(values['text']), int(values['unit'])
+    points = tuple((float(x), float(y)) for x, y in values['waypoints'])
+    if not points or (unit == 1 and read_answer(text).waypoints == points):
+        return text, unit
+    return json.dumps(points), 1

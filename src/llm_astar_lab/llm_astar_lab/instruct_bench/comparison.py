@@ -12,29 +12,7 @@ import math
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from llm_astar_planner.instructions.specification import (
-    AVOID_RADIUS,
-    VISIT_RADIUS,
-    WALLS,
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Box,
-    Clause,
-    Disc,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    Region,
-    Specification,
-    StayIn,
-    Tagged,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions import specification as spec
 
 from llm_astar_lab.instruct_bench.regions import SuiteMap, find_place, find_tagged
 
@@ -52,7 +30,7 @@ class NormalForm:
 
 
 def same_specification(
-    specification: Specification, accepted: Iterable[Specification], suite_map: SuiteMap
+    specification: spec.Specification, accepted: Iterable[spec.Specification], suite_map: SuiteMap
 ) -> bool:
     """Tell whether a specification asks the same as one of the accepted ones."""
     try:
@@ -62,84 +40,90 @@ def same_specification(
     return any(found == normal_form(other, suite_map) for other in accepted)
 
 
-def normal_form(specification: Specification, suite_map: SuiteMap) -> NormalForm:
+def normal_form(specification: spec.Specification, suite_map: SuiteMap) -> NormalForm:
     """Return the normal form. Raises SuiteError for a place or tag that the map does not have."""
     visits: list[Hashable] = []
     others: set[Hashable] = set()
     for clause in specification.clauses:
         keys = list(clause_keys(clause, suite_map))
-        if isinstance(clause, Visit):
+        if isinstance(clause, spec.Visit):
             visits += keys
         else:
             others.update(keys)
     return NormalForm(tuple(visits), frozenset(others))
 
 
-def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
+def clause_keys(clause: spec.Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
     """Yield what a clause is compared by, several for an avoided tag. Raises SuiteError."""
     kind, strength = clause.kind, clause.strength
     match clause:
-        case Unknown():
+        case spec.Unknown():
             yield UNKNOWN
-        case Avoid(region=Along(place, width), margin=0.0) if place == WALLS:
-            yield KeepDistance.kind, strength, round(width, DIGITS)
-        case KeepDistance(metres=metres, region=None):
+        case spec.Avoid(region=spec.Along(place, width), margin=0.0) if place == spec.WALLS:
+            yield spec.KeepDistance.kind, strength, round(width, DIGITS)
+        case spec.KeepDistance(metres=metres, region=None):
             yield kind, strength, round(metres, DIGITS)
-        case KeepDistance(metres=metres, region=Region() as region):
+        case spec.KeepDistance(metres=metres, region=spec.Region() as region):
             yield from avoid_keys(region, metres, strength, suite_map)
-        case Avoid(region=region, margin=margin):
+        case spec.Avoid(region=region, margin=margin):
             yield from avoid_keys(region, margin, strength, suite_map)
-        case Visit(regions=regions):
+        case spec.Visit(regions=regions):
             yield kind, strength, frozenset(region_key(region, suite_map) for region in regions)
-        case Before(first=first, second=second):
+        case spec.Before(first=first, second=second):
             yield kind, strength, region_key(first, suite_map), region_key(second, suite_map)
-        case StayIn(region=region) | EndAt(region=region):
+        case spec.StayIn(region=region) | spec.EndAt(region=region):
             yield kind, strength, region_key(region, suite_map)
-        case Pass(region=region, side=side):
+        case spec.Pass(region=region, side=side):
             yield kind, strength, region_key(region, suite_map), side
 
 
 def avoid_keys(
-    region: Region, margin: float, strength: str, suite_map: SuiteMap
+    region: spec.Region, margin: float, strength: str, suite_map: SuiteMap
 ) -> Iterator[Hashable]:
     """Yield what an avoided region is compared by: each place of a tag, a disc with its margin."""
-    if isinstance(region, Disc):
-        radius = region.radius + margin or AVOID_RADIUS
-        region, margin = Disc(region.x, region.y, radius), 0.0
-    parts: Sequence[Region] = (region,)
-    if isinstance(region, Tagged):
+    if isinstance(region, spec.Disc):
+        radius = region.radius + margin or spec.AVOID_RADIUS
+        region, margin = spec.Disc(region.x, region.y, radius), 0.0
+    parts: Sequence[spec.Region] = (region,)
+    if isinstance(region, spec.Tagged):
         tagged = find_tagged(region.tag, 'tag', suite_map.places)
-        parts = [NamedPlace(place.name) for place in tagged]
+        parts = [spec.NamedPlace(place.name) for place in tagged]
     for part in parts:
-        yield Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
+        yield spec.Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
 
 
-def region_key(region: Region, suite_map: SuiteMap) -> Hashable:
+def region_key(region: spec.Region, suite_map: SuiteMap) -> Hashable:
     """Return what a region is compared by. Raises SuiteError for an unknown place or tag."""
     places = suite_map.places
     key: Hashable = region
     match region:
-        case NamedPlace(name):
-            key = NamedPlace(find_place(name, 'place', places).name)
-        case Tagged(tag):
+        case spec.NamedPlace(name):
+            key = spec.NamedPlace(find_place(name, 'place', places).name)
+        case spec.Tagged(tag):
             tagged = find_tagged(tag, 'tag', places)
-            key = NamedPlace(tagged[0].name) if len(tagged) == 1 else Tagged(tag.casefold())
-        case Disc(x, y, radius):
-            key = Disc(*(round(value, DIGITS) for value in (x, y, radius or VISIT_RADIUS)))
-        case Box():
+            key = (
+                spec.NamedPlace(tagged[0].name)
+                if len(tagged) == 1
+                else spec.Tagged(tag.casefold())
+            )
+        case spec.Disc(x, y, radius):
+            key = spec.Disc(
+                *(round(value, DIGITS) for value in (x, y, radius or spec.VISIT_RADIUS))
+            )
+        case spec.Box():
             key = opened_box(region, suite_map)
-        case Half(side, of) if of:
-            key = Half(side, find_place(of, 'of', places).name)
-        case Between(first, second):
+        case spec.Half(side, of) if of:
+            key = spec.Half(side, find_place(of, 'of', places).name)
+        case spec.Between(first, second):
             names = (find_place(name, 'between', places).name for name in (first, second))
             key = frozenset(names)
-        case Along(place, width):
-            name = place if place == WALLS else find_place(place, 'along', places).name
-            key = Along(name, round(width, DIGITS))
+        case spec.Along(place, width):
+            name = place if place == spec.WALLS else find_place(place, 'along', places).name
+            key = spec.Along(name, round(width, DIGITS))
     return key
 
 
-def opened_box(box: Box, suite_map: SuiteMap) -> Box:
+def opened_box(box: spec.Box, suite_map: SuiteMap) -> spec.Box:
     """Return a box with the sides open that reach the map's edge, to within a cell."""
     x0, y0, x1, y1 = suite_map.extent
     cell = suite_map.grid_map.resolution
@@ -151,4 +135,4 @@ def opened_box(box: Box, suite_map: SuiteMap) -> Box:
         math.inf if side >= edge - cell else round(side, DIGITS)
         for side, edge in ((box.x1, x1), (box.y1, y1))
     ]
-    return Box(*low, *high)
+    return spec.Box(*low, *high)

@@ -11,8 +11,13 @@ from typing import Any
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places import Place, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places, parse_feature, places_beside
+from llm_astar_msgs_adapter.maps.places import (
+    Place,
+    Places,
+    load_places,
+    parse_feature,
+    places_beside,
+)
 from llm_astar_planner.instructions.specification_json import as_mapping, as_text
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 

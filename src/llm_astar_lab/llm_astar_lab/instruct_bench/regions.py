@@ -1,12 +1,11 @@
-"""The regions of a suite's checks as shapely geometry, in code of its own.
+"""The maps of a suite, and the regions of its checks as shapely geometry.
 
-Neither the enforcement nor the verification of instructions shares anything with it. The forms
-are described in `suite`.
+Places, halves and boxes lie where the verification of instructions has them; the tests hold them
+against a reading of their own. The forms are described in `suite`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,22 +17,14 @@ from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
-from llm_astar_planner.instructions.specification import (
-    COMPASS,
-    MAX_METRES,
-    ROUTE_SIDES,
-    SIDES,
-    VISIT_RADIUS,
-)
-from llm_astar_planner.instructions.specification_json import (
-    FAR,
-    as_choice,
-    as_mapping,
-    as_number,
-    as_numbers,
-    as_text,
-    box_from_json,
-)
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions import specification_json as checked
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.verification.geometry import disc_area, polyline
+from llm_astar_planner.instructions.verification.regions import Regions
+from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.search.result import Cell
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
@@ -81,28 +72,31 @@ class SuiteMap:
         """The walls, indexed for nearest neighbours."""
         return shapely.STRtree(self.walls)
 
-    def position(self, cell: Cell) -> tuple[float, float]:
-        """Return the centre (x, y) of a cell in metres."""
-        x, y = self.grid_map.grid_to_world([cell])[0]
-        return float(x), float(y)
+    @property
+    def costmap(self) -> Costmap:
+        """The map for a robot without a body."""
+        return Costmap(self.grid_map, CostmapConfig(occupied_threshold=self.occupied_threshold))
 
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:
         """The least box x0, y0, x1, y1 around the whole grid, in the map's frame."""
-        width, height = self.grid_map.width - 0.5, self.grid_map.height - 0.5
-        corners = [(-0.5, -0.5), (width, -0.5), (width, height), (-0.5, height)]
-        points = self.grid_map.grid_to_world(corners)
-        (x0, y0), (x1, y1) = points.min(axis=0), points.max(axis=0)
-        return float(x0), float(y0), float(x1), float(y1)
+        x0, y0, x1, y1 = Scene(self, (0, 0), (0, 0)).regions.map_outline.bounds
+        return x0, y0, x1, y1
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the checks of one instruction refer to: a map, and start and goal in metres."""
+    """What the checks of one instruction refer to: a map, and the cells of start and goal."""
 
     suite_map: SuiteMap
-    start: tuple[float, float]
-    goal: tuple[float, float]
+    start: Cell
+    goal: Cell
+
+    @cached_property
+    def regions(self) -> Regions:
+        """Where the verification has regions."""
+        route = Route(self.suite_map.costmap, self.start, self.goal, self.suite_map.places)
+        return Regions(route, Walls(route.costmap, polyline(route.position(self.start))))
 
 
 def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> BaseGeometry:
@@ -110,7 +104,7 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
 
     Raises SuiteError or SpecificationError for a malformed, unknown or empty region.
     """
-    fields = as_mapping(value, where)
+    fields = checked.as_mapping(value, where)
     form = next((name for name in FORMS if name in fields), None)
     if form is None or depth > MAX_DEPTH:
         problem = f'has none of {", ".join(FORMS)}' if form is None else 'is nested too deep'
@@ -118,14 +112,14 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
     unknown = set(fields) - {form, *EXTRAS.get(form, ())}
     if unknown:
         raise SuiteError(f'{where}: {form} has no field {short_repr(min(unknown))}')
-    geometry = FORMS[form](Reading(fields, form, f'{where}: {form}', scene, depth))
+    geometry = FORMS[form](RegionFields(fields, form, f'{where}: {form}', scene, depth))
     if geometry.is_empty or not geometry.is_valid:
         raise SuiteError(f'{where}: {form}: is empty or crosses itself')
     return geometry
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class RegionFields:
     """A region that is being read: its fields, its form, how errors name it, how deep it lies."""
 
     fields: Mapping[str, Any]
@@ -144,79 +138,87 @@ class Reading:
         """The map's places."""
         return self.scene.suite_map.places
 
+    def resolved(self, region: spec.Region) -> BaseGeometry:
+        """Return where the verification has a region."""
+        return self.scene.regions.resolve(region).area.outline
+
     def part(self, value: object) -> BaseGeometry:
         """Return the geometry of a region inside this one."""
         return region_geometry(value, self.where, self.scene, self.depth + 1)
 
 
-def read_place(reading: Reading) -> BaseGeometry:
+def read_place(fields: RegionFields) -> BaseGeometry:
     """Return the geometry of a named place. Raises SuiteError."""
-    return place_geometry(find_place(reading.value, reading.where, reading.places))
+    place = find_place(fields.value, fields.where, fields.places)
+    return fields.resolved(spec.NamedPlace(place.name))
 
 
-def read_tag(reading: Reading) -> BaseGeometry:
+def read_tag(fields: RegionFields) -> BaseGeometry:
     """Return the geometry of all places with a tag. Raises SuiteError."""
-    tagged = find_tagged(reading.value, reading.where, reading.places)
-    return shapely.union_all([place_geometry(place) for place in tagged])
+    find_tagged(fields.value, fields.where, fields.places)
+    return fields.resolved(spec.Tagged(str(fields.value)))
 
 
-def read_circle(reading: Reading) -> BaseGeometry:
-    """Return a disc. Raises SpecificationError."""
-    x, y, radius = as_numbers(reading.value, reading.where, 3)
-    return disc(x, y, radius)
+def read_circle(fields: RegionFields) -> BaseGeometry:
+    """Return a disc, empty where its radius is not above 0. Raises SpecificationError."""
+    return disc_area(*checked.as_numbers(fields.value, fields.where, 3)).outline
 
 
-def read_rect(reading: Reading) -> BaseGeometry:
-    """Return a box, whose open sides lie FAR away. Raises SpecificationError."""
-    box = box_from_json(reading.value, reading.where)
-    sides = (box.x0, box.y0, box.x1, box.y1)
-    return shapely.box(*(min(max(side, -FAR), FAR) for side in sides))
+def read_rect(fields: RegionFields) -> BaseGeometry:
+    """Return a box, whose open sides lie far away. Raises SpecificationError."""
+    return fields.resolved(checked.box_from_json(fields.value, fields.where))
 
 
-def read_polygon(reading: Reading) -> BaseGeometry:
-    """Return a polygon. Raises SuiteError or SpecificationError."""
-    return polygon(reading.value, reading.where)
+def read_polygon(fields: RegionFields) -> BaseGeometry:
+    """Return a polygon from its corners. Raises SuiteError or SpecificationError."""
+    corners, where = fields.value, fields.where
+    if not isinstance(corners, list) or not 3 <= len(corners) <= MAX_POINTS:
+        raise SuiteError(f'{where}: is not a list of 3 to {MAX_POINTS} points')
+    return shapely.Polygon([checked.as_numbers(point, where, 2) for point in corners])
 
 
-def read_half(reading: Reading) -> BaseGeometry:
+def read_half(fields: RegionFields) -> BaseGeometry:
     """Return half of the map's extent, of a place, or of the plane beside the direct way."""
-    of, where = reading.fields.get('of'), reading.where
-    side = as_choice(reading.value, where, COMPASS if of is not None else SIDES)
-    if side in ROUTE_SIDES:
-        return half_plane(reading.scene.start, reading.scene.goal, side, where)
-    if of is None:
-        return box_half(side, reading.scene.suite_map.extent)
-    place = place_geometry(find_place(of, f'{where}: of', reading.places))
-    return box_half(side, place.bounds).intersection(place)
+    of, where, scene = fields.fields.get('of'), fields.where, fields.scene
+    side = checked.as_choice(fields.value, where, spec.SIDES if of is None else spec.COMPASS)
+    if of is not None:
+        return fields.resolved(spec.Half(side, find_place(of, f'{where}: of', fields.places).name))
+    if side in spec.COMPASS:
+        return fields.resolved(spec.Half(side)) & shapely.box(*scene.suite_map.extent)
+    if scene.start == scene.goal:
+        raise SuiteError(f'{where}: {side}: start and goal are the same point')
+    return fields.resolved(spec.Half(side))
 
 
-def read_union(reading: Reading) -> BaseGeometry:
+def read_union(fields: RegionFields) -> BaseGeometry:
     """Return several regions together. Raises SuiteError or SpecificationError."""
-    return shapely.union_all(parts_of(reading))
+    return shapely.union_all(parts_of(fields))
 
 
-def read_between(reading: Reading) -> BaseGeometry:
+def read_between(fields: RegionFields) -> BaseGeometry:
     """Return the convex hull of two regions without them. Raises SuiteError."""
-    parts = parts_of(reading)
+    parts = parts_of(fields)
     if len(parts) != 2:
-        raise SuiteError(f'{reading.where}: is not a list of two regions')
+        raise SuiteError(f'{fields.where}: is not a list of two regions')
     both = shapely.union_all(parts)
     return both.convex_hull.difference(both)
 
 
-def read_near(reading: Reading) -> BaseGeometry:
+def read_near(fields: RegionFields) -> BaseGeometry:
     """Return all within some metres of a region. Raises SuiteError or SpecificationError."""
-    width = as_number(reading.fields.get('width'), f'{reading.where}: width', 0.0, MAX_METRES)
-    return reading.part(reading.value).buffer(width, quad_segs=QUARTER)
+    width = checked.as_number(
+        fields.fields.get('width'), f'{fields.where}: width', 0.0, spec.MAX_METRES
+    )
+    return fields.part(fields.value).buffer(width, quad_segs=QUARTER)
 
 
-def read_walls(reading: Reading) -> BaseGeometry:
+def read_walls(fields: RegionFields) -> BaseGeometry:
     """Return all within some metres of occupied cells. Raises SpecificationError."""
-    width = as_number(reading.value, reading.where, 0.0, MAX_METRES)
-    return shapely.union_all(shapely.buffer(reading.scene.suite_map.walls, width))
+    width = checked.as_number(fields.value, fields.where, 0.0, spec.MAX_METRES)
+    return shapely.union_all(shapely.buffer(fields.scene.suite_map.walls, width))
 
 
-FORMS: dict[str, Callable[[Reading], BaseGeometry]] = {
+FORMS: dict[str, Callable[[RegionFields], BaseGeometry]] = {
     'place': read_place,
     'tag': read_tag,
     'circle': read_circle,
@@ -230,16 +232,16 @@ FORMS: dict[str, Callable[[Reading], BaseGeometry]] = {
 }
 
 
-def parts_of(reading: Reading) -> list[BaseGeometry]:
+def parts_of(fields: RegionFields) -> list[BaseGeometry]:
     """Return the geometries of a list of regions; raises as `region_geometry` does."""
-    if not isinstance(reading.value, list) or not 1 <= len(reading.value) <= MAX_PARTS:
-        raise SuiteError(f'{reading.where}: is not a list of 1 to {MAX_PARTS} regions')
-    return [reading.part(item) for item in reading.value]
+    if not isinstance(fields.value, list) or not 1 <= len(fields.value) <= MAX_PARTS:
+        raise SuiteError(f'{fields.where}: is not a list of 1 to {MAX_PARTS} regions')
+    return [fields.part(item) for item in fields.value]
 
 
 def find_place(name: object, where: str, places: Places) -> Place:
     """Return a place by name or alias. Raises SuiteError, which lists the map's places."""
-    place = places.get(as_text(name, where))
+    place = places.get(checked.as_text(name, where))
     if place is None:
         known = ', '.join(place.name for place in places) or 'none'
         raise SuiteError(f'{where}: {name!r} is not a place of the map, which has: {known}')
@@ -248,55 +250,10 @@ def find_place(name: object, where: str, places: Places) -> Place:
 
 def find_tagged(tag: object, where: str, places: Places) -> tuple[Place, ...]:
     """Return the places with a tag. Raises SuiteError where there are none."""
-    tagged = places.with_tag(as_text(tag, where))
+    tagged = places.with_tag(checked.as_text(tag, where))
     if not tagged:
         known = ', '.join(places.tags) or 'none'
         raise SuiteError(
             f'{where}: {tag!r} is not a kind or tag of the places, which have: {known}'
         )
     return tagged
-
-
-def place_geometry(place: Place) -> BaseGeometry:
-    """Return the polygon of a place; of a point, the disc in which it counts as visited."""
-    if isinstance(place.geometry, shapely.Point):
-        return disc(place.geometry.x, place.geometry.y, VISIT_RADIUS)
-    return place.geometry
-
-
-def disc(x: float, y: float, radius: float) -> BaseGeometry:
-    """Return a disc as a polygon; empty where the radius is not above 0."""
-    return shapely.Point(x, y).buffer(max(radius, 0.0), quad_segs=QUARTER)
-
-
-def polygon(value: object, where: str) -> BaseGeometry:
-    """Return a polygon from its corners. Raises SuiteError or SpecificationError."""
-    if not isinstance(value, list) or not 3 <= len(value) <= MAX_POINTS:
-        raise SuiteError(f'{where}: is not a list of 3 to {MAX_POINTS} points')
-    return shapely.Polygon([as_numbers(point, where, 2) for point in value])
-
-
-def box_half(side: str, bounds: tuple[float, float, float, float]) -> BaseGeometry:
-    """Return the half of a box on a compass side."""
-    x0, y0, x1, y1 = bounds
-    x, y = (x0 + x1) / 2.0, (y0 + y1) / 2.0
-    halves = {
-        'north': (x0, y, x1, y1),
-        'south': (x0, y0, x1, y),
-        'east': (x, y0, x1, y1),
-        'west': (x0, y0, x, y1),
-    }
-    return shapely.box(*halves[side])
-
-
-def half_plane(
-    start: tuple[float, float], goal: tuple[float, float], side: str, where: str
-) -> BaseGeometry:
-    """Return all to the left or right of the line from start to goal, as far as FAR."""
-    length = math.dist(start, goal)
-    if length == 0.0:
-        raise SuiteError(f'{where}: {side}: start and goal are the same point')
-    along = (np.array(goal) - start) / length * FAR
-    across = np.array([-along[1], along[0]]) * (1.0 if side == 'left' else -1.0)
-    first, last = np.array(start) - along, np.array(goal) + along
-    return shapely.Polygon([first, last, last + across, first + across])

@@ -9,13 +9,7 @@ from llm_astar_planner.instructions.sentence import canonical_sentence
 
 from llm_astar_lab.instruct_bench.results import InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK
-from llm_astar_lab.instruct_bench.summary import (
-    Share,
-    SuiteSummary,
-    by_source,
-    grouped,
-    summarise,
-)
+from llm_astar_lab.instruct_bench.summary import Share, SuiteSummary, by_source, grouped, summarise
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
 
 SHARE_HEAD = (

@@ -10,12 +10,7 @@ from llm_astar_planner.planning.types import Plan
 
 from llm_astar_lab.instruct_bench.checks import Verdict
 from llm_astar_lab.instruct_bench.comparison import clause_keys, same_specification
-from llm_astar_lab.instruct_bench.suite import (
-    IMPOSSIBLE,
-    NONE,
-    OK,
-    SuiteInstruction,
-)
+from llm_astar_lab.instruct_bench.suite import IMPOSSIBLE, NONE, OK, SuiteInstruction
 
 # How an instruction that cannot be met was reported, best first.
 RECOGNISED = 'recognised'

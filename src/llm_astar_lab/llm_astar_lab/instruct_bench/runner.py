@@ -22,8 +22,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.result import Cell
 
-from llm_astar_lab.instruct_bench.checks import Verdict
-from llm_astar_lab.instruct_bench.measured_path import MeasuredPath
+from llm_astar_lab.instruct_bench.checks import Verdict, path_of
 from llm_astar_lab.instruct_bench.regions import SuiteMap
 from llm_astar_lab.instruct_bench.results import InstructionResult
 from llm_astar_lab.instruct_bench.suite import SuiteInstruction
@@ -179,5 +178,5 @@ def verdicts_of(
     if plan.code != 0:
         return ()
     points = instruction.suite_map.grid_map.grid_to_world(plan.path)
-    path = MeasuredPath(points, direct_length)
-    return tuple(check.measure(path) for check in instruction.checks)
+    path = path_of(points)
+    return tuple(check.measure(path, direct_length) for check in instruction.checks)

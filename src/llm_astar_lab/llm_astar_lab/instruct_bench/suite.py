@@ -193,7 +193,7 @@ def read_instruction(fields: Mapping[str, Any], maps: Mapping[str, SuiteMap]) ->
     if bool(truth.enforceable) == (expect == NONE):
         raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
     style = fields.get('style') or ''
-    scene = Scene(suite_map, *(suite_map.position(cell) for cell in ends.values()))
+    scene = Scene(suite_map, **ends)
     return SuiteInstruction(
         id=as_text(fields.get('id'), 'id'),
         suite_map=suite_map,

@@ -9,10 +9,9 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept_maps, load_maps
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
+from llm_astar_planner.nodes.common.asking import setting
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
@@ -29,10 +29,9 @@ from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.datasets.samples import BenchmarkSample, SelectionError, select_samples
 from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
@@ -41,12 +40,11 @@ from llm_astar_lab.results.row import (
     PAPER_ASTAR,
     ResultsError,
     Row,
-    RowKey,
     Variant,
     format_points,
     plan_columns,
 )
-from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.config import choose_folder, open_folder, progress
 
 # Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
@@ -67,30 +65,44 @@ def main(args: Sequence[str] | None = None) -> int:
     """Run benchmark_node and return its exit code."""
     arguments = parse_arguments(remove_ros_args(sys.argv if args is None else args)[1:])
     try:
-        dataset = find_file(arguments.dataset, 'maps')
-        maps = load_maps(dataset)
-        samples = select_samples(
-            maps, str(dataset), arguments.maps, arguments.limit, arguments.seed
-        )
-        if any(isinstance(sample.barrier_map, GridProblem) for sample in samples):
-            message = (
-                f'{dataset}: a grid dataset cannot be run through the graph; use llm-astar bench'
-            )
-            raise SelectionError(message)
-        folder = choose_folder(arguments.out, DEFAULT_OUT, resume=arguments.resume)
-        parameters = {'methods': arguments.methods, 'limit': arguments.limit}
-        parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
-        metadata = describe_run([dataset], parameters)
-        done = open_folder(
-            folder, metadata, resume=arguments.resume, overwrite=arguments.overwrite
-        )
-        folder.write_text(MAPS_FILE, format_kept_maps(maps))
+        folder, metadata, samples, done = prepare(arguments)
     except (LlmAstarError, FileNotFoundError) as error:
-        return report_error(str(error), BAD_INPUT)
+        return report_error(error, BAD_INPUT)
     begun = time.monotonic()
-    code = plan_samples(args, arguments, folder, samples, done)
+    try:
+        plan_samples(args, arguments, folder, samples, done)
+        code = OK
+    except (PlannerClientError, ResultsError) as error:
+        code = report_error(error, INCOMPLETE)
+    except KeyboardInterrupt:
+        sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
+        code = INTERRUPTED
     metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
-    return close_run(folder, metadata, arguments.seed, code)
+    try:
+        return close_run(folder, metadata, arguments.seed, code)
+    except ResultsError as error:
+        return report_error(error, INCOMPLETE)
+
+
+def prepare(
+    arguments: argparse.Namespace,
+) -> tuple[ResultsFolder, dict[str, Any], list[BenchmarkSample], Finished]:
+    """Return the results folder, the run's metadata, its samples, and the rows that are done.
+
+    Raises LlmAstarError, FileNotFoundError.
+    """
+    dataset = find_file(arguments.dataset, 'maps')
+    maps = load_maps(dataset)
+    samples = select_samples(maps, str(dataset), arguments.maps, arguments.limit, arguments.seed)
+    if any(isinstance(sample.barrier_map, GridProblem) for sample in samples):
+        what = 'a grid dataset cannot be run through the graph; use llm-astar bench'
+        raise SelectionError(f'{dataset}: {what}')
+    folder = choose_folder(arguments.out, DEFAULT_OUT, resume=arguments.resume)
+    named = {name: getattr(arguments, name) for name in ('methods', 'limit', 'maps', 'seed')}
+    metadata = describe_run([dataset], named | {'live': True})
+    done = open_folder(folder, metadata, resume=arguments.resume, overwrite=arguments.overwrite)
+    folder.write_text(MAPS_FILE, format_kept_maps(maps))
+    return folder, metadata, samples, done
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
@@ -139,50 +151,42 @@ def plan_samples(
     arguments: argparse.Namespace,
     folder: ResultsFolder,
     samples: Sequence[BenchmarkSample],
-    done: FinishedRows,
-) -> int:
-    """Plan the samples; every row is written as soon as it arrives."""
+    done: Finished,
+) -> None:
+    """Plan the samples; every row is written as soon as it arrives.
+
+    Raises PlannerClientError, ResultsError, KeyboardInterrupt.
+    """
     # Python must get Ctrl-C, so that the planner's parameters are restored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with (
-            joined('benchmark_node', args=args) as node,
-            PlannerClient(node, arguments.planner) as caller,
-        ):
-            caller.wait_for_planner()
-            with LiveRun(caller, arguments.planner, arguments.client) as run:
-                variants = run.variants(arguments.methods)
-                with progress(len(samples) * len(variants) - len(done), 'plan') as step:
-                    for row in run.rows(samples, variants, done):
-                        folder.append([row])
-                        step()
-    except (PlannerClientError, ResultsError) as error:
-        return report_error(str(error), INCOMPLETE)
-    except KeyboardInterrupt:
-        return report_error(
-            'interrupted: the rows so far are kept; continue with --resume', INTERRUPTED
-        )
-    return OK
+    with (
+        joined('benchmark_node', args=args) as node,
+        PlannerClient(node, arguments.planner) as caller,
+    ):
+        caller.wait_for_planner()
+        with LiveRun(caller, arguments.planner, arguments.client) as run:
+            variants = run.variants(arguments.methods)
+            finished = sum(map(len, done.values()))
+            with progress(len(samples) * len(variants) - finished, 'plan') as step:
+                for row in run.rows(samples, variants, done):
+                    folder.append([row])
+                    step()
 
 
 def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
-    """Write the reports of a run and print the table."""
-    try:
-        columns = RowColumns(folder.read())
-        if not len(columns):
-            return code
+    """Write the reports of a run and print the table; return `code`. Raises ResultsError."""
+    rows = folder.stored()
+    if len(rows):
         folder.write_json('metadata.json', metadata)
-        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
-    except ResultsError as error:
-        return report_error(str(error), INCOMPLETE)
-    sys.stdout.write(text_report(columns, seed) + '\n')
-    sys.stderr.write(f'{len(columns)} rows: {folder.path}/report.html\n')
+        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
+        sys.stdout.write(text_report(rows, seed) + '\n')
+        sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
     return code
 
 
-def report_error(message: str, code: int) -> int:
+def report_error(error: Exception, code: int) -> int:
     """Write an error to stderr; return `code`."""
-    sys.stderr.write(f'error: {printable(message)}\n')
+    sys.stderr.write(f'error: {printable(str(error))}\n')
     return code
 
 
@@ -205,12 +209,7 @@ class LiveRun:
         self._set(RULES)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._set(self._before)
 
     def variants(self, methods: Sequence[str]) -> list[Variant]:
@@ -231,25 +230,22 @@ class LiveRun:
         self,
         samples: Sequence[BenchmarkSample],
         variants: Sequence[Variant],
-        done: Container[RowKey],
+        done: Finished,
     ) -> Iterator[Row]:
         """Plan what is not `done`, map by map and variant by variant; yield each row."""
         for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):
             of_map = list(group)
-            left = [
-                (variant, sample)
+            left = {
+                variant: [s for s in of_map if variant not in done.get((*s.key, 1), ())]
                 for variant in variants
-                for sample in of_map
-                if (*sample.key, 1, variant) not in done
-            ]
-            if not left:
-                continue
-            grid_map = of_map[0].barrier_map.to_grid()
-            self._publish_map(grid_map)
-            for variant, of_variant in groupby(left, key=lambda pair: pair[0]):
-                self._set({'method': variant.method, 'use_waypoints': variant.source != 'none'})
-                for _, sample in of_variant:
-                    yield self._plan(sample, grid_map, variant)
+            }
+            if any(left.values()):
+                grid_map = of_map[0].barrier_map.to_grid()
+                self._publish_map(grid_map)
+                for variant in filter(left.get, left):
+                    uses = {'method': variant.method, 'use_waypoints': variant.source != 'none'}
+                    self._set(uses)
+                    yield from (self._plan(sample, grid_map, variant) for sample in left[variant])
 
     def _publish_map(self, grid_map: GridMap) -> None:
         """Publish a map and wait until planner and client have received it."""
@@ -281,10 +277,7 @@ class LiveRun:
 
     def _set(self, values: dict[str, Any]) -> None:
         client = self._caller.node.create_client(SetParameters, f'{self._planner}/set_parameters')
-        messages = [
-            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-        ]
-        results = self._caller.ask(client, SetParameters.Request(parameters=messages)).results
+        results = self._caller.ask(client, setting(values)).results
         for name, result in zip(values, results):
             if not result.successful:
                 raise PlannerClientError(f'{self._planner} refused {name}: {result.reason}')

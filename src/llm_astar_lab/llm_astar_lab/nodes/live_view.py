@@ -6,25 +6,23 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any, Protocol
 
 import numpy as np
 from cachetools import FIFOCache
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import Places, PlacesError
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from llm_astar_planner.instructions.messages import QuestionError, parse_object
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
-from llm_astar_planner.nodes.common.spin import SpinThread, joined
+from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 from llm_astar_planner.nodes.tools.monitor import EventKind, Monitor, MonitorEvent
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.node import Node
 from std_msgs.msg import String
+
+from llm_astar_lab.play.live import LiveFeed
 
 # Paths kept until their report comes, and seconds after which a report is shown without its path:
 # those from before the view began are not published again.
@@ -35,26 +33,10 @@ POLL_S = 0.1
 SILENCE_S = 3.0
 
 
-class Viewer(Protocol):
-    """Who is shown what a planner does; called from a thread of the view."""
-
-    def show_map(self, grid_map: GridMap) -> None:
-        """Take a newer map."""
-
-    def show_places(self, places: Places) -> None:
-        """Take newer places."""
-
-    def show_plan(self, points: NDArray[np.float64], report: dict[str, Any]) -> None:
-        """Take a newer plan: its points [n, 2] in metres, the fields of its PlanReport."""
-
-    def show_status(self, sentence: str) -> None:
-        """Take a newer sentence on the planner's state."""
-
-
 class LiveView:
     """Shows one planner's newest map, plan and state to a viewer."""
 
-    def __init__(self, node: Node, planner: str, client: str, viewer: Viewer) -> None:
+    def __init__(self, node: Node, planner: str, client: str, viewer: LiveFeed) -> None:
         """Subscribe on `node`, which the caller spins, to nodes named relative to it."""
         self._viewer = viewer
         self._monitor = Monitor(node, planner, client)
@@ -62,7 +44,7 @@ class LiveView:
         self._paths: FIFOCache[int, NDArray[np.float64]] = FIFOCache(KEPT_PATHS)
         self._report: MonitorEvent | None = None
         self._report_came = 0.0
-        MapSubscription(Entities(node), viewer.show_map)
+        MapSubscription(Entities(node), lambda grid_map, _: viewer.show_map(grid_map))
         node.create_subscription(Path, 'plan', self._on_path, RELIABLE)
         node.create_subscription(String, f'{planner}/places_geojson', self._on_places, LATCHED)
 
@@ -109,17 +91,16 @@ class LiveView:
 
 
 @contextlib.contextmanager
-def live_view(namespace: str, planner: str, client: str, viewer: Viewer) -> Iterator[None]:
+def live_view(namespace: str, planner: str, client: str, viewer: LiveFeed) -> Iterator[None]:
     """Join the graph in `namespace` and show a planner to a viewer. Raises NodeNameError."""
     with joined('llm_astar_play', check_names(namespace, planner, client)) as node:
         view = LiveView(node, planner, client, viewer)
-        spinning, stopped = SpinThread(node), threading.Event()
+        stopped = threading.Event()
         following = threading.Thread(target=view.follow, args=(stopped,), name='live view')
-        spinning.start()
-        following.start()
-        try:
-            yield
-        finally:
-            stopped.set()
-            following.join()
-            spinning.close()
+        with contextlib.closing(SpinThread(node)):
+            following.start()
+            try:
+                yield
+            finally:
+                stopped.set()
+                following.join()

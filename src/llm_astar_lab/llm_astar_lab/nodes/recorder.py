@@ -15,7 +15,6 @@ from typing import Any
 import rclpy
 from llm_astar_planner.nodes.common.spin import leave, prepare_log_folder
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
@@ -28,18 +27,11 @@ from rclpy.qos import (
 )
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
 
 from llm_astar_lab.bags.messages import NANOSECONDS
 from llm_astar_lab.bags.types import BagTypeError, TypeDefinition, define
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
+from llm_astar_lab.bags.writing import qos as reliable_qos
 
 # What is subscribed to at once, as it may be published only once, by who appears for that: the
 # type, and whether it is latched. The names are relative to the recorded namespace.
@@ -64,15 +56,7 @@ EXPECTED = {
     'llm_client_node/interpretation': ('std_msgs/msg/String', True),
 }
 # The topics that an evaluation reads.
-TOPICS = (
-    *EXPECTED,
-    'odom',
-    'tf',
-    'tf_static',
-    '/tf',
-    '/tf_static',
-    '/diagnostics',
-)
+TOPICS = (*EXPECTED, 'odom', 'tf', 'tf_static', '/tf', '/tf_static', '/diagnostics')
 NAME = 'llm_astar_recorder'
 # How often to look for new topics, and to report the number of messages (s).
 DISCOVERY_PERIOD_S = 0.25
@@ -107,29 +91,23 @@ class Recorder(Node):
         self._definitions: dict[str, TypeDefinition] = {}
         for relative, (msgtype, is_latched) in EXPECTED.items():
             name = expand_topic_name(relative, NAME, namespace)
+            # It may have no publisher yet, and its type may not be installed.
             if name in self._waiting:
-                self._expect(name, msgtype, is_latched=is_latched)
+                with contextlib.suppress(*UNKNOWN_TYPE):
+                    self._subscribe(name, msgtype, recorder_qos(latched=is_latched))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
-
-    def _expect(self, name: str, msgtype: str, *, is_latched: bool) -> None:
-        """Subscribe to a topic that may have no publisher yet, if its type is installed."""
-        with contextlib.suppress(*UNKNOWN_TYPE):
-            self._definitions[name] = define(msgtype)
-            qos = recorder_qos(is_reliable=True, is_latched=is_latched)
-            self._subscribe(name, import_message_class(msgtype), qos)
 
     def _discover(self) -> None:
         """Record topics that have a publisher by now, with a QoS that fits all of them."""
         for name in dict.fromkeys((*self._waiting, *self._subscribed)):
             publishers = self.get_publishers_info_by_topic(name)
-            if not publishers:
-                continue
             offered = [publisher.qos_profile for publisher in publishers]
-            if name in self._waiting:
+            if publishers and name in self._waiting:
                 self._begin(name, publishers[0].topic_type, offered)
-            elif requests_too_much(self._subscribed[name].qos_profile, offered):
-                self._subscribe(name, self._subscribed[name].msg_type, matching_qos(offered))
+            elif publishers and requests_too_much(self._subscribed[name].qos_profile, offered):
+                msgtype = self._definitions[name].msgtype
+                self._subscribe(name, msgtype, matching_qos(offered))
                 self._report(f'subscribed to {name} again, since a new publisher offers less')
 
     def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
@@ -138,38 +116,39 @@ class Recorder(Node):
         No message has come yet: one that a new subscription receives again is written once.
         """
         try:
-            definition, message_class = define(msgtype), import_message_class(msgtype)
+            self._subscribe(name, msgtype, matching_qos(offered))
         except UNKNOWN_TYPE as error:
             del self._waiting[name]
-            self._unsubscribe(name)
+            if name in self._subscribed:
+                self.destroy_subscription(self._subscribed.pop(name))
             self._report(f'not recorded: {name} ({msgtype}): {error}')
-            return
-        self._add_topic(name, definition, offered)
-        qos, subscribed = matching_qos(offered), self._subscribed.get(name)
-        if subscribed is None or (subscribed.msg_type, subscribed.qos_profile) != (
-            message_class,
-            qos,
-        ):
-            self._subscribe(name, message_class, qos)
+        else:
+            self._add_topic(name, offered)
 
-    def _add_topic(self, name: str, definition: TypeDefinition, offered: list[QoSProfile]) -> None:
+    def _add_topic(self, name: str, offered: list[QoSProfile]) -> None:
         """Add a topic to the bag."""
         del self._waiting[name]
-        self._bag.add_topic(
-            OfferedTopic(name, definition, tuple(dict.fromkeys(map(bag_qos, offered))))
-        )
+        definition = self._definitions[name]
+        different = {str(profile): profile for profile in map(bag_qos, offered)}
+        self._bag.add_topic(OfferedTopic(name, definition, tuple(different.values())))
         self._report(f'recording {name} ({definition.msgtype})')
 
-    def _subscribe(self, name: str, message_class: type, qos: QoSProfile) -> None:
-        """Subscribe; replace an earlier subscription, since two would write each message twice."""
-        self._unsubscribe(name)
+    def _subscribe(self, name: str, msgtype: str, qos: QoSProfile) -> None:
+        """Subscribe, unless a subscription is the same.
+
+        Another one is replaced, since two would write each message twice. Raises one of
+        UNKNOWN_TYPE.
+        """
+        definition, message_class = define(msgtype), import_message_class(msgtype)
+        before = self._subscribed.get(name)
+        if before is not None:
+            if (before.msg_type, before.qos_profile) == (message_class, qos):
+                return
+            self.destroy_subscription(before)
+        self._definitions[name] = definition
         self._subscribed[name] = self.create_subscription(
             message_class, name, partial(self._on_message, name), qos, raw=True
         )
-
-    def _unsubscribe(self, name: str) -> None:
-        if name in self._subscribed:
-            self.destroy_subscription(self._subscribed.pop(name))
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Write a message with the time at which it arrived."""
@@ -177,8 +156,7 @@ class Recorder(Node):
             # Its publisher has not been looked for yet, and may have left already.
             publishers = self.get_publishers_info_by_topic(topic)
             offered = [publisher.qos_profile for publisher in publishers]
-            requested = self._subscribed[topic].qos_profile
-            self._add_topic(topic, self._definitions[topic], offered or [requested])
+            self._add_topic(topic, offered or [self._subscribed[topic].qos_profile])
         # 0 where the middleware does not know that time.
         self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
 
@@ -200,11 +178,7 @@ class Recorder(Node):
 
 
 def record(
-    writer: BagWriter,
-    topics: Sequence[str],
-    namespace: str,
-    duration: float,
-    report: PrintLine,
+    writer: BagWriter, topics: Sequence[str], namespace: str, duration: float, report: PrintLine
 ) -> None:
     """Record topics into a bag until SIGINT, SIGTERM or the end of `duration` (s).
 
@@ -289,34 +263,28 @@ def requests_too_much(requested: QoSProfile, offered: list[QoSProfile]) -> bool:
 
 def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
     """Return the QoS of a subscription that receives most from all of these publishers."""
-    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
-    return recorder_qos(is_reliable=reliable, is_latched=latched)
+    return recorder_qos(
+        reliable=all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered),
+        latched=all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered),
+    )
 
 
-def recorder_qos(*, is_reliable: bool, is_latched: bool) -> QoSProfile:
+def recorder_qos(*, reliable: bool = True, latched: bool) -> QoSProfile:
     """Return the QoS of a subscription whose messages wait while others are written."""
     return QoSProfile(
         depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
 
 
-def bag_qos(offered: QoSProfile) -> Qos:
+def bag_qos(offered: QoSProfile) -> dict[str, Any]:
     """Return a publisher's QoS as a bag holds it."""
-
-    def time_of(duration: Duration) -> QosTime:
-        return QosTime(*divmod(duration.nanoseconds, NANOSECONDS))
-
-    return Qos(
-        history=QosHistory[offered.history.name],
-        depth=offered.depth,
-        reliability=QosReliability[offered.reliability.name],
-        durability=QosDurability[offered.durability.name],
-        deadline=time_of(offered.deadline),
-        lifespan=time_of(offered.lifespan),
-        liveliness=QosLiveliness[offered.liveliness.name],
-        liveliness_lease_duration=time_of(offered.liveliness_lease_duration),
-        avoid_ros_namespace_conventions=offered.avoid_ros_namespace_conventions,
-    )
+    values = reliable_qos(offered.depth)
+    values['avoid_ros_namespace_conventions'] = offered.avoid_ros_namespace_conventions
+    for name in ('durability', 'history', 'liveliness', 'reliability'):
+        values[name] = getattr(offered, name).name.lower()
+    for name in ('deadline', 'lifespan', 'liveliness_lease_duration'):
+        seconds, rest = divmod(getattr(offered, name).nanoseconds, NANOSECONDS)
+        values[name] = {'nsec': rest, 'sec': seconds}
+    return values

@@ -28,9 +28,8 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
-from llm_astar_planner.instructions.verification.area import Area
+from llm_astar_planner.instructions.verification.geometry import Area, polyline
 from llm_astar_planner.instructions.verification.measurement import Measurement
-from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
 from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
 from matplotlib.artist import Artist
@@ -87,7 +86,7 @@ class InstructedPath:
             return
         path = self.measurement.path
         for area in self.shown_areas(outcome.clause):
-            spans = path.spans_in(area)
+            spans = area.spans(path)
             if isinstance(outcome.clause, StayIn):
                 edges = np.concatenate(([0.0], spans.ravel(), [path.length]))
                 spans = edges.reshape(-1, 2)

@@ -11,8 +11,8 @@ from llm_astar_planner.instructions.enforcement import Enforcer, demands_of
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.segment import guiding_points, target_list
 from llm_astar_planner.planning.types import Plan, PlanRequest
-from llm_astar_planner.planning.waypoint_filter import guiding_points, target_list
 from llm_astar_planner.search.astar import EXPANSION_SLICE, PlainSearch
 from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
 from llm_astar_planner.search.guided import GuidedSearch

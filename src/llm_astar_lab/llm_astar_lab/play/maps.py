@@ -9,8 +9,7 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_beside
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 

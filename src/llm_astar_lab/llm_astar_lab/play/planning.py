@@ -12,17 +12,14 @@ import numpy as np
 from cachetools import LRUCache
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
-from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
-from llm_astar_planner.planning.compile_progress import compile_progress
-from llm_astar_planner.planning.kernel_compiler import WAYPOINTS
+from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 from numpy.typing import NDArray
 
@@ -63,7 +60,6 @@ class PlanningService:
         self._planners: LRUCache[tuple[object, ...], Planner] = LRUCache(
             MAX_KEPT_CELLS, getsizeof=lambda planner: planner.grid_map.cells.size
         )
-        self._compiled: set[tuple[object, ...]] = set()
         self._interpreter: Interpreter = make_interpreter({})
 
     def compile(self, planner: Planner, request: PlanRequest) -> None:
@@ -71,17 +67,8 @@ class PlanningService:
 
         Says so where it takes long.
         """
-        is_graded = planner.costmap.grid_graph.cell_surcharge.size > 0
-        rules = planner.config.has_radius, planner.config.corner_cutting, is_graded
-        kind = *rules, request.method, request.any_angle, request.instruction is not None
-        if kind in self._compiled:
-            return
-        self._compiled.add(kind)
         with compile_progress():
-            compile_for(planner.config, request, is_graded=is_graded)
-            compile_for(planner.config, request, WAYPOINTS, is_graded=is_graded)
-            if request.instruction is not None:
-                compile_instruction_kernels()
+            planner.compile(request)
 
     def planner_for(self, request: PlayRequest) -> Planner:
         """Return a prepared planner for the map, the rules and the walls of a request."""

@@ -14,7 +14,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.analysis.summary import (
     RunSummary,
     VariantSummary,
@@ -33,6 +32,7 @@ from llm_astar_lab.report.sentences import (
 )
 from llm_astar_lab.report.table import markdown, text, texts_of
 from llm_astar_lab.report.tables import main_table, report_tables, terminal_table
+from llm_astar_lab.results.stored_rows import StoredRows
 
 # The lines of a README between which `replace_section` writes.
 SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
@@ -178,7 +178,7 @@ def results_section(run: RunSummary) -> str:
     return '\n\n'.join([headline(run.comparisons), table, provenance(run)])
 
 
-def text_report(rows: RowColumns, seed: int = 0, recorded: str | None = None) -> str:
+def text_report(rows: StoredRows, seed: int = 0, recorded: str | None = None) -> str:
     """Return the finding and the table for a terminal; for bags also the recorded lengths.
 
     `recorded` is the sentence about the plans in the bags.

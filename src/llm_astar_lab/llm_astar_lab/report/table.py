@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import printable, shortened
 
-from llm_astar_lab.analysis.solved_pairs import Ratio
-from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval
+from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio
 from llm_astar_lab.results.folder import ResultsFolder
 
 # A number that is NaN is unknown.

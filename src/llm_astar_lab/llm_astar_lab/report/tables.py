@@ -8,9 +8,14 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import shortened
 
-from llm_astar_lab.analysis.families import FamilySummary
 from llm_astar_lab.analysis.replies import REPLIES, reply_shares
-from llm_astar_lab.analysis.summary import Growth, RunSummary, VariantSummary, is_learned
+from llm_astar_lab.analysis.summary import (
+    FamilySummary,
+    Growth,
+    RunSummary,
+    VariantSummary,
+    is_learned,
+)
 from llm_astar_lab.report.sentences import effect_on, method_label, variant_label
 from llm_astar_lab.report.table import (
     Cell,

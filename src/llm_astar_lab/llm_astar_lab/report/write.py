@@ -13,7 +13,6 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from matplotlib.figure import Figure
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.analysis.replies import reply_shares
 from llm_astar_lab.analysis.summary import (
     Growth,
@@ -31,6 +30,7 @@ from llm_astar_lab.report.sentences import headline, recorded_sentence, sentence
 from llm_astar_lab.report.table import json_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Row
+from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.engine import SearchSettings
 
 # Dots per inch of figures, and of the panels of a page, and inches around them.
@@ -40,20 +40,24 @@ Pictures = list[tuple[Path, str]]
 
 
 def write_report(
-    folder: ResultsFolder, metadata: Mapping[str, Any], maps: Sequence[ProblemMap]
+    folder: ResultsFolder,
+    metadata: Mapping[str, Any],
+    maps: Sequence[ProblemMap],
+    rows: StoredRows | None = None,
 ) -> dict[str, Any]:
     """Write summary.json, the figures, report.md and report.html; return the summary as read back.
 
-    `maps` are the unscaled maps of the rows, with their samples. Raises ResultsError.
+    `maps` are the unscaled maps of the rows, with their samples; `rows` are those of the folder
+    where they have been read. Raises ResultsError.
     """
-    columns = RowColumns()
-    shown = shown_samples(columns.passing(folder.read()), maps)
-    recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
-    run = summarise_run(columns, metadata)
+    rows = folder.stored() if rows is None else rows
+    shown = shown_samples(rows.rows('scale = 1'), maps)
+    recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
+    run = summarise_run(rows, metadata)
     summary = {
         'headline': headline(run.comparisons),
         'sentences': [sentence(item) for item in run.comparisons if item.samples],
-        'rows': len(columns),
+        'rows': len(rows),
         'cases': [to_json(item) for item in run.variants],
         'over_none': [to_json(item) for item in run.comparisons],
         'growth': [to_json(item) for item in run.growths],

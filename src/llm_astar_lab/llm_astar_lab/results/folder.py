@@ -6,8 +6,10 @@ keeps every finished row. `--resume` continues after the last complete one.
 
 from __future__ import annotations
 
+import csv
 import fcntl
 import hashlib
+import io
 import json
 import math
 import os
@@ -16,23 +18,17 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
-from itertools import chain, groupby
 from pathlib import Path
 from types import NoneType
 from typing import Any
 
-import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places
-from numpy.typing import NDArray
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places
 
 import llm_astar_planner
-from llm_astar_lab.results.csv_rows import CsvRows, replacing
-from llm_astar_lab.results.parquet_rows import ParquetRows
-from llm_astar_lab.results.row import ResultsError, Row
-from llm_astar_lab.results.row_keys import FinishedRows, RowKeys
+from llm_astar_lab.results.row import COLUMNS, ResultsError, Row
+from llm_astar_lab.results.stored_rows import ANSWERED, UNANSWERED, Finished, StoredRows
 
 # Costmap parameters that 0.1.0 wrote under another name.
 RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
@@ -81,20 +77,27 @@ class ResultsFolder:
         self.path = Path(path)
         self.results = self.path / 'results.csv'
         self.transcript = self.path / 'transcript.jsonl'
-        self._csv = CsvRows(self.results)
-        self._parquet = ParquetRows(self.path / 'results.parquet')
-        # Rows of results.csv that are not in a part yet; None before they are counted.
-        self._waiting: int | None = None
+        self._parts = self.path / 'results.parquet'
+        # Rows of results.csv that are not in a part yet.
+        self._waiting = 0
+
+    @property
+    def parts(self) -> list[Path]:
+        """The Parquet files, in the order in which they were written."""
+        return sorted(self._parts.glob(f'part-{6 * "[0-9]"}.parquet'))
 
     @property
     def has_rows(self) -> bool:
         """Whether there are rows."""
-        return self._csv.has_rows or bool(self._parquet.parts)
+        if self.parts or not self.results.exists():
+            return bool(self.parts)
+        with self.results.open('rb') as file:
+            return bool(file.readline()) and file.readline().endswith(b'\n')
 
     @property
     def is_parquet(self) -> bool:
         """Whether the rows go into Parquet parts, PART_ROWS at a time, by way of results.csv."""
-        return self._parquet.path.is_dir()
+        return self._parts.is_dir()
 
     def claim(self) -> None:
         """Keep the runs of other processes out until this one ends. Raises ResultsError."""
@@ -136,7 +139,7 @@ class ResultsFolder:
         """Remove rows and reports of an earlier run; a transcript stays. Raises ResultsError."""
         tables = [*self.path.glob('tables/*.tex'), *self.path.glob('tables/*.csv')]
         with writing(self.path):
-            self._parquet.clear()
+            self._clear_parts()
             for name in ('results.csv', *REPORT_FILES, PLACES_FILE):
                 (self.path / name).unlink(missing_ok=True)
             for path in filter(Path.is_file, tables):
@@ -149,27 +152,24 @@ class ResultsFolder:
         """
         self.require_new()
         with writing(self.path):
-            self._parquet.clear()
+            self._clear_parts()
             if parquet:
-                self._parquet.path.mkdir(parents=True)
-            self._csv.clear()
+                self._parts.mkdir(parents=True)
+            self._clear_csv()
 
     def append(self, rows: Iterable[Row]) -> None:
         """Append rows to results.csv.
 
         Raises ResultsError, for example on a full disk; the rows written before are kept.
         """
-        added = list(rows)
+        lines = [format_row(row) for row in rows]
         with writing(self.results, 'the rows before are kept: free some space and continue with '
                                    '--resume'):  # fmt: skip
-            self._csv.append(added)
-            if self.is_parquet:
-                if self._waiting is None:
-                    self._waiting = sum(1 for _ in self._csv.stored_keys())
-                else:
-                    self._waiting += len(added)
-                if self._waiting >= PART_ROWS:
-                    self._fold()
+            with self.results.open('a', encoding='utf-8', newline='') as file:
+                file.write(format_csv(lines))
+            self._waiting += len(lines)
+            if self._waiting >= PART_ROWS and self.is_parquet:
+                self._fold()
 
     def fold(self) -> None:
         """Move the rows that wait in results.csv into a Parquet part, if the run writes parts.
@@ -180,45 +180,61 @@ class ResultsFolder:
             if self.is_parquet:
                 self._fold()
 
-    def read(self) -> Iterator[Row]:
-        """Yield all complete rows once, sorted by map, pair and scale, without holding them.
+    def stored(self, beside: StoredRows | None = None) -> StoredRows:
+        """Return all complete rows once, sorted by map, pair and scale; see StoredRows.
 
         A last row that was cut short by a crash is skipped. Of rows with the same key, which two
-        simultaneous runs leave behind, the last one counts. Raises ResultsError: at once where
-        keys cannot be read, for other columns when their row is due.
+        simultaneous runs leave behind, the last one counts. Raises ResultsError.
         """
-        return self._rows_at(self._keys().positions)
+        return StoredRows([*self.parts, self.results], beside)
 
-    def keep_answered(self) -> FinishedRows:
-        """Drop the rows whose source never answered and return the keys of the others.
+    def read(self) -> Iterator[Row]:
+        """Yield the rows of `stored`, without holding them. Raises ResultsError at once."""
+        return self.stored().rows()
+
+    def keep_answered(self) -> Finished:
+        """Drop the rows whose source never answered and return what the others finished.
 
         Raises ResultsError; no answered row is lost then.
         """
+        stored, parts = self.stored(), self.parts
         with writing(self.path):
-            self._parquet.keep(is_answered)
-            self._csv.keep(is_answered)
-        return FinishedRows(self._keys())
+            if not self.is_parquet:
+                with drafted(self.results) as draft:
+                    stored.write(draft, ANSWERED)
+            elif stored.variants(UNANSWERED):
+                self._add_part(stored, ANSWERED)
+                for part in parts:
+                    part.unlink()
+                self._clear_csv()
+            else:
+                self._fold()
+        return stored.finished(ANSWERED)
 
     def _fold(self) -> None:
-        positions = RowKeys.of(self._csv.stored_keys()).positions
-        rows = list(self._csv.rows(map(int, positions)))
-        if rows:
+        waiting = StoredRows([self.results])
+        if len(waiting):
             # A crash between the two leaves rows twice, and the last of equal rows counts.
-            self._parquet.add_part(rows)
-            self._csv.clear()
+            self._add_part(waiting)
+            self._clear_csv()
         self._waiting = 0
 
-    def _keys(self) -> RowKeys:
-        """Return the keys of all rows; positions in parts are negative, beginning at -1."""
-        parts = ((~position, key) for position, key in self._parquet.stored_keys())
-        return RowKeys.of(chain(parts, self._csv.stored_keys()))
+    def _add_part(self, rows: StoredRows, condition: str = 'true') -> None:
+        """Write rows as a new part, which is there in full or not at all. Raises OSError."""
+        parts = self.parts
+        number = int(parts[-1].stem.removeprefix('part-')) + 1 if parts else 0
+        with drafted(self._parts / f'part-{number:06d}.parquet') as draft:
+            rows.write(draft, condition)
 
-    def _rows_at(self, positions: NDArray[np.int64]) -> Iterator[Row]:
-        for in_part, some in groupby(map(int, positions), key=lambda position: position < 0):
-            if in_part:
-                yield from self._parquet.rows(~position for position in some)
-            else:
-                yield from self._csv.rows(some)
+    def _clear_csv(self) -> None:
+        with drafted(self.results) as draft:
+            draft.write_text(format_csv([list(COLUMNS)]), encoding='utf-8')
+
+    def _clear_parts(self) -> None:
+        for path in (*self.parts, *self._parts.glob('.*.draft*')):
+            path.unlink()
+        if self.is_parquet:
+            self._parts.rmdir()
 
     def write_json(self, name: str, values: Mapping[str, Any]) -> None:
         """Write a JSON file into the folder; NaN and infinities become null."""
@@ -231,8 +247,8 @@ class ResultsFolder:
         `name` may be in a subfolder, which is made. Raises ResultsError.
         """
         path = self.path / name
-        with writing(path), replacing(path) as file:
-            file.write(text)
+        with writing(path), drafted(path) as draft:
+            draft.write_text(text, encoding='utf-8', newline='')
         return path
 
     def write_places(self, places: Places) -> None:
@@ -286,9 +302,34 @@ def writing(path: Path, advice: str = '') -> Iterator[None]:
         raise ResultsError(message) from None
 
 
-def is_answered(row: Row) -> bool:
-    """Tell whether a row is final, so that a resumed run need not ask its source again."""
-    return row.answered
+@contextmanager
+def drafted(path: Path) -> Iterator[Path]:
+    """Name a file that takes the place of `path` when the block ends without error."""
+    draft = path.with_name(f'.{path.stem}.draft{path.suffix}')
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        yield draft
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def format_row(row: Row) -> list[str]:
+    """Return the cells of a CSV line; NaN is an empty cell."""
+    values = [getattr(row, name) for name in COLUMNS]
+    return [
+        ('' if math.isnan(value) else repr(round(value, 9)))
+        if isinstance(value, float)
+        else str(value)
+        for value in values
+    ]
+
+
+def format_csv(lines: Iterable[Sequence[str]]) -> str:
+    """Return lines of cells as CSV text."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator='\n').writerows(lines)
+    return buffer.getvalue()
 
 
 def check_types(

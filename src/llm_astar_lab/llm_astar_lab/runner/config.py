@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 import time
 from collections import Counter
@@ -17,14 +18,12 @@ from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, run_differences
-from llm_astar_lab.results.parquet_rows import has_pyarrow
 from llm_astar_lab.results.row import ResultsError, Row, Variant
-from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.engine import (
     Outcome,
     SearchSettings,
     Task,
-    TaskList,
     list_variants,
     make_tasks,
     run_tasks,
@@ -37,6 +36,13 @@ FORMATS = CSV, PARQUET = 'csv', 'parquet'
 LARGE_RUN = 200_000
 # What the report says of a file that changed before a run was resumed.
 ANOTHER_INPUT = ': was another file when earlier rows were made'
+CONNECT_TIMEOUT_S = 10
+# The first tasks of a scale that are timed; the more there are, the better the forecast.
+TIMED_PART, MOST_TIMED = 0.02, 20
+# Tasks differ: later ones may have more to search.
+MARGIN = 1.5
+# Shorter runs need no forecast, seconds.
+WORTH_SAYING = 10.0
 # Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
@@ -69,7 +75,7 @@ class BenchmarkConfig:
         larger = min(self.scale_samples, len(self.samples)) * len(self.scales)
         return (len(self.samples) + larger) * len(list_variants(self.methods, self.sources))
 
-    def tasks(self, done: FinishedRows | None = None) -> TaskList:
+    def tasks(self, done: Finished | None = None) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
         pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
         variants = list_variants(self.methods, self.sources)
@@ -99,7 +105,7 @@ def start_run(
     resume: bool,
     overwrite: bool = False,
     file_format: str | None = None,
-) -> tuple[TaskList, dict[str, Any]]:
+) -> tuple[list[Task], dict[str, Any]]:
     """Start or resume a results folder; return the tasks left and the run's metadata.
 
     Raises ResultsError where the folder holds rows of another dataset, version or seed.
@@ -119,12 +125,9 @@ def start_run(
 def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
     """Tell whether a new run of so many rows is written to Parquet parts.
 
-    Without a format in FORMATS large runs are, if pyarrow is installed. Raises ResultsError for
-    parquet where it is not.
+    Without a format in FORMATS large runs are.
     """
-    if file_format == PARQUET and not has_pyarrow():
-        raise ResultsError('--format parquet needs pyarrow: pip install pyarrow')
-    return file_format == PARQUET or (file_format is None and rows >= LARGE_RUN and has_pyarrow())
+    return file_format == PARQUET or (file_format is None and rows >= LARGE_RUN)
 
 
 def open_folder(
@@ -134,7 +137,7 @@ def open_folder(
     resume: bool,
     overwrite: bool = False,
     parquet: bool = False,
-) -> FinishedRows:
+) -> Finished:
     """Start, replace or resume a results folder; return the keys of the finished rows.
 
     A resumed folder keeps its format. Resuming drops the rows whose source never answered, so
@@ -149,7 +152,7 @@ def open_folder(
         # Before results.csv: a run that is killed between the two is started again by --resume.
         folder.write_json('metadata.json', metadata)
         folder.start(parquet=parquet)
-        return FinishedRows()
+        return {}
     before = folder.read_metadata()
     changed = run_differences(before, metadata)
     if changed:
@@ -215,6 +218,71 @@ def describe_unanswered(rows: Iterable[Row]) -> list[str]:
             f'the first {firsts[variant]}'
         )
     return lines
+
+
+def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task]]:
+    """Return the first tasks of each scale, to be timed, and the others."""
+    timed: dict[int, list[Task]] = {}
+    others: list[Task] = []
+    counts = Counter(task.scale for task in tasks)
+    for task in tasks:
+        group = timed.setdefault(task.scale, [])
+        most = min(MOST_TIMED, max(1, round(TIMED_PART * counts[task.scale])))
+        (group if len(group) < most else others).append(task)
+    return timed, others
+
+
+def forecast(tasks: Sequence[Task], seconds: Mapping[int, float]) -> str | None:
+    """Say how long tasks take at most; None if not long.
+
+    `seconds` is the time of a task at each scale.
+    """
+    longest = MARGIN * sum(seconds[task.scale] for task in tasks)
+    if longest < WORTH_SAYING:
+        return None
+    return f'{len(tasks)} more samples, {describe_seconds(longest)} at most'
+
+
+def describe_seconds(seconds: float) -> str:
+    """Return a duration in the unit that a person would use."""
+    for unit, size in (('hours', 3600.0), ('minutes', 60.0)):
+        if seconds > 1.5 * size:
+            return f'about {seconds / size:.2g} {unit}'
+    return f'about {seconds:.2g} seconds'
+
+
+@contextmanager
+def connect(address: str, sources: Sequence[SourceSpec]) -> Iterator[tuple[Executor, int]]:
+    """Yield an executor on the Dask scheduler at `address`, and how many tasks to submit at once.
+
+    Workers need this package in the same version. Sources are sent with the tasks, so it must be
+    possible to pickle them: baselines and replays can be, live endpoints cannot. Raises
+    ValueError.
+    """
+    try:
+        pickle.dumps(sources)
+    except (TypeError, AttributeError, pickle.PicklingError):
+        names = ', '.join(spec.name for spec in sources)
+        message = (
+            f'--dask: some of the sources {names} cannot be sent to another machine; '
+            'record a transcript and replay it'
+        )
+        raise ValueError(message) from None
+    try:
+        from distributed import Client  # noqa: PLC0415 - an extra
+    except ImportError:
+        message = "--dask needs Dask: pip install 'dask[distributed]'"
+        raise ValueError(message) from None
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise ValueError(f'--dask {address}: {error}') from None
+    with client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            raise ValueError(f'--dask {address}: the cluster has no workers')
+        with client.get_executor(pure=False) as executor:
+            yield executor, 4 * threads
 
 
 @contextmanager

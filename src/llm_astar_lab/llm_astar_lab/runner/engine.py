@@ -14,7 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from threading import Lock
-from typing import Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import numpy as np
 from cachetools import LRUCache, cached
@@ -34,7 +34,6 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
 )
-from numpy.typing import NDArray
 
 from llm_astar_lab.analysis.replies import problems_column
 from llm_astar_lab.datasets.samples import GRID_CONFIG, BenchmarkSample
@@ -48,7 +47,7 @@ from llm_astar_lab.results.row import (
     parse_points,
     plan_columns,
 )
-from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.sources import SourceSpec
 
 ALL_METHODS = (*METHODS, WAYPOINTS_ONLY)
@@ -87,7 +86,7 @@ class SearchSettings:
         return self.costmap
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Task:
     """One sample at one scale; `variants` pairs each variant with the index of its source.
 
@@ -143,79 +142,32 @@ def list_variants(
     return list(dict.fromkeys(variants))
 
 
-class TaskList(Sequence[Task]):
-    """The tasks of a run, each made when it is taken; listed they take a few bytes a row.
-
-    `left` [n, variants] says which variants a task still has.
-    """
-
-    def __init__(
-        self,
-        samples: Sequence[tuple[BenchmarkSample, int]],
-        left: NDArray[np.bool_],
-        variants: Sequence[tuple[Variant, int]],
-        sources: tuple[SourceSpec, ...],
-        settings: SearchSettings,
-    ) -> None:
-        """Take each sample with its scale, and what all tasks share."""
-        self._samples = samples
-        self._left = left
-        self._shared = variants, sources, settings
-
-    def __len__(self) -> int:
-        """Return the number of tasks."""
-        return len(self._samples)
-
-    @overload
-    def __getitem__(self, index: int) -> Task: ...
-    @overload
-    def __getitem__(self, index: slice) -> TaskList: ...
-    def __getitem__(self, index: int | slice) -> Task | TaskList:
-        """Make a task, or return a part of the list."""
-        if isinstance(index, slice):
-            return self.at(range(len(self))[index])
-        (sample, scale), (variants, sources, settings) = self._samples[index], self._shared
-        left = tuple(variants[column] for column in np.flatnonzero(self._left[index]).tolist())
-        return Task(sample, scale, left, sources, settings)
-
-    @property
-    def scales(self) -> list[int]:
-        """The scale of each task."""
-        return [scale for _, scale in self._samples]
-
-    def at(self, indices: Sequence[int]) -> TaskList:
-        """Return the tasks at some indices."""
-        left = self._left[np.asarray(indices, dtype=np.intp)]
-        return TaskList([self._samples[i] for i in indices], left, *self._shared)
-
-
 def make_tasks(
     samples: Iterable[tuple[BenchmarkSample, int]],
     variants: Sequence[tuple[Variant, int]],
     sources: Sequence[SourceSpec],
     settings: SearchSettings,
-    done: FinishedRows | None = None,
-) -> TaskList:
-    """Make one task per pair of sample and scale, without the rows whose keys are in `done`.
+    done: Finished | None = None,
+) -> list[Task]:
+    """Make one task per pair of sample and scale, without the variants that are `done` for it.
 
     A source with `samples` is run on these alone.
     """
-    pairs = list(samples)
-    keys = np.array([(*sample.key, scale) for sample, scale in pairs], np.int64).reshape(-1, 3)
-    _, first = np.unique(keys, axis=0, return_index=True)
-    first.sort()
-    pairs, keys = [pairs[i] for i in first], keys[first]
-    left = np.ones((len(keys), len(variants)), dtype=np.bool_)
-    for column, (variant, index) in enumerate(variants):
-        limit = sources[index].samples
-        if limit is not None:
-            left[:, column] = [SampleKey(*key) in limit for key in keys.tolist()]
-        if done is not None:
-            left[:, column] &= ~done.mask(keys, variant)
     # A task goes to its worker without the samples of the others.
     plain = tuple(replace(spec, samples=None) for spec in sources)
-    every = TaskList(pairs, left, variants, plain, settings)
-    return every.at(np.flatnonzero(left.any(axis=1)).tolist())
+    # Most tasks have the same variants: they share one tuple.
+    shared: dict[tuple[tuple[Variant, int], ...], tuple[tuple[Variant, int], ...]] = {}
+    tasks = []
+    for key, (sample, scale) in {(*pair[0].key, pair[1]): pair for pair in samples}.items():
+        finished = (done or {}).get(key, frozenset())
+        left = tuple(
+            (variant, index)
+            for variant, index in variants
+            if variant not in finished and sources[index].covers(key)
+        )
+        if left:
+            tasks.append(Task(sample, scale, shared.setdefault(left, left), plain, settings))
+    return tasks
 
 
 def run_tasks(

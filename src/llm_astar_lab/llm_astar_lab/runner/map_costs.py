@@ -3,6 +3,7 @@
 The competition reports the time for preprocessing a map, the memory that its planner holds and
 the times of the queries, each by itself.
 """
+# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
@@ -18,12 +19,13 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import GUIDED
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.analysis.statistics import spread
 from llm_astar_lab.datasets.samples import GRID_CONFIG
+from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
 from llm_astar_lab.runner.engine import compile_once
 
 # What a planner shares with everything else, and what leads there.
+SECONDS = f'SELECT map, seconds_search FROM rows WHERE scale = 1 AND {OF_VARIANT}'
 SHARED = (type, ModuleType, FunctionType, str, bytes)
 
 
@@ -70,12 +72,12 @@ def held_bytes(root: object) -> int:
     return total
 
 
-def add_query_times(costs: Iterable[dict[str, Any]], columns: RowColumns) -> None:
+def add_query_times(costs: Iterable[dict[str, Any]], rows: StoredRows) -> None:
     """Add to each map's costs the seconds of its queries by variant, at scale 1."""
     by_map = {cost['map']: cost.setdefault('queries', {}) for cost in costs}
-    for variant, rows in columns.at_scale(1).items():
-        maps, seconds = rows.column('map'), rows.column('seconds_search')
+    for variant in rows.variants('scale = 1'):
+        found = rows.arrays(SECONDS, *variant)
         for number, queries in by_map.items():
-            chosen = seconds[maps == number]
+            chosen = found['seconds_search'][found['map'] == number]
             if len(chosen):
                 queries[str(variant)] = {'count': len(chosen), **spread(chosen)._asdict()}

@@ -12,9 +12,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
-from llm_astar_planner.waypoints.config import BASELINE_NAMES, SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
+from llm_astar_planner.waypoints.replay import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
 
@@ -44,6 +44,10 @@ class SourceSpec:
     transcript: str = ''
     samples: frozenset[SampleKey] | None = None
     foreign: int = 0
+
+    def covers(self, key: tuple[int, int, int]) -> bool:
+        """Tell whether to run the source on a sample: map, pair and scale."""
+        return self.samples is None or key in self.samples
 
 
 def make_source_specs(

@@ -6,9 +6,8 @@ from itertools import chain
 
 import numpy as np
 import pytest
-from llm_astar_lab.analysis.families import FamilySummary, Grouped, family_means
 from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
-from llm_astar_lab.analysis.summary import summarise
+from llm_astar_lab.analysis.summary import FamilySummary, family_means, summarise
 from llm_astar_lab.report.table import markdown
 from llm_astar_lab.report.tables import family_tables
 from llm_astar_lab.results.row import Row
@@ -61,16 +60,15 @@ def test_in_a_mean_over_families_each_weighs_the_same_and_one_is_left_out():
 
 
 def test_the_interval_over_families_holds_the_truth_about_as_often_as_it_says():
-    draw, hits, names = np.random.default_rng(0), 0, {'a': 0, 'b': 1}
+    draw, hits, seeds = np.random.default_rng(0), 0, {'a': (0, 0), 'b': (0, 1)}
     for _ in range(60):
         logs = {'a': draw.normal(-1.0, 0.3, 30), 'b': draw.normal(0.0, 0.3, 40)}
-        ratios = np.exp(np.concatenate([*logs.values()]))
-        families = np.repeat([0, 1], [30, 40])
+        ratios = {name: (np.exp(values), np.arange(len(values))) for name, values in logs.items()}
         known = {
             name: FamilySummary(9, 9, UNKNOWN, Interval(math.exp(values.mean()), 0, 0), UNKNOWN)
             for name, values in logs.items()
         }
-        means = family_means(known, names, Grouped(ratios, np.arange(70), families), 0)
+        means = family_means(known, ratios, seeds)
         hits += means.every.low <= math.exp(-0.5) <= means.every.high
     assert 52 <= hits < 60
 

@@ -18,8 +18,8 @@ from llm_astar_lab.results.row import Variant
 from llm_astar_lab.runner.sources import SourceSpec
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.answer import read_answer
 from llm_astar_planner.waypoints.llm.route_feedback import ASK_FOR_A_LIST
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import Message, Provenance, SourceStatus, WaypointReply
 

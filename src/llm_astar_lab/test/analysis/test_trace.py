@@ -5,7 +5,7 @@ from benchmark_samples import rows_of, tasks_of
 from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.datasets.samples import load_samples
 from llm_astar_lab.runner.engine import SearchSettings, request_again
-from llm_astar_planner.planning.waypoint_filter import KEPT_BY_PAPER
+from llm_astar_planner.planning.segment import KEPT_BY_PAPER
 
 
 def test_the_traced_search_equals_the_compiled_one(dataset):

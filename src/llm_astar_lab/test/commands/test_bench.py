@@ -17,7 +17,8 @@ from llm_astar_lab.commands import bench as cli_bench
 from llm_astar_lab.commands import run_options
 from llm_astar_lab.datasets.generate import generate
 from llm_astar_lab.results.row import ResultsError, parse_points
-from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.cli.main import parse
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.source import SourceStatus
@@ -46,7 +47,7 @@ def record(path, exchanges, model='parrot'):
 @pytest.fixture(scope='module')
 def dataset(tmp_path_factory):
     path = tmp_path_factory.mktemp('dataset') / 'maps.json'
-    save_barrier_maps(list(generate(9, 4)), path)
+    save_maps(list(generate(9, 4)), path)
     return path
 
 
@@ -62,7 +63,7 @@ def out(tmp_path):
 
 
 def test_the_whole_table_needs_no_key(dataset, out, capsys):
-    assert llm_astar('bench', '--dataset', dataset, '--out', out, '--scales', '1-2') == 0
+    assert llm_astar('bench', '--map', dataset, '--out', out, '--scales', '1-2') == 0
     printed = capsys.readouterr()
     assert 'Operation ratio' in printed.out
     assert 'The waypoints' in printed.out
@@ -88,8 +89,8 @@ def test_many_jobs_give_the_same_figures(undrawn, dataset, tmp_path, capsys):
     tables = []
     for jobs in (1, 4):
         folder = tmp_path / str(jobs)
-        words = ('--jobs', jobs, '--methods', 'llm_astar', '--maps', '0-1', '--json')
-        assert llm_astar('bench', '--dataset', dataset, '--out', folder, *words) == 0
+        words = ('--jobs', jobs, '--methods', 'llm_astar', '--map-ids', '0-1', '--json')
+        assert llm_astar('bench', '--map', dataset, '--out', folder, *words) == 0
         summary = json.loads(capsys.readouterr().out)
         tables.append([(case['case'], case['operation']) for case in summary['cases']])
     assert tables[0] == tables[1]
@@ -100,9 +101,9 @@ def test_a_replay_is_named_by_its_model_and_baselines_are_added(
 ):
     transcript = tmp_path / 'replies.jsonl'
     record(transcript, [(0, pair, 'Generated Path: [[25, 15]]') for pair in range(10)])
-    words = ('--source', 'replay', '--transcript', transcript, '--maps', '0', '--json')
+    words = ('--source', 'replay', '--transcript', transcript, '--map-ids', '0', '--json')
     prices = ('--price', '1', '2')
-    assert llm_astar('bench', '--dataset', dataset, '--out', out, *words, *prices) == 0
+    assert llm_astar('bench', '--map', dataset, '--out', out, *words, *prices) == 0
     summary = json.loads(capsys.readouterr().out)
     cases = {case['case']: case for case in summary['cases']}
     model = cases['llm_astar/replay/few_shot/parrot']
@@ -119,7 +120,7 @@ def test_all_samples_of_a_transcript_that_lacks_some_are_incomplete_and_it_says_
 ):
     transcript = tmp_path / 'replies.jsonl'
     record(transcript, [(0, pair, 'Generated Path: [[25, 15]]') for pair in range(8)])
-    words = ('bench', '--dataset', dataset, '--out', out, '--maps', '0', '--methods', 'llm_astar')
+    words = ('bench', '--map', dataset, '--out', out, '--map-ids', '0', '--methods', 'llm_astar')
     replay = ('--source', 'replay', '--transcript', transcript, '--samples', 'all')
     assert llm_astar(*words, *replay) == 3
     error = capsys.readouterr().err
@@ -133,7 +134,7 @@ def test_a_live_endpoint_is_recorded_and_its_transcript_replays_the_same(
     undrawn, dataset, out, tmp_path, capsys, chat_server
 ):
     live = ('--base-url', chat_server.base_url, '--model', 'parrot-1', '--prompt', 'few_shot,cot')
-    words = ('bench', '--dataset', dataset, '--maps', '1', '--methods', 'llm_astar', '--json')
+    words = ('bench', '--map', dataset, '--map-ids', '1', '--methods', 'llm_astar', '--json')
     assert llm_astar(*words, '--source', 'endpoint', '--out', out, *live) == 0
     summary = json.loads(capsys.readouterr().out)
     cases = {case['case']: case for case in summary['cases']}
@@ -159,7 +160,7 @@ def test_an_endpoint_that_fails_is_incomplete_and_resumed(
 ):
     chat_server.script = [chat_server.error(401, 'who are you')]
     live = ('--base-url', chat_server.base_url, '--model', 'parrot-1', '--source', 'endpoint')
-    words = ('bench', '--dataset', dataset, '--maps', '1', '--methods', 'llm_astar')
+    words = ('bench', '--map', dataset, '--map-ids', '1', '--methods', 'llm_astar')
     assert llm_astar(*words, '--out', out, *live) == 3
     assert '10 samples without an answer (AUTH 10)' in capsys.readouterr().err
     chat_server.script = [chat_server.completion('Generated Path: [[25, 15]]')]
@@ -167,7 +168,7 @@ def test_an_endpoint_that_fails_is_incomplete_and_resumed(
 
 
 def test_a_missed_threshold_is_exit_code_one(undrawn, dataset, out, capsys):
-    words = ('bench', '--dataset', dataset, '--maps', '0', '--methods', 'llm_astar')
+    words = ('bench', '--map', dataset, '--map-ids', '0', '--methods', 'llm_astar')
     sources = ('--source', 'oracle', '--out', out)
     limit = ('--fail-under', 'llm_astar/oracle:operation=1')
     assert llm_astar(*words, *sources, *limit) == 1
@@ -175,7 +176,7 @@ def test_a_missed_threshold_is_exit_code_one(undrawn, dataset, out, capsys):
 
 
 def test_ctrl_c_keeps_the_rows_and_resume_finishes(undrawn, dataset, out, capsys, monkeypatch):
-    words = ('bench', '--dataset', dataset, '--out', out, '--maps', '0', '--methods', 'llm_astar')
+    words = ('bench', '--map', dataset, '--out', out, '--map-ids', '0', '--methods', 'llm_astar')
     append, calls = cli_bench.ResultsFolder.append, []
 
     def interrupted(folder, rows):
@@ -199,12 +200,12 @@ def test_a_full_disk_ends_the_run_and_is_named(dataset, out, capsys, monkeypatch
         raise cli_bench.ResultsError(message)
 
     monkeypatch.setattr(cli_bench.ResultsFolder, 'append', full)
-    assert llm_astar('bench', '--dataset', dataset, '--out', out, '--maps', '0') == 3
+    assert llm_astar('bench', '--map', dataset, '--out', out, '--map-ids', '0') == 3
     assert 'No space left on device' in capsys.readouterr().err
 
 
 def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
-    words = ('bench', '--dataset', dataset, '--out', out, '--maps', '0', '--methods', 'astar')
+    words = ('bench', '--map', dataset, '--out', out, '--map-ids', '0', '--methods', 'astar')
     assert llm_astar(*words) == 0
     rows = (out / 'results.csv').read_bytes()
     assert llm_astar(*words) == 2
@@ -215,14 +216,14 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
 
 
 def test_a_run_resumed_with_other_maps_keeps_the_maps_of_its_rows(undrawn, dataset, out):
-    words = ('bench', '--dataset', dataset, '--out', out, '--methods', 'guided', '--limit', '2')
+    words = ('bench', '--map', dataset, '--out', out, '--methods', 'guided', '--limit', '2')
     assert llm_astar(*words, '--map-ids', '0') == 0
     assert llm_astar(*words, '--map-ids', '2', '--resume') == 0
     assert [item['id'] for item in json.loads((out / 'maps.json').read_text())] == [2, 0]
 
 
 def test_results_are_replaced_only_when_the_run_can_begin(undrawn, dataset, out, monkeypatch):
-    words = ('bench', '--dataset', dataset, '--out', out, '--methods', 'guided', '--limit', '1')
+    words = ('bench', '--map', dataset, '--out', out, '--methods', 'guided', '--limit', '1')
     assert llm_astar(*words) == 0
     before = (out / 'results.csv').read_bytes()
     monkeypatch.setattr(run_options, 'connect', Mock(side_effect=ValueError('no scheduler')))
@@ -243,20 +244,20 @@ def test_results_are_replaced_only_when_the_run_can_begin(undrawn, dataset, out,
         (('--scales', 'x'), '--scales'),
         (('--scales', '0-2'), '--scales 0-2'),
         (('--map-ids', '90-99'), '--map-ids 90-99'),
-        (('--map-ids', '1', '--maps', '2'), '--maps: needs --dataset'),
+        (('--maps', '3'), '--maps: needs --dataset'),
         (('--weight', '0.5'), '--weight'),
         (('--max-planning-time', '0'), '--max-planning-time'),
     ],
 )
 def test_bad_usage_is_named(dataset, out, words, part):
     with pytest.raises(ValueError, match=part):
-        llm_astar('bench', '--dataset', dataset, '--out', out, *words)
+        llm_astar('bench', '--map', dataset, '--out', out, *words)
 
 
 def test_a_malformed_dataset_is_named_with_its_field(tmp_path, out):
     path = tmp_path / 'bad.json'
     path.write_text('[{"id": 4, "range_x": [0, 51], "range_y": "x"}]')
-    for words in (('bench', '--dataset', path, '--out', out), ('dataset', 'check', path)):
+    for words in (('bench', '--map', path, '--out', out), ('dataset', 'check', path)):
         with pytest.raises(ValueError, match=r'bad\.json: map at index 0 \(id 4\): range_y'):
             llm_astar(*words)
 
@@ -278,7 +279,7 @@ def test_a_dataset_is_generated_checked_and_drawn(tmp_path, capsys):
 
 
 def test_reports_are_rewritten_and_put_into_a_readme(dataset, out, tmp_path, capsys):
-    llm_astar('bench', '--dataset', dataset, '--out', out, '--maps', '0')
+    llm_astar('bench', '--map', dataset, '--out', out, '--map-ids', '0')
     report = (out / 'report.md').read_text()
     (out / 'report.md').unlink()
     assert llm_astar('report', out) == 0
@@ -300,7 +301,7 @@ def test_replayed_replies_give_the_aggregates_of_the_published_code(
     numbers = {int(row['map']) for row in published}
     maps = load_barrier_maps(find_file('samples_1000.json', 'maps'))
     dataset, transcript = tmp_path / 'maps.json', tmp_path / 'golden.jsonl'
-    save_barrier_maps([one for one in maps if one.id in numbers], dataset)
+    save_maps([one for one in maps if one.id in numbers], dataset)
     figures, replies = defaultdict(list), defaultdict(list)
     for row in published:
         name = row['method'] if row['method'] != 'llm_astar' else row['source']
@@ -313,7 +314,7 @@ def test_replayed_replies_give_the_aggregates_of_the_published_code(
     for name in names:
         record(transcript, replies[name], model=name)
     words = (
-        '--dataset', dataset, '--source', 'replay', '--out', out,
+        '--map', dataset, '--source', 'replay', '--out', out,
         '--methods', 'llm_astar,dynamic_weighted_astar', '--transcript', transcript, '--json',
     )  # fmt: skip
     assert llm_astar('bench', *words) == 0
@@ -359,7 +360,7 @@ def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
 def test_an_instruction_for_every_sample_fills_columns_and_is_a_threshold(
     undrawn, dataset, out, capsys
 ):
-    words = ('bench', '--dataset', dataset, '--maps', '0', '--methods', 'guided')
+    words = ('bench', '--map', dataset, '--map-ids', '0', '--methods', 'guided')
     text = ('--source', 'straight', '--instruction', 'keep 1 m away from the walls; fly')
     assert llm_astar(*words, *text, '--out', out, '--assert', 'instruction=95') == 1
     assert 'instruction 0.00 % is below 95' in capsys.readouterr().err
@@ -376,7 +377,7 @@ def test_an_instruction_for_every_sample_fills_columns_and_is_a_threshold(
 
 
 def test_a_terminal_that_writes_ascii_alone_gets_the_table(dataset, out):
-    words = ('--dataset', dataset, '--out', out, '--limit', '1', '--methods', 'astar')
+    words = ('--map', dataset, '--out', out, '--limit', '1', '--methods', 'astar')
     process = subprocess.run(
         [sys.executable, '-m', 'llm_astar_planner.cli.main', 'bench', *map(str, words)],
         env=os.environ | {'PYTHONIOENCODING': 'ascii'},

@@ -78,12 +78,6 @@ def test_bad_usage_is_one_line(words, part, capsys, monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_old_name_of_the_map_still_works(tmp_path, capsys):
-    path = tmp_path / 'a.svg'
-    assert cli.main(['draw', '--dataset', 'demo.json', '--out', str(path)]) == 0
-    assert '--dataset is deprecated: it became --map' in capsys.readouterr().err
-
-
 def test_no_path_is_said_and_nothing_is_drawn(tmp_path, capsys):
     path = tmp_path / 'a.png'
     ends = ['--map', 'demo.json', '--start', '5', '5', '--goal', '0', '0', '--tolerance', '0']

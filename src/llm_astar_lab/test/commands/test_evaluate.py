@@ -24,7 +24,8 @@ from llm_astar_lab.datasets.generate import MapRules, generate
 from llm_astar_lab.evaluation.tasks import SampleIdAllocator
 from llm_astar_lab.pictures.figures import comparison_figure
 from llm_astar_lab.report import write as report_writer
-from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.cli.main import main
 from rosbags.highlevel import AnyReader
 
@@ -84,12 +85,12 @@ def drive(tmp_path):
 
 def test_the_bag_of_a_dataset_gives_the_same_rows_as_the_benchmark(tmp_path):
     dataset = tmp_path / 'maps.json'
-    save_barrier_maps(list(generate(9, 2, MapRules(pairs=4))), dataset)
+    save_maps(list(generate(9, 2, MapRules(pairs=4))), dataset)
     methods = ('--methods', 'exact_astar,waypoints_only,llm_astar,guided')
-    assert llm_astar('bench', '--dataset', dataset, '--out', tmp_path / 'bench', *methods) == 0
+    assert llm_astar('bench', '--map', dataset, '--out', tmp_path / 'bench', *methods) == 0
     for storage in ('mcap', 'sqlite3'):
         bag, out = tmp_path / f'{storage}_bag', tmp_path / f'{storage}_out'
-        options = ('--dataset', dataset, '--out', bag, '--storage', storage)
+        options = ('--map', dataset, '--out', bag, '--storage', storage)
         assert llm_astar('dataset', 'to-bag', *options) == 0
         assert llm_astar('evaluate', bag, '--out', out, *methods) == 0
         assert figures(out, OF_BAGS) == figures(tmp_path / 'bench', OF_BAGS)
@@ -311,8 +312,8 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
 
     monkeypatch.setattr(report_writer, 'comparison_figure', figure)
     dataset, bag = tmp_path / 'maps.json', tmp_path / 'bag'
-    save_barrier_maps(list(generate(9, 1, MapRules(pairs=5))), dataset)
-    assert llm_astar('dataset', 'to-bag', '--dataset', dataset, '--out', bag) == 0
+    save_maps(list(generate(9, 1, MapRules(pairs=5))), dataset)
+    assert llm_astar('dataset', 'to-bag', '--map', dataset, '--out', bag) == 0
     options = ('--methods', 'llm_astar', '--source', 'straight', '--out', out)
     assert llm_astar('evaluate', bag, *options) == 0
     rows = rows_in(out)

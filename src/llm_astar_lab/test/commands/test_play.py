@@ -58,7 +58,7 @@ def test_a_map_that_is_too_large_for_a_page_is_refused(capsys, tmp_path):
     assert str(MAX_CELLS) in sentence
 
 
-def test_a_missing_library_is_named_with_the_command_that_installs_it(capsys, monkeypatch):
+def test_a_missing_library_is_named_with_what_says_how_to_install_it(capsys, monkeypatch):
     real_import = builtins.__import__
 
     def without_uvicorn(name, *arguments):
@@ -70,7 +70,7 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(capsys, mo
     monkeypatch.setattr(builtins, '__import__', without_uvicorn)
     code, sentence = refused(capsys)
     assert code == 1
-    assert "uvicorn is missing: pip install 'starlette' 'uvicorn'" in sentence
+    assert "No module named 'uvicorn'; `llm-astar doctor` says what to install" in sentence
 
 
 def test_the_address_for_a_browser():

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import pytest
 from llm_astar_lab.datasets.generate import generate
-from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.cli.main import main
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.replay import dataset_digest
 from llm_astar_planner.waypoints.source import Provenance, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 
@@ -23,7 +24,7 @@ INSTRUCTION = {
 @pytest.fixture
 def dataset(tmp_path):
     path = tmp_path / 'maps.json'
-    save_barrier_maps(list(generate(5, 2)), path)
+    save_maps(list(generate(5, 2)), path)
     return path
 
 
@@ -129,7 +130,7 @@ def test_what_differs_between_the_exchanges_of_one_model_is_named(dataset, tmp_p
 def test_a_transcript_of_another_dataset_is_not_taken_for_this_one(dataset, tmp_path, capsys):
     path = record(tmp_path / 'a.jsonl', *whole(dataset))
     other = tmp_path / 'others.json'
-    save_barrier_maps(list(generate(6, 2)), other)
+    save_maps(list(generate(6, 2)), other)
     assert check(path, '--map', other) == 3
     assert f'recorded on another dataset than {other}: 20' in capsys.readouterr().out
 

@@ -20,8 +20,8 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     Sample,
     load_barrier_maps,
-    save_barrier_maps,
 )
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
@@ -79,7 +79,7 @@ def test_validation_names_what_it_finds(tmp_path, maps):
         Sample(start, goal, query),
     )
     path = tmp_path / 'bad.json'
-    save_barrier_maps([replace(maps[0], samples=bad)], path)
+    save_maps([replace(maps[0], samples=bad)], path)
     summary, problems = validate_file(path)
     assert (summary.maps, summary.samples, summary.detours) == (1, 5, ())
     text = '\n'.join(str(problem) for problem in problems)

@@ -57,7 +57,7 @@ def write_map_server(folder, pixels):
 
 def bench(dataset, out, *words):
     """Run the benchmark in this process and return its exit code."""
-    return cli.main(['bench', '--dataset', str(dataset), '--out', str(out), *map(str, words)])
+    return cli.main(['bench', '--map', str(dataset), '--out', str(out), *map(str, words)])
 
 
 def row(method='astar', pair=0, **values):

@@ -162,12 +162,12 @@ def test_families_are_run_together_and_at_larger_scales(tmp_path):
         (['--dataset', 'movingai/dao'], 'needs --path'),
         (['--dataset', 'paper'], 'needs --path, with environment_50_30.json'),
         (['--dataset', 'movingai/dao', '--path', 'nowhere'], 'is not a folder'),
-        (['--dataset', 'rooms', '--maps', '0-9'], '--map-ids chooses maps'),
-        (['--dataset', 'rooms', '--maps', '0'], 'the minimum is 1'),
+        (['--dataset', 'rooms', '--maps', '0-9'], "'0-9' is not a whole number"),
+        (['--dataset', 'rooms', '--maps', '0'], "'0' is not a whole number of at least 1"),
         (['--dataset', 'rooms', '--path', '.'], '--path: needs --dataset'),
         (['--dataset', 'rooms', '--map', 'x.json'], 'not allowed with'),
         (['--pairs', '3'], '--pairs: needs --dataset'),
-        (['--dataset', 'gone.json'], 'gone.json'),
+        (['--dataset', 'gone.json'], 'a file is given with --map'),
     ],
 )
 def test_options_that_do_not_fit_are_named_in_one_line(tmp_path, capsys, words, part):
@@ -182,16 +182,9 @@ def test_options_that_do_not_fit_are_named_in_one_line(tmp_path, capsys, words, 
     assert not (tmp_path / 'out').exists()
 
 
-def test_old_spellings_still_work_with_a_hint(tmp_path, request, capsys):
-    file = request.config.rootpath / 'maps' / 'demo.json'
-    assert bench(tmp_path / 'out', '--dataset', file, '--maps', '0-9') == 0
-    printed = capsys.readouterr().err
-    assert '--dataset is deprecated: it became --map' in printed
-    assert '--maps is deprecated: it became --map-ids' in printed
-
-
-def test_every_name_is_read_and_a_file_is_none():
+def test_every_name_is_read_and_a_file_is_refused():
     assert parse_names(','.join(NAMES)) == NAMES
-    assert parse_names('maps/x.json') is None
+    with pytest.raises(SelectionError, match='a file is given with --map'):
+        parse_names('maps/x.json')
     with pytest.raises(SelectionError, match=r'movingai/mazes.*did you mean movingai/maze'):
         parse_names('movingai/mazes')

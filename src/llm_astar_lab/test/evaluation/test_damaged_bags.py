@@ -44,7 +44,7 @@ def read_requests(path):
 def test_no_damage_ends_in_a_traceback(storage, tmp_path):
     whole = tmp_path / 'whole'
     dataset = str(find_file('samples_1000.json', 'maps'))
-    arguments = ['--dataset', dataset, '--maps', '50', '--storage', storage, '--out', str(whole)]
+    arguments = ['--map', dataset, '--map-ids', '50', '--storage', storage, '--out', str(whole)]
     assert main(['dataset', 'to-bag', *arguments]) == 0
     data = next(whole.glob(f'*{ENDINGS[storage]}')).read_bytes()
     path = tmp_path / f'broken{ENDINGS[storage]}'

@@ -9,8 +9,7 @@ from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.evaluation.writing import ResultsBag
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.planning.types import PlanRequest, plan_report
 from llm_astar_planner.waypoints.source import WaypointReply
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory

@@ -20,7 +20,7 @@ MAPS = load_barrier_maps(DATASET)
 
 
 def make_bag(folder, *options):
-    return main(['dataset', 'to-bag', '--dataset', str(DATASET), '--out', str(folder), *options])
+    return main(['dataset', 'to-bag', '--map', str(DATASET), '--out', str(folder), *options])
 
 
 def read(folder):
@@ -35,7 +35,7 @@ def read(folder):
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp('bags') / 'samples'
-    assert make_bag(folder, '--maps', '50-52') == 0
+    assert make_bag(folder, '--map-ids', '50-52') == 0
     return folder
 
 
@@ -84,7 +84,7 @@ def test_a_damaged_byte_fails_a_checksum(folder, tmp_path):
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_a_bag_defines_its_own_types(tmp_path, storage):
     """A reader that knows only the types in the bag reads every message."""
-    assert make_bag(tmp_path / 'bag', '--maps', '7', '--storage', storage) == 0
+    assert make_bag(tmp_path / 'bag', '--map-ids', '7', '--storage', storage) == 0
     with AnyReader([tmp_path / 'bag']) as reader:
         messages = [
             (connection.topic, reader.deserialize(data, connection.msgtype))
@@ -105,7 +105,7 @@ def test_maps_are_offered_to_late_joiners(folder):
 
 def test_the_same_samples_give_the_same_bag(folder, tmp_path):
     again = tmp_path / folder.name
-    assert make_bag(again, '--maps', '50-52') == 0
+    assert make_bag(again, '--map-ids', '50-52') == 0
     for file in folder.iterdir():
         assert (again / file.name).read_bytes() == file.read_bytes()
 
@@ -115,8 +115,7 @@ def test_a_grid_without_barriers_is_written_as_a_map(tmp_path):
     (tmp_path / 'x.map.scen').write_text('version 1\n0 x.map 3 2 0 0 2 0 2.0\n')
     out = tmp_path / 'bag'
     assert (
-        main(['dataset', 'to-bag', '--dataset', str(tmp_path / 'x.map.scen'), '--out', str(out)])
-        == 0
+        main(['dataset', 'to-bag', '--map', str(tmp_path / 'x.map.scen'), '--out', str(out)]) == 0
     )
     assert [topic for topic, _, _ in read(out)] == [MAP, GET_PLAN_EVENT]
 
@@ -124,6 +123,6 @@ def test_a_grid_without_barriers_is_written_as_a_map(tmp_path):
 def test_a_bag_that_cannot_be_written_is_one_sentence(folder, capsys):
     assert make_bag(folder) == 2
     assert 'exists already' in capsys.readouterr().err
-    assert make_bag(folder.parent / 'new', '--maps', '5000') == 2
+    assert make_bag(folder.parent / 'new', '--map-ids', '5000') == 2
     assert '--map-ids 5000' in capsys.readouterr().err
     assert not (folder.parent / 'new').exists()

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import shapely
 from instruction_suites import MAPS, ROOMS
-from llm_astar_lab.instruct_bench.checks import KINDS, read_check
-from llm_astar_lab.instruct_bench.measured_path import MeasuredPath
+from llm_astar_lab.instruct_bench.checks import KINDS, read_check, spans_in
 from llm_astar_lab.instruct_bench.regions import (
     FORMS,
     Scene,
@@ -16,11 +15,12 @@ from llm_astar_lab.instruct_bench.regions import (
 )
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
+from llm_astar_planner.instructions.verification.geometry import first_from, polyline
 
 PLACES = places_from_polygons(MAPS['rooms']['places'])
 MAP = SuiteMap('rooms', GridMap(np.where(ROOMS, 100, 0), 0.5), PLACES)
 START, GOAL = (2.25, 1.25), (10.25, 1.25)
-SCENE = Scene(MAP, START, GOAL)
+SCENE = Scene(MAP, (4, 2), (20, 2))
 DIRECT = [START, GOAL]
 # Through the north door instead of the south one.
 NORTH = [START, (5.5, 4.5), (7.0, 4.5), GOAL]
@@ -32,7 +32,7 @@ NORTH_FIRST = {'first': NORTH_DOOR, 'second': SOUTH_DOOR}
 
 
 def verdict(check, points, scene=SCENE, direct_length=8.0):
-    return read_check(check, 'checks[0]', scene, 2).measure(MeasuredPath(points, direct_length))
+    return read_check(check, 'checks[0]', scene, 2).measure(polyline(points), direct_length)
 
 
 # Kind, fields, a path that fulfils the check, one that does not.
@@ -113,17 +113,16 @@ def test_a_path_of_one_point_has_no_length(kind):
 
 
 def test_a_path_that_leaves_a_region_and_comes_back_has_two_stretches():
-    path = MeasuredPath([(0, 0), (10, 0), (10, 1), (0, 1)])
-    stretches = path.stretches(shapely.box(4, -1, 5, 2))
-    assert np.allclose(stretches, [(4, 5), (16, 17)])
-    assert path.first_touch(shapely.box(4, -1, 5, 2), after=5.5) == pytest.approx(16)
-    assert math.isinf(path.first_touch(shapely.box(20, 0, 21, 1)))
+    path = polyline([(0, 0), (10, 0), (10, 1), (0, 1)])
+    spans = spans_in(path, shapely.box(4, -1, 5, 2))
+    assert np.allclose(spans, [(4, 5), (16, 17)])
+    assert first_from(spans, 5.5) == pytest.approx(16)
+    assert math.isinf(first_from(spans_in(path, shapely.box(20, 0, 21, 1)), 0.0))
 
 
 def test_a_ring_shaped_region_gives_two_stretches_of_one_piece():
     ring = shapely.Point(5, 0).buffer(3).difference(shapely.Point(5, 0).buffer(1))
-    stretches = MeasuredPath([(0, 0), (10, 0)]).stretches(ring)
-    assert np.allclose(stretches, [(2, 4), (6, 8)])
+    assert np.allclose(spans_in(polyline([(0, 0), (10, 0)]), ring), [(2, 4), (6, 8)])
 
 
 def test_walls_are_the_squares_of_occupied_cells_on_a_turned_map():
@@ -141,7 +140,7 @@ def test_walls_are_the_squares_of_occupied_cells_on_a_turned_map():
 
 
 def test_a_map_without_walls_keeps_any_distance_to_them():
-    empty = Scene(SuiteMap('empty', GridMap(np.zeros((4, 4))), Places()), START, GOAL)
+    empty = Scene(SuiteMap('empty', GridMap(np.zeros((4, 4))), Places()), (0, 0), (1, 1))
     assert verdict({'check': 'wall_dist_min', 'metres': 9.0}, [(1, 1), (2, 2)], empty).holds
 
 
@@ -178,7 +177,7 @@ def test_halves_of_places_and_of_the_way():
 
 def test_a_point_place_is_a_disc_of_half_a_metre():
     places = Places([Place('charger', shapely.Point(3, 3))])
-    scene = Scene(SuiteMap('rooms', MAP.grid_map, places), START, GOAL)
+    scene = Scene(SuiteMap('rooms', MAP.grid_map, places), (4, 2), (20, 2))
     check = {'check': 'touch', 'region': {'place': 'charger'}}
     assert verdict(check, [(0, 3.4), (6, 3.4)], scene).holds
     assert not verdict(check, [(0, 3.6), (6, 3.6)], scene).holds

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places_file import load_places
+from llm_astar_msgs_adapter.maps.places import load_places
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.specification import (

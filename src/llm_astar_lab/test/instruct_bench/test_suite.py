@@ -87,7 +87,8 @@ def test_a_barrier_map_is_measured_in_its_cells(tmp_path):
     numbered, named = load_suite(write_suite(tmp_path, change)).instructions
     assert numbered.start == named.start
     assert numbered.suite_map.barrier_map.id == 6
-    assert numbered.suite_map.position(numbered.start) == tuple(map(float, numbered.start))
+    centre = numbered.suite_map.grid_map.grid_to_world([numbered.start])[0]
+    assert tuple(centre) == numbered.start
 
 
 def test_places_come_from_the_entry_a_file_or_beside_the_map(tmp_path):

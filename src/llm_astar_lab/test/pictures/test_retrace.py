@@ -15,10 +15,10 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.segment import target_list
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.planning.waypoint_filter import target_list
 from llm_astar_planner.search.methods import METHODS
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 REPLY = FixedReply('[[20, 60], [50, 20], [70, 60]]')
 START, GOAL = (3, 3), (86, 84)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from llm_astar_lab.pictures import style
 from llm_astar_planner.instructions.outcome import ClauseStatus
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import WaypointStatus
 
 
 def grey(colour):

@@ -18,8 +18,8 @@ from llm_astar_lab.report.samples import browser_data, median_rows, shown_sample
 from llm_astar_lab.report.write import write_report
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import Variant
-from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.costmap.config import CostmapConfig
 
 
@@ -47,7 +47,7 @@ def reported(tmp_path_factory):
     """Return a results folder with its report; a model in it has script code as its name."""
     path = tmp_path_factory.mktemp('reported')
     maps = list(generate(1, 20))
-    save_barrier_maps(maps, path / 'maps.json')
+    save_maps(maps, path / 'maps.json')
     rows = rows_with(0.8)
     nasty = Variant('llm_astar', 'replay', 'few_shot', '</script><script>alert(1)</script>')
     rows += [

@@ -4,16 +4,14 @@ import json
 import math
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from benchmark_samples import A_STAR, MODEL, row
 from llm_astar_lab.results import folder as results
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError
-from llm_astar_lab.results.row_keys import FinishedRows, RowKeys
 from llm_astar_lab.runner.config import LARGE_RUN, is_parquet_run
 
 LARGE_RUN_SCRIPT = Path(__file__).with_name('large_run.py')
@@ -39,7 +37,6 @@ def write(folder, rows):
 
 @pytest.fixture
 def small_parts(monkeypatch):
-    pytest.importorskip('pyarrow', reason='the extra parquet is not installed')
     monkeypatch.setattr(results, 'PART_ROWS', 10)
 
 
@@ -72,7 +69,7 @@ def test_a_row_counts_once_where_a_crash_left_it_in_a_part_and_in_the_text(parqu
     before, waiting = repr(list(parquet.read())), parquet.results.read_text()
     parquet.fold()
     parquet.results.write_text(waiting + '3,0,1,cut sho')
-    (parquet.path / 'results.parquet' / '.part-000009.parquet.draft').write_text('PAR1 and no end')
+    (parquet.path / 'results.parquet' / '.part-000009.draft.parquet').write_text('PAR1 and no end')
     assert repr(list(ResultsFolder(parquet.path).read())) == before
 
 
@@ -85,9 +82,11 @@ def test_only_rows_without_an_answer_are_dropped_to_be_asked_again(
     write(folder, rows)
     again = ResultsFolder(tmp_path)
     done = again.keep_answered()
-    assert len(done) == len(rows) - 1
-    assert [item.key in done for item in rows] == [item.answered for item in rows]
-    assert (0, 0, 2, A_STAR) not in done
+    assert sum(map(len, done.values())) == len(rows) - 1
+    finished = [item.variant in done[item.key[:3]] for item in rows]
+    assert finished == [item.answered for item in rows]
+    assert (0, 0, 2) not in done
+    assert all(item.answered for item in again.read())
     again.append([replace(rows[7], source_status='OK')])
     assert len(list(again.read())) == len(rows)
     assert all(item.answered for item in again.read())
@@ -117,47 +116,36 @@ def test_a_part_with_other_columns_or_types_is_named(parquet):
         list(parquet.read())
 
 
-def test_a_full_disk_loses_no_row_of_a_parquet_run(parquet, monkeypatch):
+def test_a_full_disk_loses_no_row_of_a_parquet_run(parquet):
     before = len(list(parquet.read()))
 
-    def full(*_):
-        raise OSError(28, 'No space left on device')
-
-    monkeypatch.setattr('pyarrow.parquet.write_table', lambda *_, **__: full())
+    (parquet.path / 'results.parquet' / '.part-000005.draft.parquet').symlink_to('/dev/full')
     added = [row(A_STAR, map_id=90, pair=pair) for pair in range(10)]
     with pytest.raises(ResultsError, match='No space left on device; the rows before are kept'):
         parquet.append(added)
     assert len(list(ResultsFolder(parquet.path).read())) == before + 10
 
 
-def test_large_runs_are_parquet_where_pyarrow_is_installed(monkeypatch):
-    where = 'llm_astar_lab.runner.config.has_pyarrow'
-    for installed in (True, False):
-        monkeypatch.setattr(where, lambda installed=installed: installed)
-        assert is_parquet_run(None, LARGE_RUN) is installed
-        assert not is_parquet_run(None, LARGE_RUN - 1)
-        assert not is_parquet_run('csv', LARGE_RUN)
-    with pytest.raises(ResultsError, match='--format parquet needs pyarrow: pip install pyarrow'):
-        is_parquet_run('parquet')
+def test_large_runs_are_parquet_unless_they_are_asked_to_be_text():
+    assert is_parquet_run(None, LARGE_RUN)
+    assert not is_parquet_run(None, LARGE_RUN - 1)
+    assert not is_parquet_run('csv', LARGE_RUN)
+    assert is_parquet_run('parquet')
 
 
-def test_finished_rows_are_found_among_keys_of_any_size():
-    random = np.random.default_rng(0)
-    keys = [
-        (int(map_id), int(pair), int(scale), variant)
-        for map_id, pair, scale in random.integers(0, (2**62, 9, 4), (300, 3))
-        for variant in (A_STAR, MODEL)
-    ]
-    half = keys[::3]
-    done = FinishedRows(RowKeys.of(enumerate(half)))
-    assert [key in done for key in keys] == [key in set(half) for key in keys]
+def test_other_libraries_read_the_parts(parquet):
+    files = pytest.importorskip('pyarrow.parquet')
+    tables = [files.read_table(part) for part in parts_of(parquet)]
+    types = [str(tables[0].schema.field(name).type) for name in ('map', 'length', 'path')]
+    assert types == ['int64', 'double', 'string']
+    found = [item for table in tables for item in table.to_pylist()]
+    assert sorted(map(str, found)) == sorted(str(asdict(item)) for item in parquet.read())
 
 
 # Write rows, resume, summarise them; print how many bytes the peak grew by beyond a small run's.
 GROWTH = """
 import resource, sys
 from pathlib import Path
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.analysis.summary import summarise
 from llm_astar_lab.results import folder as results
 from llm_astar_lab.results.folder import ResultsFolder
@@ -176,8 +164,8 @@ def peak(folder, samples):
                 path=path) for method in ('astar', 'guided', 'llm_astar', 'exact_astar')
         )
     run.fold()
-    assert len(run.keep_answered()) == 4 * samples
-    summaries = summarise(RowColumns(run.read()))
+    assert list(map(len, run.keep_answered().values())) == [4] * samples
+    summaries = summarise(run.stored())
     assert [item.samples for item in summaries] == [samples] * 4
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
@@ -188,8 +176,6 @@ print(peak(Path(sys.argv[1]) / 'large', 5000) - small)
 
 @pytest.mark.parametrize('file_format', ['csv', 'parquet'])
 def test_memory_hardly_grows_with_the_rows(tmp_path, file_format):
-    if file_format == 'parquet':
-        pytest.importorskip('pyarrow', reason='the extra parquet is not installed')
     words = [sys.executable, '-c', GROWTH, tmp_path, file_format]
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
@@ -201,8 +187,6 @@ def test_memory_hardly_grows_with_the_rows(tmp_path, file_format):
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize('file_format', ['csv', 'parquet'])
 def test_a_million_rows_take_less_than_500_mb_from_start_to_report(tmp_path, file_format):
-    if file_format == 'parquet':
-        pytest.importorskip('pyarrow', reason='the extra parquet is not installed')
     words = [sys.executable, LARGE_RUN_SCRIPT, tmp_path, '50000', file_format]
     for code, rows in ((9, 525_000), (0, 1_050_000)):
         ended = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from benchmark_samples import config_of, untimed
 from llm_astar_lab.results.folder import ResultsFolder
-from llm_astar_lab.runner.cluster import connect
+from llm_astar_lab.runner.config import connect
 from llm_astar_lab.runner.engine import run_task
 from llm_astar_lab.runner.sources import SourceSpec
 
@@ -33,7 +33,7 @@ def test_the_example_with_two_workers_writes_the_rows_of_one_machine(dataset, tm
 @pytest.mark.filterwarnings('default')
 def test_an_unreachable_cluster_is_named(monkeypatch):
     pytest.importorskip('distributed', reason='the extra cluster is not installed')
-    monkeypatch.setattr('llm_astar_lab.runner.cluster.CONNECT_TIMEOUT_S', 0.3)
+    monkeypatch.setattr('llm_astar_lab.runner.config.CONNECT_TIMEOUT_S', 0.3)
     with pytest.raises(ValueError, match=r'--dask tcp://127\.0\.0\.1:1: '):
         connect('tcp://127.0.0.1:1', [SourceSpec()]).__enter__()
 

@@ -5,10 +5,10 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.datasets.families import generate_family
 from llm_astar_lab.report.tables import map_cost_table
 from llm_astar_lab.results.row import Row
+from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.map_costs import add_query_times, held_bytes, map_costs
 from llm_astar_planner.cli import main as cli
 from reader_files import write_movingai
@@ -46,7 +46,7 @@ def test_query_times_are_those_of_the_maps_rows():
         )
     ]  # fmt: skip
     costs = [{'map': 0}, {'map': 1}, {'map': 2}]
-    add_query_times(costs, RowColumns(rows))
+    add_query_times(costs, StoredRows.of(rows))
     first, second, third = (cost['queries'] for cost in costs)
     assert first['astar/none']['count'] == 2
     assert first['astar/none']['median'] == pytest.approx(0.2)

@@ -11,7 +11,8 @@ from llm_astar_lab.datasets.generate import generate
 from llm_astar_lab.datasets.samples import SelectionError, load_samples
 from llm_astar_lab.runner.recorded import groups_of, keep_recorded, ranges
 from llm_astar_lab.runner.sources import SourceSpec
-from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.waypoints.prompts.template import template_path
 from llm_astar_planner.waypoints.replay import ReplaySource
@@ -37,13 +38,13 @@ def undrawn(monkeypatch):
 @pytest.fixture
 def dataset(tmp_path):
     path = tmp_path / 'maps.json'
-    save_barrier_maps(list(generate(3, 4)), path)
+    save_maps(list(generate(3, 4)), path)
     return path
 
 
 def bench(dataset, out, *words):
     return main(
-        ['bench', '--dataset', str(dataset), '--out', str(out), '--source', 'replay,oracle',
+        ['bench', '--map', str(dataset), '--out', str(out), '--source', 'replay,oracle',
          '--methods', 'llm_astar', *map(str, words)]
     )  # fmt: skip
 
@@ -207,7 +208,7 @@ def test_a_prompt_that_is_not_recorded_is_refused(dataset, tmp_path, capsys):
 
 def test_without_a_replay_every_sample_is_kept(tmp_path):
     path = tmp_path / 'hall.json'
-    save_barrier_maps([HALL], path)
+    save_maps([HALL], path)
     samples = load_samples(path)
     assert keep_recorded(samples, [SourceSpec()], [1], 10, 0) == (samples, [SourceSpec()], [])
 

@@ -7,9 +7,8 @@ Ours may have a `family` too.
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -17,7 +16,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.grid_map import FREE, MAX_CELLS, OCCUPIED, GridMap, Pose2D
 
@@ -116,11 +115,7 @@ class BarrierMap:
         """
 
         def shorten(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
-            return tuple(
-                barrier._replace(last=barrier.last - 1)
-                for barrier in barriers
-                if barrier.first < barrier.last
-            )
+            return tuple(b._replace(last=b.last - 1) for b in barriers if b.first < b.last)
 
         return replace(
             self,
@@ -134,29 +129,20 @@ class BarrierMap:
         Barriers stay one cell thick. Queries are dropped, since they name the old coordinates.
         Raises BarrierMapError for less than 1 and for more cells than a map may have.
         """
-        if factor < 1:
-            raise BarrierMapError(f'scale: {factor} is not 1 or more')
-        if math.prod(self.size) * factor**2 > MAX_CELLS:
-            raise BarrierMapError(
-                f'scale: {factor} gives map {self.id} over {MAX_CELLS} cells; choose a smaller one'
-            )
+        check_scale(factor, math.prod(self.size), self.id, BarrierMapError)
         if factor == 1:
             return self
 
-        def scaled(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
-            return tuple(Barrier(*(value * factor for value in barrier)) for barrier in barriers)
+        def scaled(values: Iterable[int]) -> Any:  # noqa: ANN401 - as many as there are values
+            return tuple(value * factor for value in values)
 
-        return BarrierMap(
-            self.id,
-            scale_pair(self.range_x, factor),
-            scale_pair(self.range_y, factor),
-            scaled(self.horizontal_barriers),
-            scaled(self.vertical_barriers),
-            tuple(
-                Sample(scale_pair(sample.start, factor), scale_pair(sample.goal, factor))
-                for sample in self.samples
-            ),
-            self.family,
+        return replace(
+            self,
+            range_x=scaled(self.range_x),
+            range_y=scaled(self.range_y),
+            horizontal_barriers=tuple(Barrier(*scaled(b)) for b in self.horizontal_barriers),
+            vertical_barriers=tuple(Barrier(*scaled(b)) for b in self.vertical_barriers),
+            samples=tuple(Sample(scaled(item.start), scaled(item.goal)) for item in self.samples),
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -165,8 +151,8 @@ class BarrierMap:
             'id': self.id,
             'range_x': list(self.range_x),
             'range_y': list(self.range_y),
-            'horizontal_barriers': [list(barrier) for barrier in self.horizontal_barriers],
-            'vertical_barriers': [list(barrier) for barrier in self.vertical_barriers],
+            'horizontal_barriers': list(map(list, self.horizontal_barriers)),
+            'vertical_barriers': list(map(list, self.vertical_barriers)),
             'start_goal': [
                 [list(sample.start), list(sample.goal), sample.query] for sample in self.samples
             ],
@@ -186,12 +172,22 @@ def parse_barrier_maps(data: object, path: str | Path) -> list[BarrierMap]:
     """Validate the contents of a dataset file; raises as `load_barrier_maps` does."""
     if not isinstance(data, list) or not data:
         raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
-    maps: dict[int, BarrierMap] = {}
-    for index, entry in enumerate(data):
-        parsed = parse_barrier_map(entry, f'{path}: map at index {index}')
-        if parsed.id in maps:
-            raise BarrierMapError(f'{path}: map at index {index}: id: {parsed.id} is used twice')
-        maps[parsed.id] = parsed
+    return parse_each(data, path, parse_barrier_map)
+
+
+def parse_each(
+    entries: Sequence[Any], path: str | Path, parse: Callable[[Any, str], MapWithId]
+) -> list[MapWithId]:
+    """Return the maps of a file by a function of each entry and what errors call it.
+
+    Raises what that raises, and BarrierMapError for an id that is used twice.
+    """
+    maps: dict[int, MapWithId] = {}
+    for index, entry in enumerate(entries):
+        where = f'{path}: map at index {index}'
+        parsed = parse(entry, where)
+        if maps.setdefault(parsed.id, parsed) is not parsed:
+            raise BarrierMapError(f'{where}: id: {parsed.id} is used twice')
     return list(maps.values())
 
 
@@ -205,10 +201,14 @@ def find_barrier_map(maps: Sequence[MapWithId], map_id: int) -> MapWithId:
     raise BarrierMapError(f'map id {map_id} is not in the file; it holds {ids}{more}')
 
 
-def save_barrier_maps(maps: list[BarrierMap], path: str | Path) -> None:
-    """Write a dataset in the paper's format, with one map per line."""
-    lines = ',\n'.join(json.dumps(barrier_map.to_json()) for barrier_map in maps)
-    Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
+def check_scale(factor: int, cells: int, map_id: int, error: type[LlmAstarError]) -> None:
+    """Raise an error for a scale below 1, and for one at which a map has too many cells."""
+    if factor < 1:
+        raise error(f'scale: {factor} is not 1 or more')
+    if cells * factor**2 > MAX_CELLS:
+        raise error(
+            f'scale: {factor} gives map {map_id} over {MAX_CELLS} cells; choose a smaller one'
+        )
 
 
 def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
@@ -216,27 +216,21 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
 
     Raises BarrierMapError that begins with `where` and names the field.
     """
-    if not isinstance(entry, dict):
-        raise BarrierMapError(f'{where}: an object is expected, not {short_repr(entry)}')
-    map_id = parse_integer(entry.get('id', 0), f'{where}: id')
+    held = expect(entry, dict, where, 'an object', BarrierMapError)
+    map_id = parse_integer(held.get('id', 0), f'{where}: id')
     where = f'{where} (id {map_id})'
     for field in ('range_x', 'range_y'):
-        if field not in entry:
+        if field not in held:
             raise BarrierMapError(f'{where}: {field}: is missing')
-    range_x = parse_range(entry['range_x'], f'{where}: range_x')
-    range_y = parse_range(entry['range_y'], f'{where}: range_y')
+    range_x = parse_range(held['range_x'], f'{where}: range_x')
+    range_y = parse_range(held['range_y'], f'{where}: range_y')
     if (range_x[1] - range_x[0]) * (range_y[1] - range_y[0]) > MAX_CELLS:
         raise BarrierMapError(f'{where}: range_x, range_y: over {MAX_CELLS} cells')
 
     def parse_list(field: str, parse: Callable[..., Any], *ranges: Point) -> tuple[Any, ...]:
-        values = entry.get(field, [])
-        if not isinstance(values, list):
-            shown = short_repr(values)
-            raise BarrierMapError(f'{where}: {field}: a list is expected, not {shown}')
-        return tuple(
-            parse(value, f'{where}: {field}[{index}]', *ranges)
-            for index, value in enumerate(values)
-        )
+        name = f'{where}: {field}'
+        values = expect(held.get(field, []), list, name, 'a list', BarrierMapError)
+        return tuple(parse(value, f'{name}[{i}]', *ranges) for i, value in enumerate(values))
 
     return BarrierMap(
         map_id,
@@ -245,7 +239,7 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
         parse_list('horizontal_barriers', parse_barrier, range_y, range_x),
         parse_list('vertical_barriers', parse_barrier, range_x, range_y),
         parse_list('start_goal', parse_sample, range_x, range_y),
-        parse_family(entry, f'{where}: family'),
+        parse_family(held, f'{where}: family'),
     )
 
 
@@ -260,11 +254,6 @@ def parse_family(entry: dict[str, Any], name: str) -> str:
     raise BarrierMapError(
         f'{name}: up to {MAX_FAMILY} printable characters are expected, not {short_repr(family)}'
     )
-
-
-def scale_pair(pair: Point, factor: int) -> Point:
-    """Multiply both numbers of a point or range."""
-    return pair[0] * factor, pair[1] * factor
 
 
 def parse_integer(value: object, name: str) -> int:
@@ -323,6 +312,5 @@ def parse_sample(value: object, name: str, range_x: Point, range_y: Point) -> Sa
         check_inside(y, range_y[0], range_y[1] - 1, f'{name}: {label} y')
         points.append((x, y))
     query = value[2] if len(value) == 3 else ''
-    if not isinstance(query, str):
-        raise BarrierMapError(f'{name}: query: a string is expected, not {short_repr(query)}')
-    return Sample(points[0], points[1], query)
+    text = expect(query, str, f'{name}: query', 'a string', BarrierMapError)
+    return Sample(points[0], points[1], text)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
-from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample, parse_family
+from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample, check_scale, parse_family
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS, ORIGIN, GridMap, GridMapError, Pose2D
 
 
@@ -71,12 +71,7 @@ class GridProblem:
         Samples are at the middle of their former cells. The lengths are dropped, since a finer map
         has other shortest paths. Raises GridProblemError for less than 1 and for too many cells.
         """
-        if factor < 1:
-            raise GridProblemError(f'scale: {factor} is not 1 or more')
-        if self.grid_map.cells.size * factor**2 > MAX_CELLS:
-            raise GridProblemError(
-                f'scale: {factor} gives map {self.id} over {MAX_CELLS} cells; choose a smaller one'
-            )
+        check_scale(factor, self.grid_map.cells.size, self.id, GridProblemError)
         if factor == 1:
             return self
         cells = self.grid_map.cells.repeat(factor, axis=0).repeat(factor, axis=1)

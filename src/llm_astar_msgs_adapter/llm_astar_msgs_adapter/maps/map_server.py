@@ -13,12 +13,9 @@ The bottom row of the image is row 0 of the map.
 
 from __future__ import annotations
 
-import math
-import struct
+import sys
 import warnings
-import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,11 +38,6 @@ from llm_astar_msgs_adapter.maps.grid_map import (
 
 MODES = ('trinary', 'scale', 'raw')
 FORMATS = ('PPM', 'PNG', 'BMP', 'JPEG')
-# What Pillow raises for damaged images, besides UnidentifiedImageError.
-IMAGE_ERRORS = (
-    OSError, SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, EOFError,
-    MemoryError, struct.error, zlib.error, Image.DecompressionBombError,
-)  # fmt: skip
 # Characters of a file's name in errors.
 MAX_NAME = 500
 # Pixels that are converted at a time: about 20 MB.
@@ -59,7 +51,9 @@ class MapServerError(LlmAstarError, ValueError):
 def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     """Read a map_server yaml file and its image. Raises MapServerError, naming file and field."""
     path = Path(path)
-    fields = read_fields(path)
+    fields = read_yaml(path, MapServerError)
+    if not isinstance(fields, dict):
+        raise MapServerError(f'{path}: the fields of a map are expected')
     for name in ('resolution', 'origin', 'occupied_thresh', 'free_thresh'):
         if name not in fields:
             raise MapServerError(f'{path}: {name}: is missing')
@@ -119,14 +113,6 @@ class Shades:
         return cells.astype(np.int8)
 
 
-def read_fields(path: Path) -> dict[str, Any]:
-    """Return the fields of a yaml file. Raises MapServerError."""
-    fields = read_yaml(path, MapServerError)
-    if not isinstance(fields, dict):
-        raise MapServerError(f'{path}: the fields of a map are expected')
-    return fields
-
-
 def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
     """Return the occupancy of an image [height, width]. Raises MapServerError.
 
@@ -137,27 +123,22 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
         if image.exists() and not image.is_file():
             raise MapServerError(f'{path}: image: {image}: is not a regular file')
         # By its contents, whatever its name; other formats may start other programs.
-        with no_size_warning(), Image.open(image, formats=FORMATS) as picture:
-            if picture.width * picture.height > MAX_CELLS:
-                raise MapServerError(f'{path}: image: {image}: is over {MAX_CELLS} pixels')
-            return np.concatenate([shades.cells(strip) for strip in strips(picture)])
+        with warnings.catch_warnings():
+            # Pillow warns of large images: there is a limit here.
+            warnings.simplefilter('ignore', Image.DecompressionBombWarning)
+            with Image.open(image, formats=FORMATS) as picture:
+                if picture.width * picture.height > MAX_CELLS:
+                    raise MapServerError(f'{path}: image: {image}: is over {MAX_CELLS} pixels')
+                return np.concatenate([shades.cells(strip) for strip in strips(picture)])
     except UnidentifiedImageError:
         known = ', '.join(FORMATS)
         raise MapServerError(f'{path}: image: {image} is not an image of {known}') from None
     except MapServerError:
         raise
-    except IMAGE_ERRORS as error:
+    except Exception as error:  # noqa: BLE001 - whatever a damaged image leads to in Pillow
         reason = getattr(error, 'strerror', None) or str(error) or 'is damaged'
         shown = shortened(str(image), MAX_NAME)
         raise MapServerError(f'{path}: image: {shown}: {reason}') from None
-
-
-@contextmanager
-def no_size_warning() -> Iterator[None]:
-    """Leave out Pillow's warning of large images: there is a limit here."""
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', Image.DecompressionBombWarning)
-        yield
 
 
 def strips(picture: Image.Image) -> Iterator[NDArray[np.float64]]:
@@ -170,12 +151,10 @@ def strips(picture: Image.Image) -> Iterator[NDArray[np.float64]]:
         yield np.asarray(strip, dtype=np.float64)
 
 
-def check_number(value: object, name: str) -> float:
+def check_number(value: Any, name: str) -> float:  # noqa: ANN401 - any yaml value
     """Return a finite number. Raises MapServerError, which begins with `name`."""
-    try:
-        number = float(value) if isinstance(value, (int, float)) else math.nan
-    except OverflowError:
-        number = math.inf
-    if isinstance(value, bool) or not math.isfinite(number):
-        raise MapServerError(f'{name}: a number is expected, not {short_repr(value)}')
-    return number
+    # In this order: a whole number of 400 digits has no float.
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if is_number and abs(value) <= sys.float_info.max:
+        return float(value)
+    raise MapServerError(f'{name}: a number is expected, not {short_repr(value)}')

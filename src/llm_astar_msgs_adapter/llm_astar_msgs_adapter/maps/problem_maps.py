@@ -19,6 +19,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     Sample,
     parse_barrier_map,
     parse_barrier_maps,
+    parse_each,
 )
 from llm_astar_msgs_adapter.maps.grid_dataset import (
     GridProblem,
@@ -80,15 +81,12 @@ def parse_maps(entries: Sequence[Any], path: str | Path) -> list[ProblemMap]:
             cells += cell_count(entry, f'{path}: map at index {index}')
         if cells > MAX_CELLS:
             raise GridProblemError(f'{path}: its maps have over {MAX_CELLS} cells')
-    maps: dict[int, ProblemMap] = {}
-    for index, entry in enumerate(entries):
-        where = f'{path}: map at index {index}'
-        parse = parse_grid_problem if is_grid_problem(entry) else parse_barrier_map
-        parsed = parse(entry, where)
-        if parsed.id in maps:
-            raise GridProblemError(f'{where}: id: {parsed.id} is used twice')
-        maps[parsed.id] = parsed
-    return list(maps.values())
+    return parse_each(entries, path, parse_map)
+
+
+def parse_map(entry: Any, where: str) -> ProblemMap:  # noqa: ANN401 - any JSON value
+    """Read a barrier map or a grid. Raises an error that begins with `where`."""
+    return (parse_grid_problem if is_grid_problem(entry) else parse_barrier_map)(entry, where)
 
 
 def is_grid_dataset(path: str | Path) -> bool:

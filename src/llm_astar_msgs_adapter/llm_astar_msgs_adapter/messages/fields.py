@@ -5,13 +5,14 @@ Nothing here imports ROS: a message is any object with the fields of its type.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_msgs_adapter.json_values import parse_json
+from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
     OCCUPIED,
@@ -164,12 +165,8 @@ def values_of_report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - live or 
 
 def status_values(status: Any) -> dict[str, Any]:  # noqa: ANN401 - live or decoded
     """Return the values of a diagnostic status by key; a value that is not JSON stays text."""
-    return {item.key: json_or_text(item.value) for item in status.values}
-
-
-def json_or_text(text: str) -> Any:  # noqa: ANN401 - any JSON value
-    """Return the JSON value of a text, or the text itself where it is not JSON."""
-    try:
-        return parse_json(text)
-    except ValueError:
-        return text
+    values = {item.key: item.value for item in status.values}
+    for key, text in values.items():
+        with contextlib.suppress(ValueError):
+            values[key] = parse_json(text)
+    return values

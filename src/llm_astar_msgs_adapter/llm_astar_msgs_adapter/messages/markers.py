@@ -1,21 +1,24 @@
-"""Plans as markers for RViz and Foxglove: waypoints, endpoints, via points, expanded cells."""
+"""Markers for RViz and Foxglove: plans with their expanded cells, named places, and zones."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from nav_msgs.msg import GridCells
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from llm_astar_msgs_adapter.maps.barrier_decomposition import coarsen
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import Places
 
 # A message of a million cells takes ten seconds to write, and no screen can show them all.
 MAX_DRAWN = 10_000
@@ -34,6 +37,14 @@ UNKNOWN_STATUS_COLOUR = (0.0, 0.0, 0.0)
 START_COLOUR = (0.12, 0.47, 0.71)
 GOAL_COLOUR = (0.89, 0.10, 0.45)
 VIA_COLOUR = (0.09, 0.75, 0.81)
+PLACE_COLOUR = (0.12, 0.56, 0.60)
+OBJECT_COLOUR = (0.70, 0.45, 0.20)
+CLOSED_COLOUR = (0.84, 0.15, 0.16)
+OPEN_COLOUR = (0.93, 0.60, 0.10)
+# Of the names of places and zones: metres, and as a part of the box around all places.
+TEXT_SIZE = 0.3
+PART_OF_PLACES = 0.015
+LINE_WIDTH = 0.05
 # A marker's least size: in cells, and as a part of the map's longer side.
 CELLS_WIDE = 1.5
 PART_OF_MAP = 0.015
@@ -64,8 +75,7 @@ class Shape(NamedTuple):
         marker.pose.position.y += self.offset * self.size
         marker.pose.orientation.w = 1.0
         marker.scale.x = marker.scale.y = marker.scale.z = self.size
-        red, green, blue = self.colour
-        marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+        marker.color = rgba(self.colour)
         if self.text:
             marker.text = self.text
             marker.pose.position.z = self.size
@@ -103,14 +113,12 @@ def waypoints_to_markers(
         shapes.append(label(point, VIA_COLOUR, size, f'via {number}'))
     top_left = (-6.0 * cells, grid_map.height - 1.0)
     shapes += legend([status for *_, status in waypoints], top_left, cells, size)
-    clear = Marker(action=Marker.DELETEALL)
-    clear.header.frame_id = grid_map.frame_id
     positions = grid_map.grid_to_world([shape.point for shape in shapes]).tolist()
     markers = [
         shape.to_marker(number, Point(x=x, y=y, z=0.0), grid_map.frame_id, stamp)
         for number, (shape, (x, y)) in enumerate(zip(shapes, positions), start=1)
     ]
-    return MarkerArray(markers=[clear, *markers])
+    return MarkerArray(markers=[clear_all(grid_map.frame_id), *markers])
 
 
 def label(
@@ -169,3 +177,85 @@ def expanded_from_message(message: GridCells, grid_map: GridMap) -> NDArray[np.b
         x = (columns[:, None, None] + within).clip(max=grid_map.width - 1)
         expanded[y, x] = True
     return expanded
+
+
+def places_to_markers(places: Places, stamp: Time) -> MarkerArray:
+    """Draw places: a text and a line strip around each polygon, in one namespace.
+
+    The first marker deletes those of the places before.
+    """
+    size = TEXT_SIZE
+    if len(places):
+        x0, y0, x1, y1 = shapely.total_bounds([place.geometry for place in places]).tolist()
+        size = max(TEXT_SIZE, PART_OF_PLACES * max(x1 - x0, y1 - y0))
+    areas = [
+        Area(place.name, place.geometry, OBJECT_COLOUR if place.is_object else PLACE_COLOUR, size)
+        for place in places
+    ]
+    return areas_to_markers('places', areas, places.frame_id, stamp)
+
+
+def zones_to_markers(
+    zones: Iterable[tuple[str, BaseGeometry, bool]], frame_id: str, stamp: Time
+) -> MarkerArray:
+    """Draw zones: label, polygon in metres, and whether it is closed to the robot.
+
+    Each is a text and a line strip around each ring. The first marker deletes those before.
+    """
+    areas = [
+        Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True)
+        for label, geometry, is_closed in zones
+    ]
+    return areas_to_markers('zones', areas, frame_id, stamp)
+
+
+class Area(NamedTuple):
+    """A named place or zone: its name has a height in metres, its holes may have outlines too."""
+
+    name: str
+    geometry: BaseGeometry
+    colour: Colour
+    size: float
+    with_holes: bool = False
+
+    def markers(self) -> Iterator[Marker]:
+        """Yield the name and the closed outlines of the polygons; a point has none."""
+        colour = rgba(self.colour)
+        inside = self.geometry.representative_point()
+        text = Marker(type=Marker.TEXT_VIEW_FACING, text=self.name, color=colour)
+        text.pose.position = Point(x=inside.x, y=inside.y, z=self.size)
+        text.scale.z = self.size
+        yield text
+        for part in shapely.get_parts(self.geometry):
+            holes = part.interiors if self.with_holes else ()
+            for ring in (part.exterior, *holes) if part.geom_type == 'Polygon' else ():
+                outline = Marker(type=Marker.LINE_STRIP, color=colour)
+                outline.scale.x = LINE_WIDTH
+                outline.points = [Point(x=x, y=y, z=0.0) for x, y in ring.coords]
+                yield outline
+
+
+def areas_to_markers(
+    namespace: str, areas: Sequence[Area], frame_id: str, stamp: Time
+) -> MarkerArray:
+    """Return the markers of areas in one namespace, after one that deletes those before."""
+    markers = [marker for area in areas for marker in area.markers()]
+    for number, marker in enumerate(markers, start=1):
+        marker.header.frame_id = frame_id
+        marker.header.stamp = stamp
+        marker.ns, marker.id, marker.action = namespace, number, Marker.ADD
+        marker.pose.orientation.w = 1.0
+    return MarkerArray(markers=[clear_all(frame_id), *markers])
+
+
+def clear_all(frame_id: str) -> Marker:
+    """Return the marker that deletes all markers of its topic."""
+    clear = Marker(action=Marker.DELETEALL)
+    clear.header.frame_id = frame_id
+    return clear
+
+
+def rgba(colour: Colour) -> ColorRGBA:
+    """Return an opaque colour."""
+    red, green, blue = colour
+    return ColorRGBA(r=red, g=green, b=blue, a=1.0)

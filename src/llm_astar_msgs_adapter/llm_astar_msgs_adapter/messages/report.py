@@ -7,7 +7,7 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.json_values import parse_json
+from llm_astar_msgs_adapter.files import parse_json
 
 # The levels of diagnostic_msgs/DiagnosticStatus.
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'

@@ -12,8 +12,8 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     find_barrier_map,
     load_barrier_maps,
     parse_barrier_map,
-    save_barrier_maps,
 )
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 
 ENTRY = {
     'id': 3,
@@ -86,7 +86,7 @@ def test_open_ended_drops_the_last_cell_of_every_barrier():
 
 def test_a_saved_dataset_loads_again(tmp_path):
     maps = [parse_barrier_map(ENTRY), parse_barrier_map({**ENTRY, 'id': 4})]
-    save_barrier_maps(maps, tmp_path / 'out.json')
+    save_maps(maps, tmp_path / 'out.json')
     assert load_barrier_maps(tmp_path / 'out.json') == maps
 
 

@@ -5,9 +5,17 @@ import numpy as np
 import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places, PlacesError
-from llm_astar_msgs_adapter.maps.places_file import MAX_BYTES, load_places, places_beside
-from llm_astar_msgs_adapter.maps.places_problems import MAX_PROBLEMS, places_problems
+from llm_astar_msgs_adapter.maps.places import (
+    MAX_BYTES,
+    MAX_PROBLEMS,
+    NO_PLACES,
+    Place,
+    Places,
+    PlacesError,
+    load_places,
+    places_beside,
+    places_problems,
+)
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]
 

@@ -4,7 +4,7 @@ import pytest
 import shapely
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
-from llm_astar_msgs_adapter.messages.place_markers import places_to_markers
+from llm_astar_msgs_adapter.messages.markers import places_to_markers
 from visualization_msgs.msg import Marker
 
 PLACES = Places(

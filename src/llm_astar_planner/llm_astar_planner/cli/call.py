@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
-from llm_astar_planner.cli.flags import add_graph_options, add_old_flag, check_time_limit
+from llm_astar_planner.cli.flags import add_graph_options, check_time_limit
 from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.call import PlannerCaller
+    from llm_astar_planner.nodes.tools.planner_client import PlannerCaller
 
 EPILOG = """\
 examples:
@@ -52,7 +52,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--time-limit', type=float, default=30.0, metavar='SECONDS',
         help='longest wait for each answer (default: %(default)s)',
     )  # fmt: skip
-    add_old_flag(parser, '--timeout', '--time-limit', 'time_limit', type=float)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     add_picture_option(parser, 'draw map and path')
     parser.add_argument(
@@ -68,21 +67,21 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError('--start and one of --goal and --to, or --interpret, are expected')
     check_time_limit(arguments.time_limit)
     drawing = find_drawing('call') if arguments.png else None
-    from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
-    from llm_astar_planner.planning.report import report_lines  # noqa: PLC0415
+    from llm_astar_planner.nodes.tools.planner_client import calling  # noqa: PLC0415
+    from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415
 
     with calling(arguments.namespace, arguments.node, arguments.time_limit) as caller:
         view = None
         if drawing is not None:
             # It listens to what the picture shows before the plan is made.
-            view = drawing.load()(caller.client, caller.planner, arguments.map_topic)
+            view = drawing.load()(caller, caller.planner, arguments.map_topic)
             time.sleep(DISCOVERY_SECONDS)
         if arguments.instruction is not None:
             caller.set_instruction(arguments.instruction)
         if arguments.interpret is not None:
             return print_interpretation(caller, arguments.interpret, as_json=arguments.json)
         if arguments.instruction:
-            for _ in caller.interpret(arguments.instruction):
+            for _ in caller.interpretations(arguments.instruction):
                 pass  # the last answer is the one that plans are made with
         goal = caller.place(arguments.to) if arguments.to else Pose2D(*arguments.goal)
         start = Pose2D(*arguments.start)
@@ -101,10 +100,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> int:
     """Print what a text means, each answer as it comes; return 0, or 2 where it was refused."""
-    from llm_astar_planner.planning.report import interpretation_line  # noqa: PLC0415
+    from llm_astar_planner.planning.types import interpretation_line  # noqa: PLC0415
 
     answer: dict[str, Any] = {}
-    for answer in caller.interpret(text):
+    for answer in caller.interpretations(text):
         text = f'refused: {answer["error"]}' if answer.get('error') else ''
         print(json.dumps(answer) if as_json else text or interpretation_line(answer), flush=True)
     return 2 if answer.get('error') else 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.metadata
+import importlib.util
 import json
 import os
 import platform
@@ -18,11 +19,9 @@ from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import printable
 
+from llm_astar_planner.extensions import LAB
 from llm_astar_planner.plugins import PluginError, Plugins
 from llm_astar_planner.resources import find_file
-
-# Seconds that a plug-in may take to be imported here.
-PLUGIN_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -40,13 +39,18 @@ LIBRARIES = {
     'the core': ('numpy',),
     'caches': ('cachetools',),
     'the searches': ('numba',),
-    'the planner': ('scipy',),
-    'pictures': ('matplotlib',),
-    'the benchmark': ('shapely', 'jinja2', 'tqdm'),
+    'the planner': ('scipy', 'shapely'),
     'map images': ('PIL',),
     'map and parameter files': ('yaml',),
     'language models': ('httpx',),
+    'instructions': ('lark', 'rapidfuzz'),
+}
+# Those of the laboratory, which a robot needs no part of.
+LAB_LIBRARIES = {
+    'pictures': ('matplotlib',),
+    'benchmarks': ('duckdb', 'jinja2', 'tqdm'),
     'bags': ('rosbags.rosbag2', 'mcap', 'zstandard', 'lz4.frame'),
+    'llm-astar play': ('starlette', 'uvicorn'),
 }
 PYPI_NAMES = {'PIL': 'pillow', 'yaml': 'pyyaml'}
 # The distribution that is sourced, or the one whose wheels `make install` takes by default.
@@ -95,7 +99,8 @@ def all_findings() -> Iterator[Finding]:
     version = platform.python_version()
     fits = (3, 10) <= sys.version_info[:2] <= (3, 13)
     yield Finding('python', fits, True, f'{version}, {sys.executable} (3.10 to 3.13 are tried)')
-    for use, names in LIBRARIES.items():
+    has_lab = importlib.util.find_spec(LAB) is not None
+    for use, names in (LIBRARIES | (LAB_LIBRARIES if has_lab else {})).items():
         for name in names:
             package = name.partition('.')[0]
             remedy = f'pip install {PYPI_NAMES.get(package, package)}'
@@ -110,8 +115,8 @@ def all_findings() -> Iterator[Finding]:
     yield module_finding(
         'mcp.server.mcpserver', 'llm-astar mcp', "pip install 'mcp>=2'", required=False
     )
-    for name in ('starlette', 'uvicorn'):
-        yield module_finding(name, 'llm-astar play', f'pip install {name}', required=False)
+    use = 'benchmarks, bags, pictures and the page in the browser'
+    yield module_finding(LAB, use, f'pip install ./src/{LAB}', required=False)
     for name, (use, debian) in OPTIONAL_ROS.items():
         remedy = f'apt install {debian}; there is no wheel'
         yield module_finding(name, use, remedy, required=False)
@@ -212,7 +217,7 @@ def plugin_finding(plugins: Plugins, name: str) -> Finding:
         problem = ': cannot be chosen, since llm-astar has one of this name'
     else:
         try:
-            plugins.load(name, PLUGIN_S)
+            plugins.load(name)
         except PluginError as error:
             problem = f': {error}'
     return Finding(printable(name), not problem, False, printable(detail + problem))

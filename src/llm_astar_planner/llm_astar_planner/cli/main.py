@@ -32,12 +32,6 @@ COMMANDS = {
     'watch': 'print the plans of a running planner as they are made',
     'doctor': 'check what is installed, what is missing, and how to install it',
 }
-# Commands of earlier versions, and what to use instead.
-REMOVED = {
-    'serve-llm': "serve a model with llama.cpp's llama-server or with ollama: docs/llm-client.md",
-    'speed': 'measure speed in a checkout with python -m benchmarks.speed',
-}
-
 FIRST_STEPS = """\
 first steps:
   llm-astar plan                 plan on the demo map and print what came of it
@@ -130,8 +124,6 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
     Raises ParameterError for what cannot be parsed.
     """
-    if argv and argv[0] in REMOVED:
-        raise ParameterError(f'{argv[0]} is no longer a command; {REMOVED[argv[0]]}')
     parser = Parser(
         prog='llm-astar',
         description='LLM-A*: plan with the waypoints of a language model, and measure what they '

@@ -11,9 +11,14 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError,
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import load_map
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
+from llm_astar_msgs_adapter.maps.places import (
+    NO_PLACES,
+    Place,
+    Places,
+    load_places,
+    places_beside,
+    places_problems,
+)
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, ProblemMap, load_maps
 
 from llm_astar_planner.planning.parameters import PLANNER

@@ -32,7 +32,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.waypoints.config import SourceSettings
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.planner_state import PlannerState
+    from llm_astar_planner.nodes.tools.planner_client import PlannerState
 
 # The longest wait for an answer of the graph; a small model takes long to understand.
 GRAPH_SECONDS = 60.0
@@ -72,10 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
         tools = tools_of_files(arguments)
         make_server(lambda: tools).run('stdio')
         return 0
-    from llm_astar_planner.nodes.tools.planner_state import planner_state  # noqa: PLC0415
+    from llm_astar_planner.nodes.tools.planner_client import PlannerState, calling  # noqa: PLC0415
 
-    with planner_state(arguments.namespace, arguments.node, GRAPH_SECONDS) as state:
-        make_server(GraphTools(state).current).run('stdio')
+    with calling(arguments.namespace, arguments.node, GRAPH_SECONDS) as caller:
+        make_server(GraphTools(PlannerState(caller)).current).run('stdio')
     return 0
 
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import IO
 
-from llm_astar_planner.nodes.common.child import PARENT_VARIABLE
+from llm_astar_planner.nodes.common.process import PARENT_VARIABLE
 
 STOP_SECONDS = 10.0
 # What ends a command but would not let it stop its nodes.

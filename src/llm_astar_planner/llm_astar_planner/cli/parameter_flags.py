@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
-from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
 
 ENDPOINT = (
@@ -58,8 +55,6 @@ def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  #
             common['help'] += f'; one of {item.limits}'
         flags = [flag, *map(flag_of, item.short_flags)]
         group.add_argument(*flags, type=kind, metavar=METAVARS.get(item.unit, word), **common)
-        for old in item.old_flags:
-            add_old_flag(group, flag_of(old), flag, item.name, type=kind)
 
 
 def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -72,14 +67,6 @@ def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
         help="a node's own parameter file; flags override it, and what neither says has the "
         "node's default",
     )
-
-
-def read_params_files(arguments: argparse.Namespace) -> ParameterFile:
-    """Return what the files of `--params-file` set; warn of names that are deprecated."""
-    found = read_parameter_files(arguments.params_file)
-    for warning in found.warnings:
-        sys.stderr.write(f'llm-astar: warning: {warning}\n')
-    return found
 
 
 def given_values(

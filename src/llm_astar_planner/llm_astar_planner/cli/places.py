@@ -9,8 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
+from llm_astar_msgs_adapter.maps.places import Places, places_problems
 
 from llm_astar_planner.cli.map_files import (
     add_map_options,

@@ -41,23 +41,20 @@ from llm_astar_planner.cli.planning_options import (
 )
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.extensions import find_drawing
-from llm_astar_planner.instructions.place_names import find_place
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
-from llm_astar_planner.planning.compile_progress import compile_progress
-from llm_astar_planner.planning.kernel_compiler import WAYPOINTS
+from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import (
     request_fields,
 )
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, check_request
-from llm_astar_planner.planning.waypoint_filter import guiding_points
 from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.config import make_source
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
 USAGE = """\
@@ -162,8 +159,11 @@ def run(arguments: argparse.Namespace) -> int:
     drawing = find_drawing('plan') if arguments.png else None
     asked = read_problem(arguments)
     planner = asked.planner
-    compile_searches(planner, asked.request)
-    plan = planner.prepare().plan(asked.request)
+    start_numba()
+    # So that the time of the plan is for planning; says so where it takes long.
+    with compile_progress():
+        planner.prepare().compile(asked.request)
+    plan = planner.plan(asked.request)
     show(plan, arguments, asked.coordinates)
     if drawing is not None:
         route = Route(planner.costmap, plan.start, plan.goal, asked.places)
@@ -224,16 +224,6 @@ def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
     return 0
 
 
-def compile_searches(planner: Planner, request: PlanRequest) -> None:
-    """Compile what a request takes, so that its time is for planning; say so if it takes long."""
-    start_numba()
-    with compile_progress():
-        compile_for(planner.config, request, is_graded=False)
-        compile_for(planner.config, request, WAYPOINTS)
-        if request.instruction is not None:
-            compile_instruction_kernels()
-
-
 def waypoint_source(
     arguments: argparse.Namespace,
     options: PlanningOptions,
@@ -273,7 +263,7 @@ def choose_endpoints(
 
     def cell_of(place: str | None, point: Sequence[float] | None, option: str) -> Cell | None:
         if place is not None:
-            from llm_astar_planner.instructions.place_goal import goal_cell  # noqa: PLC0415
+            from llm_astar_planner.instructions.enforcement import goal_cell  # noqa: PLC0415
 
             return goal_cell(find_place(place, places), costmap)
         return None if point is None else coordinates.to_cell(option, point)

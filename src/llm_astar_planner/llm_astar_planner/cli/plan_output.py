@@ -11,8 +11,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_planner.cli.coordinates import Coordinates
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.specification import Unknown
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.planning.types import Plan, plan_report
 
 
 def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:

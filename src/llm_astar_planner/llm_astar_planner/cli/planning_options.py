@@ -16,7 +16,6 @@ from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
     parameter_values,
-    read_params_files,
 )
 from llm_astar_planner.instructions.interpretation import (
     Interpreter,
@@ -24,6 +23,7 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 from llm_astar_planner.parameter import ParameterError, Scalar
+from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE, costmap_config, source_config
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.resources import find_file
@@ -83,7 +83,7 @@ def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) ->
 
     Raises ParameterError, and FileNotFoundError for a file that does not exist.
     """
-    files = read_params_files(arguments).values if arguments.params_file else {}
+    files = read_parameter_files(arguments.params_file) if arguments.params_file else {}
     values = parameter_values(arguments, (*RULES, PLACES_FILE), files.get('planner_node'))
     if arguments.corner_cutting is None and not arguments.params_file:
         values['corner_cutting'] = isinstance(problem, BarrierMap)

@@ -15,12 +15,12 @@ import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import FAR
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.places_problems import map_outline
+from llm_astar_msgs_adapter.maps.places import Places, map_outline
 from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions
+from llm_astar_planner.instructions.enforcement import goal_cell
 from llm_astar_planner.instructions.interpretation import (
     POLICIES,
     Interpretation,
@@ -29,9 +29,7 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 from llm_astar_planner.instructions.outcome import InstructionOutcome
-from llm_astar_planner.instructions.place_goal import goal_cell
-from llm_astar_planner.instructions.place_names import find_place
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
@@ -123,7 +121,7 @@ class RouteTools:
             route = Route(self.planner.costmap, cells[0], cells[-1], self.places)
             clauses = verify(interpretation.specification, path, route)
             outcome = InstructionOutcome(interpretation, clauses)
-        problem = self.planner.segments_problem(np.array(cells, dtype=np.int32))
+        problem = self.planner.checker.segments_problem(np.array(cells, dtype=np.int32))
         if problem is not None:
             problem += ', in cells of the map'
         return {

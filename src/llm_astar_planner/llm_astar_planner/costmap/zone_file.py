@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
-from llm_astar_msgs_adapter.maps.places import PlacesError
-from llm_astar_msgs_adapter.maps.places_file import (
+from llm_astar_msgs_adapter.maps.places import (
     MAX_BYTES,
+    PlacesError,
     feature_label,
     features_of,
     parse_geometry,

@@ -6,7 +6,8 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import replace
@@ -22,12 +23,11 @@ from llm_astar_planner.instructions.interpretation import (
     Understanding,
     not_understood,
 )
-from llm_astar_planner.instructions.model.interpreter import ModelInterpreter
+from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
-from llm_astar_planner.instructions.model.replay import ReplayInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
-from llm_astar_planner.waypoints.llm.factory import make_client
+from llm_astar_planner.waypoints.llm.client import make_client
 from llm_astar_planner.waypoints.prompts.template import MESSAGE
 
 _LOG = logging.getLogger(__name__)
@@ -36,9 +36,12 @@ CACHE_SIZE = 256
 FAILED_S = 10.0
 # The longest answer to an instruction: ten clauses.
 MAX_OUTPUT_TOKENS = 400
-READ_WHOLE = (Understanding.WHOLE, Understanding.IRRELEVANT)
 
 Key = tuple[str, str]
+MAX_WAITING = 8
+MAX_CALLBACKS = 32
+DROPPED = 'dropped, since newer questions came'
+Callback = Callable[[Interpretation], None]
 
 
 class CachedInterpreter:
@@ -131,7 +134,7 @@ class ChainInterpreter:
             left = time_limit - (time.monotonic() - started)
             reading = part.interpret(text, places, max(0.0, left))
             readings.append(reading)
-            if reading.status in READ_WHOLE:
+            if reading.is_whole:
                 break
         return fullest(readings)
 
@@ -144,11 +147,10 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     none is whole and one has yet to answer, it is PENDING.
     """
     best = max(readings, key=rank)
-    whole = best.status in READ_WHOLE
-    others = [] if whole else [part.detail for part in readings if part is not best]
+    others = [] if best.is_whole else [part.detail for part in readings if part is not best]
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
-    pending = not whole and any(part.status is Understanding.PENDING for part in readings)
+    pending = not best.is_whole and any(part.status is Understanding.PENDING for part in readings)
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
@@ -160,16 +162,10 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
 
 
 def rank(reading: Interpretation) -> tuple[bool, float, bool]:
-    """Return what readings are compared by; the greatest is the best."""
-    whole = reading.status in READ_WHOLE
-    clauses = reading.specification.clauses
-    sure = whole and bool(clauses) and not any(clause.guessed for clause in clauses)
-    return sure, sure_count(reading), whole
-
-
-def sure_count(reading: Interpretation) -> float:
-    """Return how many clauses of a reading are enforceable; a guessed one counts half."""
-    return sum(0.5 if clause.guessed else 1.0 for clause in reading.specification.enforceable)
+    """Return what readings are compared by; the greatest is the best. A guess counts half."""
+    known = reading.specification.enforceable
+    sure = reading.is_whole and bool(known) and not any(clause.guessed for clause in known)
+    return sure, sum(0.5 if clause.guessed else 1.0 for clause in known), reading.is_whole
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
@@ -203,3 +199,90 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)
+
+
+class BackgroundInterpreter:
+    """Returns the quick interpreter's answer at once, and calls back with the slow one's.
+
+    One worker thread asks the slow interpreter, the newest sentence first. Of more than
+    MAX_WAITING sentences the oldest is dropped, and of more than MAX_CALLBACKS callbacks for one
+    sentence too: they get the quick answer, still PENDING. Close it when done. Thread-safe.
+    """
+
+    def __init__(self, quick: Interpreter, slow: Interpreter, time_limit: float = 120.0) -> None:
+        """Start the worker. `time_limit` is the seconds that the slow one may take."""
+        self.name = slow.name
+        self._quick = CachedInterpreter(quick)
+        self._slow = CachedInterpreter(slow)
+        self._time_limit = time_limit
+        self._changed = threading.Condition()
+        self._waiting: OrderedDict[Key, tuple[Interpretation, Places, list[Callback]]] = (
+            OrderedDict()
+        )
+        self._closed = False
+        self._worker = threading.Thread(target=self._work, name='instructions', daemon=True)
+        self._worker.start()
+
+    def interpret_now(
+        self, text: str, places: Places, on_answer: Callback | None = None
+    ) -> Interpretation:
+        """Return what is understood now; PENDING where the slow interpreter is asked as well.
+
+        `on_answer` is then called, on another thread, with the final interpretation, or with
+        what is PENDING still if the slow interpreter did not answer.
+        """
+        reading = self._quick.interpret(text, places, 0.0)
+        if reading.is_whole:
+            return reading
+        known = self._slow.known(text, places)
+        if known is not None and known.status is not Understanding.PENDING:
+            return fullest([reading, known])
+        with self._changed:
+            if self._closed:
+                return reading
+            key = text, places.digest
+            _, _, callbacks = self._waiting.pop(key, (reading, places, []))
+            callbacks += [on_answer] if on_answer else []
+            dropped = [(reading, callback) for callback in callbacks[:-MAX_CALLBACKS]]
+            del callbacks[:-MAX_CALLBACKS]
+            self._waiting[key] = reading, places, callbacks
+            if len(self._waiting) > MAX_WAITING:
+                dropped += self._drop_oldest()
+            self._changed.notify()
+        self._tell_dropped(dropped)
+        return replace(reading, status=Understanding.PENDING)
+
+    def close(self) -> None:
+        """End the worker after the question that it is asking; the rest is dropped."""
+        with self._changed:
+            self._closed = True
+            dropped = [one for _ in list(self._waiting) for one in self._drop_oldest()]
+            self._changed.notify()
+        self._tell_dropped(dropped)
+
+    def _drop_oldest(self) -> list[tuple[Interpretation, Callback]]:
+        _, (reading, _, callbacks) = self._waiting.popitem(last=False)
+        return [(reading, callback) for callback in callbacks]
+
+    def _tell_dropped(self, dropped: list[tuple[Interpretation, Callback]]) -> None:
+        for reading, callback in dropped:
+            status = Understanding.PENDING
+            self._tell(callback, replace(reading, status=status, detail=DROPPED))
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                while not self._waiting and not self._closed:
+                    self._changed.wait()
+                if self._closed:
+                    return
+                _, (reading, places, callbacks) = self._waiting.popitem(last=True)
+            answer = self._slow.interpret(reading.text, places, self._time_limit)
+            for callback in callbacks:
+                self._tell(callback, fullest([reading, answer]))
+
+    def _tell(self, callback: Callback, interpretation: Interpretation) -> None:
+        try:
+            callback(interpretation)
+        except Exception:  # noqa: BLE001 - a callback must not end the worker
+            _LOG.exception('the callback of an instruction failed')

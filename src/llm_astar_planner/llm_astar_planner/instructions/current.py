@@ -12,8 +12,7 @@ from typing import Protocol
 
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
-from llm_astar_planner.instructions.background import BackgroundInterpreter
-from llm_astar_planner.instructions.chain import READ_WHOLE, CachedInterpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter, CachedInterpreter
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -78,7 +77,7 @@ class InstructionReader:
         if background is not None and self.ready:
             return background.interpret_now(text, places, on_answer)
         reading = self._grammar.interpret(text, places, 0.0)
-        if background is None or self._remote is None or reading.status in READ_WHOLE:
+        if background is None or self._remote is None or reading.is_whole:
             return reading
         detail = f'{self._remote.name} is not there to be asked'
         return replace(reading, detail='; '.join(filter(None, (reading.detail, detail))))
@@ -152,7 +151,7 @@ class CurrentInstruction:
         is_asked = self._reader.ready
         on_answer = partial(self.take, self._number)
         reading = self._reader.read(self._text, self._places, on_answer)
-        is_whole = reading.status in READ_WHOLE
+        is_whole = reading.is_whole
         if not (is_asked or is_whole):
             self._ask_at = 0.0  # as soon as somebody is there to be asked
         if is_whole or not keep:

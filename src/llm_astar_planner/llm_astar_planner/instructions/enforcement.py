@@ -12,10 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from llm_astar_msgs_adapter.maps.places import Place, Places
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
-from llm_astar_planner.instructions.regions import (
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.polygons import (
     RegionError,
     entered_polygon,
     grown,
@@ -24,28 +27,10 @@ from llm_astar_planner.instructions.regions import (
     region_polygon,
     visit_polygon,
 )
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    AVOID_RADIUS,
-    MUST,
-    VISIT_RADIUS,
-    WALLS,
-    Along,
-    Avoid,
-    Before,
-    Clause,
-    Disc,
-    EndAt,
-    KeepDistance,
-    Pass,
-    Region,
-    Specification,
-    StayIn,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions.route import PlaceGoalError, Route
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.layered import VisitProblem
+from llm_astar_planner.search.result import Cell
 
 # What a cell of length in a forbidden cell costs more: so many cells of detour are made for it.
 MUST_PRICE = 1e6
@@ -65,16 +50,16 @@ class Demand:
     """What one clause asks of the cells of a path; masks are bool [height, width].
 
     - `forbidden`: cells that no move may begin or end in; None for none.
-    - `visits`: cells of each region to visit, with the number of the region in the clause.
+    - `visits`: cells of each region to visit.
     - `visits_in_order`: whether they come after those of the clauses before.
     - `before`: cells to visit first, and cells that are forbidden until then.
     - `goals`: cells to end in.
     - `problem`: why the clause cannot be demanded, None if it can.
     """
 
-    clause: Clause
+    clause: spec.Clause
     forbidden: Cover | None = None
-    visits: tuple[tuple[int, Mask], ...] = ()
+    visits: tuple[Mask, ...] = ()
     visits_in_order: bool = True
     before: tuple[Mask, Cover] | None = None
     goals: Mask | None = None
@@ -83,17 +68,17 @@ class Demand:
     @property
     def is_must(self) -> bool:
         """Whether the clause is demanded strictly; a guessed one never is."""
-        return self.clause.strength == MUST and not self.clause.guessed
+        return self.clause.strength == spec.MUST and not self.clause.guessed
 
 
-def demands_of(specification: Specification, route: Route) -> tuple[Demand, ...]:
+def demands_of(specification: spec.Specification, route: Route) -> tuple[Demand, ...]:
     """Return what each clause asks of the cells, in the order of the clauses."""
     return tuple(
         demand_of(number, clause, route) for number, clause in enumerate(specification.clauses)
     )
 
 
-def demand_of(number: int, clause: Clause, route: Route) -> Demand:
+def demand_of(number: int, clause: spec.Clause, route: Route) -> Demand:
     """Return what one clause, the `number`th, asks of the cells."""
     try:
         return DEMANDS[type(clause)](number, clause, route)
@@ -101,28 +86,28 @@ def demand_of(number: int, clause: Clause, route: Route) -> Demand:
         return Demand(clause, problem=str(error))
 
 
-def avoid(_: int, clause: Avoid, route: Route) -> Demand:
+def avoid(_: int, clause: spec.Avoid, route: Route) -> Demand:
     """Forbid the region and its margin."""
-    if isinstance(clause.region, Along) and clause.region.place == WALLS:
+    if isinstance(clause.region, spec.Along) and clause.region.place == spec.WALLS:
         return Demand(clause, near_walls(clause.region.width + clause.margin, route))
-    polygon = region_polygon(clause.region, route, AVOID_RADIUS)
+    polygon = region_polygon(clause.region, route, spec.AVOID_RADIUS)
     if clause.margin:
         polygon = grown(polygon, clause.margin)
     grid_map = route.costmap.grid_map
     return Demand(clause, open_border(cover(polygon, grid_map), polygon, grid_map))
 
 
-def visit(number: int, clause: Visit, route: Route) -> Demand:
+def visit(number: int, clause: spec.Visit, route: Route) -> Demand:
     """Visit the regions that were not visited on the way yet."""
     regions = [
-        (part, visit_cells(region, route))
+        visit_cells(region, route)
         for part, region in enumerate(clause.regions)
         if (number, part) not in route.visited
     ]
     return Demand(clause, visits=tuple(regions))
 
 
-def before(number: int, clause: Before, route: Route) -> Demand:
+def before(number: int, clause: spec.Before, route: Route) -> Demand:
     """Forbid the second region until the first one was visited, on the way or on this path."""
     if (number, 0) in route.visited:
         return Demand(clause)
@@ -130,67 +115,69 @@ def before(number: int, clause: Before, route: Route) -> Demand:
     return Demand(clause, before=(visit_cells(clause.first, route), later))
 
 
-def stay_in(_: int, clause: StayIn, route: Route) -> Demand:
+def stay_in(_: int, clause: spec.StayIn, route: Route) -> Demand:
     """Forbid what lies outside of the region."""
-    if isinstance(clause.region, Along) and clause.region.place == WALLS:
+    if isinstance(clause.region, spec.Along) and clause.region.place == spec.WALLS:
         return Demand(clause, near_walls(clause.region.width, route).outside())
-    polygon = region_polygon(clause.region, route, VISIT_RADIUS)
+    polygon = region_polygon(clause.region, route, spec.VISIT_RADIUS)
     grid_map = route.costmap.grid_map
     outside = cover(polygon, grid_map).outside()
     return Demand(clause, open_border(outside, map_polygon(route).difference(polygon), grid_map))
 
 
-def pass_by(number: int, clause: Pass, route: Route) -> Demand:
+def pass_by(number: int, clause: spec.Pass, route: Route) -> Demand:
     """Forbid the object and the ray to the wrong side; cross the ray to the right side.
 
     A robot that has crossed that ray on the way does not have to do so again.
     """
     grid_map = route.costmap.grid_map
     width = RAY_WIDTH * grid_map.resolution
-    body = cover(region_polygon(clause.region, route, VISIT_RADIUS), grid_map)
+    body = cover(region_polygon(clause.region, route, spec.VISIT_RADIUS), grid_map)
     wrong = cover(ray(clause.region, clause.side, route, opposite=True).buffer(width), grid_map)
     right = cover(ray(clause.region, clause.side, route).buffer(width), grid_map)
     forbidden = Cover(*(cells | wrong.touched for cells in body))
     crossing = right.touched & ~forbidden.touched
-    visits = () if (number, 0) in route.visited else ((0, crossing),)
+    visits = () if (number, 0) in route.visited else (crossing,)
     return Demand(clause, forbidden, visits=visits, visits_in_order=False)
 
 
-def keep_distance(_: int, clause: KeepDistance, route: Route) -> Demand:
+def keep_distance(_: int, clause: spec.KeepDistance, route: Route) -> Demand:
     """Forbid what is too near to the walls or the region."""
     if clause.region is None:
         return Demand(clause, near_walls(clause.metres, route))
-    return avoid(0, Avoid(clause.strength, clause.guessed, clause.region, clause.metres), route)
+    return avoid(
+        0, spec.Avoid(clause.strength, clause.guessed, clause.region, clause.metres), route
+    )
 
 
-def end_at(_: int, clause: EndAt, route: Route) -> Demand:
+def end_at(_: int, clause: spec.EndAt, route: Route) -> Demand:
     """End in the region."""
     return Demand(clause, goals=visit_cells(clause.region, route))
 
 
-def nothing(_: int, clause: Clause, route: Route) -> Demand:  # noqa: ARG001 - as the others
+def nothing(_: int, clause: spec.Clause, route: Route) -> Demand:  # noqa: ARG001 - as the others
     """Ask for nothing: the clause was not understood."""
     return Demand(clause, problem='not understood')
 
 
-DEMANDS: dict[type[Clause], Callable[..., Demand]] = {
-    Avoid: avoid,
-    Visit: visit,
-    Before: before,
-    StayIn: stay_in,
-    Pass: pass_by,
-    KeepDistance: keep_distance,
-    EndAt: end_at,
-    Unknown: nothing,
+DEMANDS: dict[type[spec.Clause], Callable[..., Demand]] = {
+    spec.Avoid: avoid,
+    spec.Visit: visit,
+    spec.Before: before,
+    spec.StayIn: stay_in,
+    spec.Pass: pass_by,
+    spec.KeepDistance: keep_distance,
+    spec.EndAt: end_at,
+    spec.Unknown: nothing,
 }
 
 
-def visit_cells(region: Region, route: Route) -> Mask:
+def visit_cells(region: spec.Region, route: Route) -> Mask:
     """Return the free cells in which a region counts as visited, bool [height, width]."""
     costmap = route.costmap
     polygon = visit_polygon(region, route)
     cells = cover(polygon, costmap.grid_map).centres
-    if isinstance(region, Disc):
+    if isinstance(region, spec.Disc):
         column, row = costmap.grid_map.world_to_cell(region.x, region.y)
         if costmap.grid_map.contains((column, row)):
             cells[row, column] = True
@@ -295,7 +282,7 @@ class Enforcer:
         groups: list[tuple[int, ...]] = []
         crossings: list[Mask] = []
         for demand in self.demands:
-            cells = [visited & reached for _, visited in demand.visits]
+            cells = [visited & reached for visited in demand.visits]
             if is_strict and demand.is_must and not all(mask.any() for mask in cells):
                 return None
             cells = [mask for mask in cells if mask.any()]
@@ -353,7 +340,7 @@ class Enforcer:
         return None if total is None else np.minimum(total, MUST_PRICE)
 
 
-def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ...]:
+def contradictions(demands: Sequence[Demand]) -> tuple[tuple[spec.Clause, spec.Clause], ...]:
     """Return the pairs of `must` clauses that no path on any map can keep together.
 
     Found without a search: what one asks to visit lies wholly in what the other forbids, or the
@@ -376,7 +363,7 @@ def excludes(one: Demand, other: Demand) -> bool:
             and other.goals is not None
             and not (one.goals & other.goals).any()
         )
-    wanted = [cells for _, cells in other.visits] if other.visits_in_order else []
+    wanted = list(other.visits) if other.visits_in_order else []
     if other.goals is not None:
         wanted.append(other.goals)
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)
@@ -388,3 +375,24 @@ def leaves_nothing(one: Demand, other: Demand) -> bool:
         return False
     first, second = one.forbidden.centres, other.forbidden.centres
     return bool((first | second).all() and not first.all() and not second.all())
+
+
+def goal_cell(place: Place, costmap: Costmap) -> Cell:
+    """Return the cell to go to: the free one nearest to the centre of the place.
+
+    In an area it is well inside, at an object near it, and where there is a choice in the largest
+    part of the map that can be driven. Raises PlaceGoalError where no cell is free.
+    """
+    route = Route(costmap, (0, 0), (0, 0), Places([place]))
+    cells = visit_cells(spec.NamedPlace(place.name), route)
+    if not cells.any():
+        raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
+    components = costmap.components[:, :]
+    sizes = np.bincount(components.ravel())
+    sizes[0] = 0
+    cells &= components == max(np.unique(components[cells]), key=lambda number: sizes[number])
+    centre = place.geometry.centroid
+    x, y = costmap.grid_map.world_to_grid([(centre.x, centre.y)])[0]
+    rows, columns = np.nonzero(cells)
+    nearest = int(np.argmin((columns - x) ** 2 + (rows - y) ** 2))
+    return int(columns[nearest]), int(rows[nearest])

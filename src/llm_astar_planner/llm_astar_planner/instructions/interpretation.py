@@ -10,11 +10,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.instructions.sentence import canonical_sentence
-from llm_astar_planner.instructions.specification import (
-    NOTHING_ASKED,
-    Specification,
-    Unknown,
-)
+from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification, Unknown
 from llm_astar_planner.instructions.specification_json import to_json
 
 MAX_INSTRUCTION_CHARS = 500
@@ -55,6 +51,11 @@ class Interpretation:
     seconds: float = 0.0
     prompt_tokens: int = 0
     output_tokens: int = 0
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every word was read."""
+        return self.status in (Understanding.WHOLE, Understanding.IRRELEVANT)
 
     @property
     def sentence(self) -> str:

@@ -101,7 +101,7 @@ def error_text(question: Question, error: Exception) -> str:
 
 
 @dataclass(frozen=True)
-class Answer:
+class QuestionAnswer:
     """The answer to the question with an `id`: what was understood, or the `error`."""
 
     id: str
@@ -109,7 +109,7 @@ class Answer:
     error: str = ''
 
 
-def parse_answer(data: str) -> Answer:
+def parse_answer(data: str) -> QuestionAnswer:
     """Read an answer. Raises QuestionError or SpecificationError where it is malformed."""
     if len(data) > MAX_QUESTION:
         raise QuestionError(f'answer: {len(data)} characters are more than {MAX_QUESTION}')
@@ -118,8 +118,8 @@ def parse_answer(data: str) -> Answer:
     if not isinstance(name, str):
         raise QuestionError('id: is not a text')
     if isinstance(error, str) and error:
-        return Answer(name, error=error[:MAX_DETAIL])
-    return Answer(name, interpretation_from_json(fields))
+        return QuestionAnswer(name, error=error[:MAX_DETAIL])
+    return QuestionAnswer(name, interpretation_from_json(fields))
 
 
 def interpretation_from_json(value: object) -> Interpretation:
@@ -135,21 +135,15 @@ def interpretation_from_json(value: object) -> Interpretation:
         raise QuestionError(f'status: is not one of {", ".join(STATUSES)}')
     if status in (Understanding.WHOLE, Understanding.IRRELEVANT):
         status = status_of(specification)
-    text, understood_by, detail = (
-        as_bounded_text(fields, name) for name in ('text', 'understood_by', 'detail')
-    )
-    seconds, prompt_tokens, output_tokens = (
-        as_count(fields, name) for name in ('seconds', 'prompt_tokens', 'output_tokens')
-    )
     return Interpretation(
-        text,
+        as_bounded_text(fields, 'text'),
         specification,
-        understood_by,
+        as_bounded_text(fields, 'understood_by'),
         status,
-        detail,
-        seconds,
-        int(prompt_tokens),
-        int(output_tokens),
+        as_bounded_text(fields, 'detail'),
+        as_count(fields, 'seconds'),
+        int(as_count(fields, 'prompt_tokens')),
+        int(as_count(fields, 'output_tokens')),
     )
 
 

@@ -7,43 +7,21 @@ from __future__ import annotations
 
 import math
 
-from llm_astar_planner.instructions.specification import (
-    ROUTE_SIDES,
-    SHOULD,
-    WALLS,
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Box,
-    Clause,
-    Disc,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    Region,
-    Specification,
-    StayIn,
-    Tagged,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions import specification as spec
 
 SIDE_NAMES = ('west', 'south', 'east', 'north')
 
 
-def canonical_sentence(specification: Specification) -> str:
+def canonical_sentence(specification: spec.Specification) -> str:
     """Return the sentence of a specification, '' without clauses: 'avoid the kitchen; ...'.
 
     Successive visits of the same strength are joined by 'then'.
     """
     parts: list[str] = []
-    last: Clause | None = None
+    last: spec.Clause | None = None
     for clause in specification.clauses:
-        follows = isinstance(last, Visit) and last.strength == clause.strength
-        if isinstance(clause, Visit) and follows:
+        follows = isinstance(last, spec.Visit) and last.strength == clause.strength
+        if isinstance(clause, spec.Visit) and follows:
             parts[-1] += f', then {regions_phrase(clause)}'
         else:
             parts.append(clause_sentence(clause))
@@ -51,44 +29,44 @@ def canonical_sentence(specification: Specification) -> str:
     return '; '.join(parts)
 
 
-def clause_sentence(clause: Clause) -> str:
+def clause_sentence(clause: spec.Clause) -> str:
     """Return the sentence of a clause, without its grounding."""
-    wish = 'if possible, ' if clause.strength == SHOULD else ''
-    return wish + clause_phrase(clause)
+    condition = 'if possible, ' if clause.strength == spec.SHOULD else ''
+    return condition + clause_phrase(clause)
 
 
-def clause_phrase(clause: Clause) -> str:
+def clause_phrase(clause: spec.Clause) -> str:
     """Return what a clause asks for, without its strength."""
     match clause:
-        case Avoid(region=region, margin=margin):
+        case spec.Avoid(region=region, margin=margin):
             if margin:
                 return f'avoid {distant_phrase(region)} by {metres(margin)}'
             return f'avoid {region_phrase(region)}'
-        case Visit():
+        case spec.Visit():
             return f'visit {regions_phrase(clause)}'
-        case Before(first=first, second=second):
+        case spec.Before(first=first, second=second):
             return f'do not enter {region_phrase(second, any_one=True)} before ' + region_phrase(
                 first, any_one=True
             )
-        case StayIn(region=region):
+        case spec.StayIn(region=region):
             return f'stay in {region_phrase(region)}'
-        case Pass(region=region, side=side):
-            where = f'{side} of the direct way' if side in ROUTE_SIDES else f'{side} side'
+        case spec.Pass(region=region, side=side):
+            where = f'{side} of the direct way' if side in spec.ROUTE_SIDES else f'{side} side'
             # 'all blue places on the north side' would be those that lie there, walls likewise.
-            how = 'by' if isinstance(region, (Tagged, Along)) else 'on'
+            how = 'by' if isinstance(region, (spec.Tagged, spec.Along)) else 'on'
             return f'pass {region_phrase(region)} {how} the {where}'
-        case KeepDistance(metres=distance, region=None):
+        case spec.KeepDistance(metres=distance, region=None):
             return f'keep {metres(distance)} away from the walls'
-        case KeepDistance(metres=distance, region=Region() as region):
+        case spec.KeepDistance(metres=distance, region=spec.Region() as region):
             return f'keep {metres(distance)} away from {distant_phrase(region)}'
-        case EndAt(region=region):
+        case spec.EndAt(region=region):
             return f'end in {region_phrase(region, any_one=True)}'
-        case Unknown(text=text):
+        case spec.Unknown(text=text):
             return f'not understood: "{text}"'
     raise TypeError(type(clause).__name__)
 
 
-def regions_phrase(visit: Visit) -> str:
+def regions_phrase(visit: spec.Visit) -> str:
     """Return the regions of a visit: 'the lab and the kitchen in any order'."""
     phrases = [region_phrase(region, any_one=True) for region in visit.regions]
     if len(phrases) == 1:
@@ -96,42 +74,42 @@ def regions_phrase(visit: Visit) -> str:
     return f'{", ".join(phrases[:-1])} and {phrases[-1]} in any order'
 
 
-def distant_phrase(region: Region) -> str:
+def distant_phrase(region: spec.Region) -> str:
     """Return the words for a region that a distance is measured from.
 
     'avoid the point 1, 2 by 3 m' is a disc of 3 m around the point, not a margin around a disc.
     """
-    if isinstance(region, Disc) and not region.radius:
+    if isinstance(region, spec.Disc) and not region.radius:
         return f'the surroundings of {region_phrase(region)}'
     return region_phrase(region)
 
 
-def region_phrase(region: Region, any_one: bool = False) -> str:
+def region_phrase(region: spec.Region, any_one: bool = False) -> str:
     """Return the words for a region; with `any_one`, one of the places of a tag is meant."""
     match region:
-        case NamedPlace(name):
+        case spec.NamedPlace(name):
             return f'the {name}'
-        case Tagged(tag):
+        case spec.Tagged(tag):
             return f'one of the {tag} places' if any_one else f'all {tag} places'
-        case Disc(x, y, radius):
+        case spec.Disc(x, y, radius):
             within = f'the {metres(radius)} around ' if radius else ''
             return f'{within}the point {number(x)}, {number(y)}'
-        case Box():
+        case spec.Box():
             return box_phrase(region)
-        case Half(side, of):
+        case spec.Half(side, of):
             if of:
                 return f'the {side} half of the {of}'
-            of_way = ' of the direct way' if side in ROUTE_SIDES else ''
+            of_way = ' of the direct way' if side in spec.ROUTE_SIDES else ''
             return f'the {side} {"side" if of_way else "half"}{of_way}'
-        case Between(first, second):
+        case spec.Between(first, second):
             return f'the gap between the {first} and the {second}'
-        case Along(place, width):
-            name = 'the walls' if place == WALLS else f'the {place}'
+        case spec.Along(place, width):
+            name = 'the walls' if place == spec.WALLS else f'the {place}'
             return f'the {metres(width)} along {name}'
     raise TypeError(type(region).__name__)
 
 
-def box_phrase(box: Box) -> str:
+def box_phrase(box: spec.Box) -> str:
     """Return the words for a box: 'the area with x from 2 to 5 and y above 3'."""
     ranges = []
     for axis, low, high in (('x', box.x0, box.x1), ('y', box.y0, box.y1)):

@@ -223,3 +223,13 @@ class Specification:
 
 
 NOTHING_ASKED = Specification()
+
+
+def regions_of(clause: Clause) -> tuple[Region, ...]:
+    """Return the regions of a clause."""
+    if isinstance(clause, Visit):
+        return clause.regions
+    if isinstance(clause, Before):
+        return clause.first, clause.second
+    region = getattr(clause, 'region', None)
+    return (region,) if isinstance(region, Region) else ()

@@ -9,7 +9,6 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 
-PARAMETER_NODES = ('map_node', 'llm_client_node', 'planner_node')
 ADVICE = 'source ROS 2, or install its wheels with `make install`; `llm-astar doctor` says more'
 
 
@@ -30,7 +29,7 @@ def start(name: str, argv: Sequence[str]) -> int:
     from importlib import import_module  # noqa: PLC0415
 
     from llm_astar_planner.nodes import LAB_NODES, MODULES  # noqa: PLC0415
-    from llm_astar_planner.nodes.common.child import follow_parent  # noqa: PLC0415
+    from llm_astar_planner.nodes.common.process import follow_parent  # noqa: PLC0415
 
     if name not in (*MODULES, *LAB_NODES):
         known = ', '.join((*MODULES, *LAB_NODES))
@@ -38,7 +37,7 @@ def start(name: str, argv: Sequence[str]) -> int:
         return 2
     follow_parent()
     own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
-    if name in PARAMETER_NODES and {'-h', '--help'} & set(own):
+    if name in MODULES and {'-h', '--help'} & set(own):
         from llm_astar_planner.nodes.common.usage import usage  # noqa: PLC0415
 
         sys.stdout.write(usage(name))

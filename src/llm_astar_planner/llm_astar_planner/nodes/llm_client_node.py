@@ -28,15 +28,13 @@ from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.nodes.interpretation_server import InterpretationServer
-from llm_astar_planner.planning.compile import compile_map_kernels
-from llm_astar_planner.planning.kernel_compiler import CompileReport, compile_and_report
+from llm_astar_planner.planning.compile import compile_and_report, compile_map_kernels
 from llm_astar_planner.planning.parameters import (
     FIXED,
     SET_BY_PLANNER,
@@ -47,9 +45,9 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import NoSource
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import make_source
+from llm_astar_planner.waypoints.llm.source import client_of
+from llm_astar_planner.waypoints.replay import NoSource
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -73,6 +71,11 @@ MOST_THREADS = 128
 REPLACED_TOO_OFTEN = (
     'the parameters were changed too often: earlier queries still wait; try again in a minute'
 )
+# What an exchange message has of a reply as it is.
+REPORTED = (
+    *('label', 'detail', 'model', 'prompt', 'unit', 'prompt_tokens', 'completion_tokens'),
+    *('seconds', 'waypoints'),
+)
 # Characters of a text in an exchange message; a transcript holds the whole text.
 MAX_TEXT = 16000
 
@@ -89,7 +92,7 @@ class LlmClientNode(Node):
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Make the source. Raises ParameterError where its parameters do not fit together."""
-        super().__init__('llm_client_node', **node_options)
+        super().__init__('llm_client_node', **OVERRIDES, **node_options)
         # Before anything that may raise: since Kilted rclpy destroys a node that was half made.
         self._entities = Entities(self)
         self._grid_map: GridMap | None = None
@@ -122,8 +125,8 @@ class LlmClientNode(Node):
 
     def compile(self) -> None:
         """Compile the kernels that costmaps take, or load them; log how far that is."""
-        report = CompileReport(self.get_logger().info, 'the first waypoints')
-        compile_and_report(compile_map_kernels, report, 'waypoints go on')
+        say = self.get_logger().info
+        compile_and_report(compile_map_kernels, say, 'the first waypoints', 'waypoints go on')
 
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""
@@ -164,7 +167,7 @@ class LlmClientNode(Node):
         if self._interpretations is not None:
             self._interpretations.adopt(self._new_interpreter)
 
-    def on_map(self, grid_map: GridMap) -> None:
+    def on_map(self, grid_map: GridMap, _: float = 0.0) -> None:
         """Keep a new map."""
         self._grid_map = grid_map
         self.publish_health()
@@ -271,18 +274,10 @@ def cell_of(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
 def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
     """Return what `~/exchange` publishes of a reply; `key` identifies map, start and goal."""
     return ExchangeReport(
-        label=reply.label,
+        **{name: getattr(reply, name) for name in REPORTED},
         status=reply.status.value,
-        detail=reply.detail,
-        model=reply.model,
-        prompt=reply.prompt,
         text=reply.text[:MAX_TEXT],
         messages=tuple((message.role, message.content[:MAX_TEXT]) for message in reply.messages),
-        unit=reply.unit,
-        prompt_tokens=reply.prompt_tokens,
-        completion_tokens=reply.completion_tokens,
-        seconds=reply.seconds,
-        waypoints=reply.waypoints,
         map_digest=str(key.map),
         pair=str(key.pair),
     )

@@ -18,7 +18,7 @@ from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.resources import find_file
@@ -31,7 +31,7 @@ class MapNode(Node):
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Load and publish the map. Raises ParameterError where it cannot be loaded."""
-        super().__init__(NAME, **node_options)
+        super().__init__(NAME, **OVERRIDES, **node_options)
         self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)
         self._settings = Parameters(self, NAME, map_problem)
         self.add_post_set_parameters_callback(lambda _: self._publish())

@@ -1,13 +1,26 @@
-"""Compiles the kernels ahead of the first plan."""
+"""Compiles the kernels ahead of plans, or loads them from numba's cache: on small maps of its own.
+
+A `Planner` compiles what a request takes before the time of the request begins. Nodes do so for
+all requests in the background, and commands say meanwhile how far it is.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
+from typing import TextIO
 
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
+from numba.core import config as numba_config
+from numba.core import event
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
@@ -27,52 +40,127 @@ from llm_astar_planner.instructions.specification import (
     StayIn,
     Visit,
 )
-from llm_astar_planner.planning._kernels.nearest import nearest_places
+from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.footprint_search import FootprintChecker
+from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.methods import EXACT, METHODS
-from llm_astar_planner.search.paper import compile_kernels as compile_search_kernels
-from llm_astar_planner.waypoints.source import WaypointSource
+from llm_astar_planner.search.landmarks import LandmarkManager
+from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
+from llm_astar_planner.search.stop import StopFlag, no_stop
+from llm_astar_planner.waypoints.replay import FixedReply
 
 # Seconds, more than compiling takes.
 PATIENCE = 3600.0
+ANNOUNCEMENT = 'compiling the searches, once after an installation'
+EXPECTED_SECONDS = 15
+# Seconds between two sentences on how far it is.
+REPORT_SECONDS = 4.0
+# Seconds between two looks at whether a plan may still wait.
+POLL_SECONDS = 0.02
+# Seconds to wait in `close` until the kernel that is being compiled is ready.
+LONGEST_KERNEL = 3.0
+# The ANSI sequence that clears a line from the cursor on.
+CLEAR = '\r\x1b[K'
 # Without and with what lethal cells do to others, which takes other kernels.
 CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0))
+WAYPOINTS = FixedReply('[[2, 2]]')
+FOOTPRINT = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
+START, GOAL, VIA = (2, 20), (21, 20), ((12, 1),)
+# The kinds of plans, see `compile_for`, that this process has compiled.
+_compiled: set[tuple[object, ...]] = set()
+
+
+class CompilationStopped(BaseException):
+    """Nobody waits for the compilation any more; nothing in numba may catch it."""
+
+
+class CompileListener(event.Listener):
+    """Notices when a function is compiled on the thread that makes it: it was not in the cache."""
+
+    def __init__(self, on_compile: Callable[[str], None]) -> None:
+        """Take what to call each time with the name; what it raises ends the compilation."""
+        self._on_compile = on_compile
+        self._thread = threading.current_thread()
+
+    def on_start(self, began: event.Event) -> None:
+        """Call back."""
+        if threading.current_thread() is self._thread:
+            self._on_compile(began.data['dispatcher'].py_func.__name__)
+
+    def on_end(self, _: event.Event) -> None:
+        """Ignore the end."""
+
+
+@contextmanager
+def compilations(on_compile: Callable[[str], None]) -> Iterator[None]:
+    """Call `on_compile` with the name of each function that this thread compiles meanwhile."""
+    with event.install_listener('numba:compile', CompileListener(on_compile)):
+        yield
 
 
 def compile_for(
     config: CostmapConfig,
-    like: PlanRequest,
-    source: WaypointSource | None = None,
+    request: PlanRequest,
+    stop: StopFlag | None = None,
     *,
-    is_graded: bool = True,
-) -> None:
-    """Compile what a request like this takes on a costmap of `config`.
+    has_landmarks: bool = False,
+) -> bool:
+    """Compile what requests like this take on costmaps of `config`; tell whether that is done.
 
-    That of a plug-in's method is compiled without it, since it may take any time. Without
-    `source` that is a first plan, for which no landmarks are measured yet; else one with
-    landmarks and such waypoints. Where costs are not graded, goals far away take kernels of their
-    own.
+    Once for each kind in a process. It ends before the next function when `stop[0]` is 1. That of
+    a plug-in's method is compiled without it, since it may take any time. Raises what numba does.
     """
-    cells = np.zeros((24, 24 if is_graded else 100), dtype=np.int8)
-    cells[4:, 12] = OCCUPIED
-    if is_graded:
-        cells[4, 4] = 50
-    planner = Planner(GridMap(cells), config)
-    start, goal = (2, 20), (cells.shape[1] - 3, 20)
-    request = replace(
-        like, method=like.method if like.method in METHODS else EXACT,
-        start=start, goal=goal, time_limit=PATIENCE, source=source, sample=None,
-        instruction=None, via=(), viapoints=(),
-    )  # fmt: skip
-    if source is not None:
-        planner.prepare()
-    planner.plan(request)
-    if request.footprint is not None:
-        compile_footprint_kernels()
+    method = request.method if request.method in METHODS else EXACT
+    has_source = request.source is not None or bool(request.viapoints)
+    has_landmarks &= method == GUIDED
+    parts = bool(request.via), request.footprint is None, request.instruction is None
+    kind = config.has_radius, method, has_source, has_landmarks, request.any_angle, *parts
+    if kind in _compiled:
+        return True
+
+    def check(_: str) -> None:
+        if stop is not None and stop[0]:
+            raise CompilationStopped
+
+    try:
+        with compilations(check):
+            compile_plans(config, replace(request, method=method), has_landmarks=has_landmarks)
+            if request.footprint is not None:
+                compile_footprint_kernels()
+            if request.instruction is not None:
+                compile_instruction_kernels()
+    except CompilationStopped:
+        if stop is None or not stop[0]:
+            raise
+        return False
+    except Exception:
+        _compiled.add(kind)
+        raise
+    _compiled.add(kind)
+    return True
+
+
+def compile_plans(config: CostmapConfig, like: PlanRequest, *, has_landmarks: bool) -> None:
+    """Plan requests like one on small maps, one of uniform costs and one of graded costs.
+
+    Where costs are uniform, goals far away take kernels of their own.
+    """
+    has_source = like.source is not None or like.viapoints
+    for width, occupancy in ((100, FREE), (24, 50)):
+        cells = np.zeros((24, width), dtype=np.int8)
+        cells[4:, 12], cells[4, 4] = OCCUPIED, occupancy
+        planner = PathPlanner(GridMap(cells), config)
+        if has_landmarks:
+            planner.prepare()
+        request = replace(
+            like, start=START, goal=(width - 3, 20), via=VIA if like.via else (), viapoints=(),
+            source=WAYPOINTS if has_source else None, sample=None, instruction=None,
+            footprint=None, time_limit=PATIENCE,
+        )  # fmt: skip
+        plan = planner.direct_plan(request, no_stop())
+        nearest_places(plan.path, np.zeros((1, 2)))
 
 
 def compile_kernels() -> None:
@@ -80,56 +168,47 @@ def compile_kernels() -> None:
 
     Takes about a minute the first time and half a second after that.
     """
-    compile_search_kernels()
-    compile_map_kernels()
+    compile_map_kernels(landmarks=LandmarkManager())
     compile_zone_kernels()
-    cells = np.zeros((24, 24), dtype=np.int8)
-    cells[4:, 12] = 50
     for config in CONFIGS:
-        planner: Planner | None = None
-        for occupancy in (FREE, OCCUPIED):
-            cells[10:, 12] = occupancy
-            planner = Planner(GridMap(cells), config, previous=planner).prepare()
-            for method in METHODS:
-                request = PlanRequest(
-                    (2, 20), (21, 20), method, time_limit=PATIENCE, any_angle=True, via=((12, 1),)
-                )
-                planner.plan(request)
-                plan = planner.plan(replace(request, via=()))
-                nearest_places(plan.path, np.zeros((1, 2)))
+        for method in METHODS:
+            request = PlanRequest(START, GOAL, method, source=WAYPOINTS, any_angle=True)
+            for has_landmarks in (False, True):
+                compile_for(config, request, has_landmarks=has_landmarks)
+            compile_for(config, replace(request, via=VIA))
     compile_footprint_kernels()
 
 
-def compile_map_kernels(configs: Sequence[CostmapConfig] = CONFIGS) -> None:
-    """Compile what costmaps take, from nothing and in increments, or load it from the cache."""
-    for config in configs:
-        compile_costmap(config)
+def compile_map_kernels(
+    configs: Sequence[CostmapConfig] = CONFIGS, landmarks: LandmarkManager | None = None
+) -> None:
+    """Compile what costmaps take, from nothing and in increments, or load it from the cache.
 
-
-def compile_costmap(config: CostmapConfig) -> None:
-    """Compile what a costmap takes, from nothing and in increments."""
+    With `landmarks`, what these take too.
+    """
     cells = np.zeros((24, 24), dtype=np.int8)
-    costmap: Costmap | None = None
-    for occupancy in (FREE, OCCUPIED):
-        cells[10:, 12] = occupancy
-        costmap = Costmap(GridMap(cells), config, previous=costmap)
-        costmap.prepare()
-        costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
-    invalid_poses(np.zeros((2, 2), np.int64), CollisionChecker(GridMap(cells), config))
+    for config in configs:
+        costmap: Costmap | None = None
+        for occupancy in (FREE, 50, OCCUPIED, FREE):
+            cells[10:, 12] = occupancy
+            costmap = Costmap(GridMap(cells), config, previous=costmap)
+            costmap.prepare()
+            costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
+            if landmarks is not None:
+                landmarks.update(costmap.grid_graph)
+                landmarks.wait()
+        invalid_poses(np.zeros((2, 2), np.int64), CollisionChecker(GridMap(cells), config))
 
 
 def compile_footprint_kernels() -> None:
     """Compile what plans with a footprint run besides, or load it from numba's cache."""
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = OCCUPIED
-    footprint = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
-    planner = Planner(GridMap(cells)).prepare()
-    for start_pose in (None, Pose2D(3.0, 20.0, 1.0), Pose2D(11.0, 20.0)):
-        request = PlanRequest(
-            (2, 20), (21, 20), time_limit=PATIENCE, footprint=footprint, start_pose=start_pose
-        )
-        planner.plan(request)
-    FootprintChecker(planner.costmap, footprint).collisions([(3.0, 3.0, 0.0)])
+    planner = PathPlanner(GridMap(cells)).prepare()
+    request = PlanRequest(START, GOAL, time_limit=PATIENCE, footprint=FOOTPRINT)
+    for pose in (None, Pose2D(3.0, 20.0, 1.0), Pose2D(11.0, 20.0)):
+        planner.direct_plan(replace(request, start_pose=pose), no_stop())
+    FootprintChecker(planner.costmap, FOOTPRINT).collisions([(3.0, 3.0, 0.0)])
 
 
 def compile_zone_kernels() -> None:
@@ -144,19 +223,175 @@ def compile_instruction_kernels() -> None:
 
     Takes about half a minute the first time and a tenth of a second after that.
     """
-    cells = np.zeros((24, 24), dtype=np.int8)
-    cells[4:, 12] = OCCUPIED
-    planner = Planner(GridMap(cells)).prepare()
+    # Many modules, which other plans do not need.
+    from llm_astar_planner.planning.instruction import plan_with_instruction  # noqa: PLC0415
+
     near, far = Disc(3.0, 3.0, 1.0), Disc(20.0, 3.0, 1.0)
-    for clauses in (
-        (Visit(regions=(near, far)), Avoid(region=Box(0.0, 0.0, 24.0, 3.0))),
-        (
-            StayIn(strength=SHOULD, region=Box(0.0, 8.0, 24.0, 24.0)),
-            Before(first=near, second=far),
-        ),
-        (KeepDistance(metres=3.0), Avoid(region=Box(6.0, 0.0, 8.0, 24.0))),
-        (Pass(region=Disc(12.5, 14.0, 1.0), side='north'),),
+    band = Box(0.0, 8.0, 128.0, 24.0)
+    for size, *clauses in (
+        (24, Visit(regions=(near, far)), Avoid(region=Box(0.0, 0.0, 24.0, 3.0))),
+        (24, KeepDistance(metres=3.0), Avoid(region=Box(6.0, 0.0, 8.0, 24.0))),
+        (24, Pass(region=Disc(12.5, 14.0, 1.0), side='north')),
+        (24, StayIn(strength=SHOULD, region=band), Before(first=near, second=far)),
+        # So large that the search looks at its time on the way.
+        (128, Visit(regions=(near, Disc(20.0, 100.0, 1.0))), Avoid(strength=SHOULD, region=band)),
     ):
-        instruction = RouteInstruction(Interpretation('', Specification(clauses)))
-        request = PlanRequest((2, 20), (21, 20), time_limit=PATIENCE, instruction=instruction)
-        planner.plan(request)
+        cells = np.zeros((size, size), dtype=np.int8)
+        cells[4:, 12] = OCCUPIED
+        planner = PathPlanner(GridMap(cells)).prepare()
+        instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
+        request = PlanRequest(
+            START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction
+        )
+        plan_with_instruction(planner, request, instruction, no_stop())
+
+
+class CompileReport:
+    """Says when kernels begin to be compiled, how far that is, and when it ends.
+
+    Nothing where they are only loaded.
+    """
+
+    def __init__(
+        self,
+        say: Callable[[str], None],
+        announcement: str,
+        show: Callable[[str], None] | None = None,
+    ) -> None:
+        """Take what gets the sentences: `say` the announcement, how far it is and the end.
+
+        `show` if given gets instead of the first two how far it is at each function.
+        """
+        self.is_compiling = False
+        self._say, self._show, self._announcement = say, show, announcement
+        self._began = self._reported = 0.0
+
+    def note(self, function: str, *, is_waited_for: bool = True) -> None:
+        """Report that and how far it compiles, the latter only while somebody waits for it."""
+        now = time.monotonic()
+        is_first, self.is_compiling = not self.is_compiling, True
+        if is_first:
+            self._began = self._reported = now
+        seconds = f'{now - self._began:.0f} s of about {EXPECTED_SECONDS} s'
+        progress = f'compiling the searches: {seconds} ({function})'
+        if self._show is not None:
+            self._show(progress)
+        elif is_first:
+            self._say(self._announcement)
+        elif is_waited_for and now - self._reported >= REPORT_SECONDS:
+            self._reported = now
+            self._say(progress)
+
+    def finish(self, what: str = '') -> None:
+        """Report that `what` is compiled, if anything had to be."""
+        if self.is_compiling:
+            then = f': {what}' if what else ''
+            self._say(f'searches compiled in {time.monotonic() - self._began:.1f} s{then}')
+
+
+@contextmanager
+def compile_progress(stream: TextIO | None = None) -> Iterator[None]:
+    """Show what this thread compiles: a live line on a terminal, else sentences."""
+    stream = stream or sys.stderr
+    is_live = stream.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
+
+    def write(line: str, end: str = '\n') -> None:
+        stream.write(f'{CLEAR if is_live else ""}{line}{end}')
+        stream.flush()
+
+    announcement = f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s'
+    report = CompileReport(write, announcement, partial(write, end='') if is_live else None)
+    try:
+        with compilations(report.note):
+            yield
+    finally:
+        report.finish()
+
+
+def node_report(say: Callable[[str], None], who_waits: str) -> CompileReport:
+    """Return what reports a compilation in the log of a node, and who waits for it."""
+    folder = numba_config.CACHE_DIR
+    where = f'; they are kept in {folder}' if folder else ''
+    waits = f'{who_waits} wait for about {EXPECTED_SECONDS} s{where}'
+    return CompileReport(say, f'{ANNOUNCEMENT}: {waits}')
+
+
+def compile_and_report(
+    run: Callable[[], None], say: Callable[[str], None], who_waits: str, what: str
+) -> None:
+    """Run what compiles kernels on this thread, and report it in a node's log: `what` is then.
+
+    Where it fails it is done when they are needed, which says what is wrong.
+    """
+    report = node_report(say, who_waits)
+    with compilations(report.note), suppress(Exception):
+        run()
+        report.finish(what)
+
+
+class KernelCompiler:
+    """Compiles the kernels on a thread of its own, or loads them from numba's cache.
+
+    Where nothing has to be compiled that takes half a second. `say` gets a sentence when it begins
+    to compile, every few seconds until plans can go on, and when they can.
+    """
+
+    def __init__(
+        self, config: CostmapConfig, request: PlanRequest, say: Callable[[str], None]
+    ) -> None:
+        """Start; first comes what requests like this take on costmaps of `config`."""
+        # How many of its steps are done, and whether the first is, after which plans go on.
+        self.done, self.is_ready = 0, False
+        self._say = say
+        self._report = node_report(say, 'the first plans')
+        self._is_closed = False
+        guided = replace(request, source=WAYPOINTS)
+        steps = (
+            lambda: compile_for(config, request),
+            lambda: compile_for(config, guided, has_landmarks=True),
+            lambda: compile_map_kernels([config]),
+            compile_instruction_kernels,
+            compile_kernels,
+        )
+        self._thread = threading.Thread(
+            target=self.work, args=(steps,), name='compiler', daemon=True
+        )
+        self._thread.start()
+
+    def wait(self, may_wait: Callable[[], bool] = lambda: True) -> bool:
+        """Wait until a first plan can be made, while `may_wait()`; tell whether it can.
+
+        Raises what `may_wait` raises.
+        """
+        while not (self.is_ready or self._is_closed) and may_wait():
+            time.sleep(POLL_SECONDS)
+        return self.is_ready
+
+    def close(self) -> None:
+        """Stop compiling; what is compiled stays."""
+        self._is_closed = True
+        self._thread.join(LONGEST_KERNEL)
+
+    def work(self, steps: Iterable[Callable[[], object]]) -> None:
+        """Run all steps until closed.
+
+        Where one fails, plans go on: each compiles on its own then, and says what is wrong.
+        """
+        with compilations(self.on_compile), suppress(CompilationStopped):
+            for step in steps:
+                try:
+                    step()
+                except Exception as error:  # noqa: BLE001 - whatever numba raises
+                    problem = f'{type(error).__name__}: {error}'
+                    self._say(f'the searches do not compile: {problem}')
+                self.done += 1
+                if not self.is_ready:
+                    self.is_ready = True
+                    self._report.finish('plans go on')
+            self._report.finish('all of them')
+
+    def on_compile(self, function: str) -> None:
+        """Report that and how far it compiles. Raises CompilationStopped when closed."""
+        if self._is_closed:
+            raise CompilationStopped
+        self._report.note(function, is_waited_for=not self.is_ready)

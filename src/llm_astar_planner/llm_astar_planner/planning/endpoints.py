@@ -1,4 +1,4 @@
-"""Between which cells a path is searched: what tolerances make of blocked or unreachable ones.
+"""The ends of a path: between which cells it is searched, and where in them it begins and ends.
 
 An unreachable goal or via point is replaced by the nearest cell that the start reaches, by the
 distance to its own cell's centre. A blocked start is replaced by the nearest free cell that the
@@ -9,18 +9,31 @@ path begins there and the robot has to get there by itself.
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
 from llm_astar_planner.lazy import ndimage
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
+from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
+NAME = 'viapoints'
+# An end this near to the centre of its cell, in cells, is at it.
+AT_CENTRE = 1e-9
+# Ends of a path of one cell that are this near to each other, in cells, are the same place.
+SAME_PLACE = 1e-3
+# Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
+Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
 
@@ -89,18 +102,29 @@ def resolve_goal(
 
     Raises PlanningFailure, naming it, if there is none.
     """
-    x, y = goal
-    if costmap.grid_map.contains(goal) and costmap.components[y, x] == component:
-        return goal
-    failure, tolerance = goal_failure(costmap, request, goal, name), request.tolerance
-    if tolerance == 0.0:
-        raise failure
-    reach = squared_cells(tolerance, costmap.grid_map.resolution)
-    found = nearest_labelled(costmap.components, component, goal, reach)
+    tolerance = request.tolerance
+    found = nearest_reached(costmap, goal, component, tolerance)
     if found is None:
+        failure = goal_failure(costmap, request, goal, name)
+        if tolerance == 0.0:
+            raise failure
         message = f'{failure}, nor is any cell within {tolerance:g} m of it reachable'
         raise PlanningFailure(failure.code, message)
     return found
+
+
+def nearest_reached(costmap: Costmap, cell: Cell, component: int, tolerance: float) -> Cell | None:
+    """Return the cell if it is of a component, else the nearest that is.
+
+    None if there is none within so many metres.
+    """
+    components, grid_map = costmap.components, costmap.grid_map
+    if grid_map.contains(cell) and components[cell[1], cell[0]] == component:
+        return cell
+    if tolerance == 0.0:
+        return None
+    reach = squared_cells(tolerance, grid_map.resolution)
+    return nearest_labelled(components, component, cell, reach)
 
 
 def goal_failure(
@@ -225,3 +249,120 @@ def blocked_message(costmap: Costmap, name: str, cell: Cell) -> str:
     """Say why an endpoint or via point is blocked."""
     reason = costmap.describe_blocked(cell)
     return f'the {name} {costmap.describe_cell(cell)} is not free ({reason})'
+
+
+@dataclass(frozen=True)
+class ViapointSource:
+    """Returns given cells (x, y); one that the start does not reach is moved as a goal would be.
+
+    That is to the nearest cell that it reaches, at most `tolerance` metres away. Where there is
+    none it stays where it is, for the check of waypoints to drop it and say why.
+    """
+
+    viapoints: tuple[Cell, ...]
+    tolerance: float = 0.0
+    name: str = NAME
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the via points; the detail says how many were moved and which had to stay."""
+        deadline = time.monotonic() + query.time_limit
+        component = int(query.costmap.components[query.start[1], query.start[0]])
+
+        def place(cell: Cell) -> Cell | None:
+            # After its time no other cells are looked for.
+            tolerance = self.tolerance if time.monotonic() <= deadline else 0.0
+            return nearest_reached(query.costmap, cell, component, tolerance)
+
+        places = list(map(place, self.viapoints))
+        lost = [number for number, place in enumerate(places, start=1) if place is None]
+        moved = sum(place not in (None, cell) for place, cell in zip(places, self.viapoints))
+        detail = f'{len(places) - len(lost)} of {len(places)} via points can be reached'
+        if moved:
+            detail += f', {moved} of them moved to a free cell near by'
+        if lost:
+            shown = ', '.join(map(str, lost[:5])) + (', ...' if len(lost) > 5 else '')
+            detail += f'; not within {self.tolerance:g} m: number {shown}'
+        kept = tuple(place or cell for place, cell in zip(places, self.viapoints))
+        return WaypointReply(kept, NAME, detail=detail)
+
+
+def with_exact_ends(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64] | None,
+    goal: NDArray[np.float64] | None,
+    checker: CollisionChecker,
+) -> NDArray[np.float64]:
+    """Return a path [n, 2] in grid coordinates that begins at `start` and ends at `goal`, [2].
+
+    These lie in the cells of its first and its last point; None leaves an end as it is. A path of
+    one cell leads from `start` straight to `goal`; where they are the same place it stays one
+    point.
+    """
+    if len(points) == 1:
+        ends = [end for end in (start, goal) if end is not None]
+        if len(ends) == 2 and np.abs(ends[1] - ends[0]).max() <= SAME_PLACE:
+            del ends[1]
+        return np.array(ends) if ends else points
+    if start is not None:
+        points = with_exact_goal(points[::-1], start, checker)[::-1]
+    return points if goal is None else with_exact_goal(points, goal, checker)
+
+
+def ends_that_fit(
+    points: NDArray[np.float64],
+    ends: Ends,
+    checker: CollisionChecker,
+    fits: Callable[[NDArray[np.float64]], bool],
+) -> Ends:
+    """Return the ends with which a path [n, 2] `fits`: both if possible, else one of them."""
+    start, goal = ends
+    for kept in (ends, (None, goal), (start, None)):
+        if fits(with_exact_ends(points, *kept, checker)):
+            return kept
+    return None, None
+
+
+def with_exact_goal(
+    points: NDArray[np.float64], goal: NDArray[np.float64], checker: CollisionChecker
+) -> NDArray[np.float64]:
+    """Return a path [n, 2] that ends at `goal`, [2], which lies in the cell of its last point.
+
+    The straight line to `goal` replaces the points in that cell if it passes through free cells
+    alone. Else it leads on from the last point, which never leaves the cell.
+    """
+    if np.abs(points[-1] - goal).max() <= AT_CENTRE:
+        return points
+    last = len(points) - 1
+    cell = cell_of(points[-1])
+    while last > 0 and cell_of(points[last]) == cell:
+        last -= 1
+    if not checker.is_free(crossed_cells(points[last], goal)):
+        last = len(points) - 1
+    return np.concatenate((points[: last + 1], goal[None]))
+
+
+def cell_of(point: NDArray[np.float64]) -> tuple[int, int]:
+    """Return the cell (x, y) of a point [2] in grid coordinates."""
+    x, y = point.tolist()
+    shift = 0.5 + BORDER_TOLERANCE
+    return math.floor(x + shift), math.floor(y + shift)
+
+
+def crossed_cells(begin: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the cells (x, y) that a straight line passes through, int64 [n, 2]: all of them.
+
+    `begin` and `end` [2] are points in grid coordinates.
+    """
+    (left, low), (right, high) = sorted((begin.tolist(), end.tolist()))
+    shift = 0.5 + BORDER_TOLERANCE
+    cells = []
+    for column in range(math.floor(left + shift), math.floor(right + shift) + 1):
+        # Where the line enters and leaves the column.
+        enters, leaves = low, high
+        if left < column - 0.5:
+            enters += (column - 0.5 - left) / (right - left) * (high - low)
+        if right > column + 0.5:
+            leaves += (column + 0.5 - right) / (right - left) * (high - low)
+        rows = sorted((math.floor(enters + shift), math.floor(leaves + shift)))
+        cells += [(column, row) for row in range(rows[0], rows[1] + 1)]
+    return np.array(cells, dtype=np.int64)

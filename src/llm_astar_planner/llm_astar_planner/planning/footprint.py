@@ -9,13 +9,13 @@ import math
 import re
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.costmap.config import MAX_RADIUS
+from llm_astar_planner.lazy import shapely
 
 MIN_POINTS, MAX_POINTS = 3, 64
 MAX_CHARS = 4096
@@ -96,15 +96,8 @@ class Footprint:
     @cached_property
     def inscribed_radius(self) -> float:
         """Metres from the origin to the nearest edge; 0 if the origin lies outside."""
-        inside, nearest = False, math.inf
-        for (x, y), (far_x, far_y) in zip(self.points, self.points[1:] + self.points[:1]):
-            step_x, step_y = far_x - x, far_y - y
-            share = -(x * step_x + y * step_y) / (step_x**2 + step_y**2)
-            share = min(max(share, 0.0), 1.0)
-            nearest = min(nearest, math.hypot(x + share * step_x, y + share * step_y))
-            if (y > 0.0) != (far_y > 0.0):
-                inside ^= x - y * step_x / step_y > 0.0
-        return nearest if inside else 0.0
+        body, origin = shapely.Polygon(self.points), shapely.Point(0.0, 0.0)
+        return float(body.exterior.distance(origin)) if body.contains(origin) else 0.0
 
     @property
     def is_round(self) -> bool:
@@ -135,44 +128,17 @@ def outline_problem(points: tuple[tuple[float, float], ...]) -> str | None:
     edges = list(zip(points, points[1:] + points[:1]))
     if any(begin == end for begin, end in edges):
         return 'two points in a row are the same'
-    for (n, one), (m, other) in combinations(enumerate(edges), 2):
-        neighbours = m - n in (1, count - 1)
-        if folds_back(one, other) if neighbours else edges_meet(one, other):
-            return f'edges {n + 1} and {m + 1} of its outline meet'
-    area = sum(x * far_y - far_x * y for (x, y), (far_x, far_y) in edges) / 2.0
-    return 'it encloses no area' if abs(area) < MIN_AREA else None
-
-
-Edge = tuple[tuple[float, float], tuple[float, float]]
-
-
-def side(edge: Edge, point: tuple[float, float]) -> float:
-    """Return a number above 0 for a point left of an edge, below 0 right of it, 0 on its line."""
-    (x, y), (far_x, far_y) = edge
-    return (far_x - x) * (point[1] - y) - (far_y - y) * (point[0] - x)
-
-
-def folds_back(edge: Edge, neighbour: Edge) -> bool:
-    """Tell whether two edges that share an end lie on each other."""
-    if edge[0] == neighbour[1]:
-        edge, neighbour = neighbour, edge
-    (x, y), (middle_x, middle_y) = edge
-    far_x, far_y = neighbour[1]
-    back = (middle_x - x) * (far_x - middle_x) + (middle_y - y) * (far_y - middle_y) < 0.0
-    return back and side(edge, neighbour[1]) == 0.0
-
-
-def edges_meet(edge: Edge, other: Edge) -> bool:
-    """Tell whether two edges without a common end cross or touch."""
-    sides = side(edge, other[0]), side(edge, other[1]), side(other, edge[0]), side(other, edge[1])
-    if sides[0] * sides[1] > 0.0 or sides[2] * sides[3] > 0.0:
-        return False
-    # On one line they meet where their boxes do; otherwise the boxes meet anyway.
-    return all(
-        max(min(edge[0][axis], edge[1][axis]), min(other[0][axis], other[1][axis]))
-        <= min(max(edge[0][axis], edge[1][axis]), max(other[0][axis], other[1][axis]))
-        for axis in (0, 1)
-    )
+    lines = shapely.linestrings(edges)
+    one, other = np.triu_indices(count, 1)
+    # Neighbours share an end; they meet elsewhere where one folds back onto the other.
+    is_neighbour = np.isin(other - one, (1, count - 1))
+    folds_back = shapely.length(shapely.intersection(lines[one], lines[other])) > 0.0
+    meet = np.where(is_neighbour, folds_back, shapely.intersects(lines[one], lines[other]))
+    if meet.any():
+        first = int(meet.argmax())
+        return f'edges {one[first] + 1} and {other[first] + 1} of its outline meet'
+    area = shapely.area(shapely.Polygon(points))
+    return 'it encloses no area' if area < MIN_AREA else None
 
 
 def footprint_problem(text: str) -> str | None:

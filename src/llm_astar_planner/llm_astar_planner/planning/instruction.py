@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap.costmap import ClosedCostmap, Costmap
+from llm_astar_planner.costmap.costmap import ClosedCostmap
 from llm_astar_planner.instructions.enforcement import (
     Enforced,
     Enforcer,
@@ -30,6 +29,8 @@ from llm_astar_planner.instructions.specification import SHOULD
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
+from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (
     Plan,
@@ -42,44 +43,11 @@ from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.layered import LayersTooLargeError
-from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.result import SearchStatus
 
 # The part of a request's time for paths that keep to the instruction; the rest is for the check,
 # and for the direct path if there is none in time.
 INSTRUCTED_SHARE = 0.6
-
-
-class PathPlanner(Protocol):
-    """What planning with an instruction needs of the planner; see `Planner`."""
-
-    costmap: Costmap
-    landmarks: LandmarkManager
-
-    def plan(self, request: PlanRequest, stop: NDArray[np.uint8] | None = None) -> Plan:
-        """Answer a request."""
-
-    def problem(
-        self, request: PlanRequest, endpoints: Endpoints, path: NDArray[np.int32]
-    ) -> str | None:
-        """Say why a path does not answer the request, or None."""
-
-    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
-        """Say what is wrong with a path of cells, or None."""
-
-    def footprint_problem(self, path: NDArray[np.int32], request: PlanRequest) -> str | None:
-        """Say where the footprint of a request meets an obstacle on a path, or None."""
-
-    def build_plan(
-        self,
-        request: PlanRequest,
-        endpoints: Endpoints,
-        segments: Sequence[SegmentPlanner],
-        result: SearchResult | None = None,
-        *,
-        failure: PlanningFailure | None = None,
-        deadline: float = math.inf,
-    ) -> Plan:
-        """Build a plan; what cannot be computed until the deadline is left out."""
 
 
 class InstructedSearch:
@@ -181,16 +149,16 @@ def plan_with_instruction(
         endpoints = resolve_endpoints(planner.costmap, request)
     except PlanningFailure:
         outcome = InstructionOutcome(instruction.interpretation, note='there is no path')
-        return with_outcome(planner.plan(direct, stop), outcome)
+        return with_outcome(planner.direct_plan(direct, stop), outcome)
     places, visited = instruction.places, instruction.visited
     route = Route(planner.costmap, endpoints.start, endpoints.goal, places, visited)
     part = replace(direct, start=endpoints.start, goal=endpoints.goal)
     search = InstructedSearch(route, part, instruction, planner.landmarks, stop)
     note = ''
     if not search.can_be_enforced:
-        plan = planner.plan(direct, stop)
+        plan = planner.direct_plan(direct, stop)
     elif request.via:
-        plan = planner.plan(direct, stop)
+        plan = planner.direct_plan(direct, stop)
         note = 'not enforced, as the request has via points of its own'
     else:
         plan, failure = search_plan(planner, request, endpoints, search)
@@ -198,7 +166,7 @@ def plan_with_instruction(
         if failure and instruction.policy != REQUIRE:
             note = f'{note}; {failure}: the direct path is taken'.lstrip('; ')
             time_left = max(0.0, search.deadline - time.monotonic()) + spare_time(request)
-            plan = planner.plan(replace(direct, source=None, time_limit=time_left), stop)
+            plan = planner.direct_plan(replace(direct, source=None, time_limit=time_left), stop)
     plan, outcome = verified(plan, route, instruction, note, deadline)
     problem = required_problem(outcome) if instruction.policy == REQUIRE else None
     if problem is not None and plan.code is ResultCode.NONE:
@@ -228,18 +196,16 @@ def search_plan(
             problem = planner.problem(request, endpoints, path)
         else:  # a clause says where to end
             endpoints = endpoints._replace(goal=last)
-            problem = planner.path_problem(path, endpoints.start, last)
-            problem = problem or planner.footprint_problem(path, request)
+            problem = planner.checker.path_problem(path, endpoints.start, last)
+            problem = problem or footprint_problem(path, planner.costmap, request)
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             raise PlanningFailure(ResultCode.UNKNOWN, message)
         deadline = search.deadline + spare_time(request)
         plan = planner.build_plan(request, endpoints, [segment], segment.result, deadline=deadline)
         return plan, ''
-    except (PlanningFailure, PathTooLongError, PluginError) as error:
-        code = error.code if isinstance(error, PlanningFailure) else ResultCode.UNKNOWN
-        failure = PlanningFailure(code, str(error))
-        return planner.build_plan(request, endpoints, [], failure=failure), str(error)
+    except (PlanningFailure, PathTooLongError, PluginError) as failure:
+        return planner.build_plan(request, endpoints, [], failure=failure), str(failure)
 
 
 def verified(

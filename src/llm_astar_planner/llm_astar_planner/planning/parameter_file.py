@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,24 +16,18 @@ from llm_astar_planner.plugins import PluginError
 WILDCARDS = ('*', '**')
 
 
-@dataclass
-class ParameterFile:
-    """What files set: `values` by node and parameter name, and a sentence on each old name."""
-
-    values: dict[str, dict[str, Scalar]] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-
-
 def read_parameter_files(
     paths: Sequence[str | Path], nodes: Sequence[str] = ('planner_node', 'llm_client_node')
-) -> ParameterFile:
-    """Return what parameter files set of nodes, checked; a later file overrides an earlier one.
+) -> dict[str, dict[str, Scalar]]:
+    """Return what parameter files set, checked, by node and parameter name.
+
+    A later file overrides an earlier one.
 
     Sections of a node, in any namespace, and of wildcards count; those of other nodes do not.
     Plug-ins that they name as `package.module:name` are imported, so only the user may name files.
     Raises ParameterError naming the file and the parameter.
     """
-    found = ParameterFile({node: {} for node in nodes})
+    found: dict[str, dict[str, Scalar]] = {node: {} for node in nodes}
     for path in paths:
         sections = read_sections(path)
         if not any(name in (*nodes, *WILDCARDS) for name, _ in sections):
@@ -42,7 +35,7 @@ def read_parameter_files(
         try:
             check_sections(sections, {node: node for node in NODES})
             for node in nodes:
-                _collect(found, node, sections)
+                found[node].update(_collected(node, sections))
         except (ParameterError, PluginError) as error:
             raise ParameterError(f'{path}: {error}') from None
     return found
@@ -94,20 +87,19 @@ def check_sections(
             check_names('planner_node', parameters, wildcard=True)
 
 
-def _collect(
-    found: ParameterFile, node: str, sections: Sequence[tuple[str, Mapping[str, Any]]]
-) -> None:
-    """Put what sections set of a node into `found`; the names of OTHERS give way."""
+def _collected(
+    node: str, sections: Sequence[tuple[str, Mapping[str, Any]]]
+) -> Iterator[tuple[str, Scalar]]:
+    """Yield what sections set of a node; the names of OTHERS give way."""
     given: dict[str, Any] = {}
     for name, parameters in sections:
         if name in (node, *WILDCARDS):
             given.update(parameters)
-    for other in OTHERS.get(node, ()):
-        if other.name in given:
-            found.warnings += other.warnings
-            given = other.translate(given[other.name]) | given
+    for other, ours in OTHERS.get(node, {}).items():
+        if other in given:
+            given = {ours: given[other]} | given
     for item in NODES[node]:
         if item.name in given:
             if item.plugins is not None:
                 item.plugins.admit(given[item.name])
-            found.values[node][item.name] = item.read(given[item.name])
+            yield item.name, item.read(given[item.name])

@@ -19,7 +19,6 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 from llm_astar_planner.parameter import (
-    OtherParameter,
     Parameter,
     ParameterError,
     nearest_name,
@@ -288,20 +287,8 @@ NODES: dict[str, tuple[Parameter, ...]] = {
     'llm_client_node': CLIENT,
     'planner_node': PLANNER,
 }
-# The other names that a parameter is accepted by: Nav2's, and deprecated ones.
-OTHERS: dict[str, tuple[OtherParameter, ...]] = {
-    'planner_node': (
-        OtherParameter('autostart_node', default=True, replacement='autostart'),
-        OtherParameter('remember_plans', 64, 'has no effect any more, since plans are not kept'),
-        OtherParameter(
-            'lifecycle',
-            False,
-            'became autostart: set autostart to false instead of lifecycle to true',
-            replacement='autostart',
-            convert=lambda value: not value,
-        ),
-    )
-}
+# Nav2's names of parameters, which are accepted too, with ours.
+OTHERS: dict[str, dict[str, str]] = {'planner_node': {'autostart_node': 'autostart'}}
 # Parameters of every ROS node, and the group `qos_overrides.TOPIC...`.
 ROS_NAMES = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
@@ -320,8 +307,7 @@ def defaults(parameters: Iterable[Parameter], *, cli: bool = False) -> dict[str,
 
 def known_names(node: str) -> set[str]:
     """Return the names of a node's parameters, those of OTHERS included."""
-    own = {item.name for item in NODES[node]}
-    return own | {old.name for old in OTHERS.get(node, ())}
+    return {item.name for item in NODES[node]} | OTHERS.get(node, {}).keys()
 
 
 def check_names(

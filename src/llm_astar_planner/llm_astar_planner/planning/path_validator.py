@@ -8,18 +8,28 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
+import shapely
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning._kernels import path_checks as kernels
-from llm_astar_planner.planning._kernels import path_poses as poses_kernels
+from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.result import Cell
 
 # Less than the costmap's own rounding, so that no cell which is free there is blocked here.
 ROUNDING = 5e-7
 # More than any occupancy.
 NO_LIMIT = 127
+# Poses whose surroundings are looked at together.
+CHUNK = 64
+# Cells are taken to be this much smaller, in cells, than those of the search: for rounding.
+SHRINK = 1e-6
+# The occupancy of a lethal cell on a costmap, which has the threshold 99; see the table in
+# docs/robot.md.
+LETHAL_COST = 100
 FAULTS = {
     kernels.OUTSIDE: 'it leaves the map at',
     kernels.OBSTACLE: 'it hits an obstacle at',
@@ -51,7 +61,7 @@ class CollisionChecker:
 
     def __init__(self, grid_map: GridMap, config: CostmapConfig) -> None:
         """Take a map and the rules of its costmap."""
-        self._resolution = grid_map.resolution
+        self._resolution, self._cuts_corners = grid_map.resolution, config.corner_cutting
         radius = config.robot_radius / grid_map.resolution
         reach = math.floor(radius**2 + ROUNDING) if radius > 0.0 else -1
         # The first arguments of the kernels.
@@ -60,14 +70,42 @@ class CollisionChecker:
             grid_map.cells, tiles, config.occupied_threshold, config.allow_unknown, reach
         )  # fmt: skip
 
-    @classmethod
-    def of_blocked(cls, blocked: NDArray[np.bool_]) -> CollisionChecker:
-        """Make a checker for blocked cells, bool [height, width], as they are."""
-        return cls(GridMap(blocked.view(np.int8)), CostmapConfig(occupied_threshold=1))
-
     def is_free(self, cells: NDArray[np.int64]) -> bool:
         """Tell whether the robot may be in each of the cells [n, 2] of the map."""
         return bool(kernels.first_blocked(*self.rules, cells) < 0)
+
+    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
+        """Say what is wrong with a path of cells [n, 2], or None.
+
+        It must run from start to goal, on the map, over free cells, by steps to one of the eight
+        neighbours, and past no blocked corner unless corners may be cut.
+        """
+        if len(path) == 0:
+            return 'it is empty'
+        ends = int(start[0]), int(start[1]), int(goal[0]), int(goal[1])
+        cells = np.ascontiguousarray(path, np.int64)
+        fault, n = kernels.path_fault(*self.rules, cells, ends, self._cuts_corners)
+        if fault == kernels.FINE:
+            return None
+        if fault == kernels.ENDS:
+            return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'
+        return f'{FAULTS[fault]} {cell_text(path[n])}'
+
+    def segments_problem(self, points: NDArray[np.int32]) -> str | None:
+        """Say what is wrong with straight segments between cells [n, 2] at any angle, or None.
+
+        Every cell that a segment passes through must be free. Where it passes exactly over a
+        corner of cells, both cells at the corner's sides must be free too, unless corners may be
+        cut. (The search has its own line of sight; this one is written apart from it on purpose.)
+        """
+        cells = np.ascontiguousarray(points, np.int64)
+        for begin, end in pairwise(cells):
+            fault, x, y = kernels.segment_fault(*self.rules, begin, end, self._cuts_corners)
+            if fault == kernels.CORNER:
+                return f'the segment from {cell_text(begin)} cuts a corner'
+            if fault != kernels.FINE:
+                return f'the segment from {cell_text(begin)} {FAULTS[fault][3:]} ({x}, {y})'
+        return None
 
     def measure(self, path: NDArray[np.int32]) -> PathMetrics:
         """Measure a path of single moves [n, 2], n > 0."""
@@ -75,31 +113,6 @@ class CollisionChecker:
         squared, unknown, turns = kernels.measure(*self.rules[:3], cells)
         clearance = math.inf if squared == kernels.NO_LETHAL else math.sqrt(squared)
         return PathMetrics(clearance * self._resolution, unknown * self._resolution, turns)
-
-
-def path_problem(
-    path: NDArray[np.int32],
-    checker: CollisionChecker,
-    start: Cell,
-    goal: Cell,
-    *,
-    corner_cutting: bool,
-) -> str | None:
-    """Say what is wrong with a path of cells [n, 2], or None.
-
-    It must run from start to goal, on the map, over free cells, by steps to one of the eight
-    neighbours, and past no blocked corner unless `corner_cutting`.
-    """
-    if len(path) == 0:
-        return 'it is empty'
-    ends = int(start[0]), int(start[1]), int(goal[0]), int(goal[1])
-    cells = np.ascontiguousarray(path, np.int64)
-    fault, n = kernels.path_fault(*checker.rules, cells, ends, corner_cutting)
-    if fault == kernels.FINE:
-        return None
-    if fault == kernels.ENDS:
-        return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'
-    return f'{FAULTS[fault]} {cell_text(path[n])}'
 
 
 def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:
@@ -119,25 +132,6 @@ def shift_problem(name: str, requested: Cell, used: Cell, limit: float) -> str |
     return (
         f'its {name} {used} is {distance:.2f} cells off {requested}, over the {limit:.2f} allowed'
     )
-
-
-def segments_problem(
-    points: NDArray[np.int32], checker: CollisionChecker, *, corner_cutting: bool
-) -> str | None:
-    """Say what is wrong with straight segments between cells [n, 2] at any angle, or None.
-
-    Every cell that a segment passes through must be free. Where it passes exactly over a corner
-    of cells, both cells at the corner's sides must be free too, unless `corner_cutting`. (The
-    search has its own line of sight; this one is written apart from it on purpose.)
-    """
-    cells = np.ascontiguousarray(points, np.int64)
-    for begin, end in pairwise(cells):
-        fault, x, y = kernels.segment_fault(*checker.rules, begin, end, corner_cutting)
-        if fault == kernels.CORNER:
-            return f'the segment from {cell_text(begin)} cuts a corner'
-        if fault != kernels.FINE:
-            return f'the segment from {cell_text(begin)} {FAULTS[fault][3:]} ({x}, {y})'
-    return None
 
 
 def invalid_poses(
@@ -160,7 +154,7 @@ def invalid_poses(
     grid_cells, tiles, threshold, may_be_unknown, reach = checker.rules
     is_allowed = may_be_unknown and allow_unknown
     path = np.ascontiguousarray(cells, np.int64)
-    invalid: NDArray[np.bool_] = poses_kernels.invalid_poses(
+    invalid: NDArray[np.bool_] = kernels.invalid_poses(
         grid_cells, tiles, threshold, is_allowed, reach, path, cost_limit
     )
     return invalid
@@ -174,3 +168,103 @@ def nearest_pose(points: NDArray[np.float64], x: float, y: float) -> int:
 def cell_text(cell: NDArray[np.int32]) -> str:
     """Return a cell [2] as a message shows it."""
     return f'({cell[0]}, {cell[1]})'
+
+
+def footprint_problem(path: NDArray[Any], costmap: Costmap, request: PlanRequest) -> str | None:
+    """Say where the footprint of a request meets an obstacle on a path [n, 2], or None.
+
+    The points are in grid coordinates. At each it looks along the path, to the next one and from
+    the one before; at the last along the request's `goal_yaw` too. What it touches at the
+    `start_pose`, where the robot is, is no obstacle.
+    """
+    footprint, grid_map, config = request.footprint, costmap.grid_map, costmap.config
+    if footprint is None:
+        return None
+    yaw = None if request.goal_yaw is None else request.goal_yaw - grid_map.origin.yaw
+    poses = poses_along(path, yaw)
+    corners = placed(footprint, poses, grid_map.resolution)
+    height, width = grid_map.cells.shape
+    inside = (corners > -0.5 - SHRINK) & (corners < np.array([width, height]) - 0.5 + SHRINK)
+    if not inside.all():
+        return pose_text(poses[np.flatnonzero(~inside.all(axis=(1, 2)))[0]], 'leaves the map')
+    lethal = LETHAL_COST if config.occupied_threshold == 99 else config.occupied_threshold
+    start = request.start_pose
+    own = [] if start is None else cells_under(footprint, start, grid_map)
+    for first in range(0, len(poses), CHUNK):
+        part = corners[first : first + CHUNK]
+        left, top = np.floor(part.min(axis=(0, 1)) + 0.5).astype(int)
+        right, bottom = np.floor(part.max(axis=(0, 1)) + 0.5).astype(int) + 1
+        window = grid_map.cells[top:bottom, left:right]
+        blocked = window >= lethal
+        if not config.allow_unknown:
+            blocked |= window < 0
+        for x, y in own:
+            if left <= x < right and top <= y < bottom:
+                blocked[y - top, x - left] = False
+        if not blocked.any():
+            continue
+        squares = row_boxes(blocked, left, top)
+        hits = shapely.STRtree(squares).query(shapely.polygons(part), predicate='intersects')
+        if hits.size:
+            return pose_text(poses[first + hits[0].min()], 'meets an obstacle')
+    return None
+
+
+def poses_along(path: NDArray[Any], goal_yaw: float | None) -> NDArray[np.float64]:
+    """Return the poses (x, y, yaw) [m, 3] of a path of cells, yaws relative to the grid."""
+    cells = path.astype(np.float64)
+    cells = cells[np.concatenate([[True], (np.diff(cells, axis=0) != 0).any(axis=1)])]
+    steps = np.diff(cells, axis=0)
+    yaws = np.arctan2(steps[:, 1], steps[:, 0])
+    ahead = np.column_stack([cells[:-1], yaws])
+    arrived = np.column_stack([cells[1:], yaws])
+    poses = np.stack([ahead, arrived], axis=1).reshape(-1, 3)
+    if goal_yaw is None:
+        return poses
+    return np.concatenate([poses, [[*cells[-1], goal_yaw]]])
+
+
+def placed(
+    footprint: Footprint, poses: NDArray[np.float64], resolution: float
+) -> NDArray[np.float64]:
+    """Return the corners [m, n, 2] of a footprint at poses [m, 3], in grid coordinates."""
+    points = np.array(footprint.points) / resolution
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turns = np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+    corners: NDArray[np.float64] = points @ turns + poses[:, None, :2]
+    return corners
+
+
+def cells_under(footprint: Footprint, pose: Pose2D, grid_map: GridMap) -> list[tuple[int, int]]:
+    """Return the cells (x, y) that a footprint touches at a pose in the map's frame."""
+    place = grid_map.world_to_grid([pose[:2]])[0]
+    poses = np.array([[*place, pose.yaw - grid_map.origin.yaw]])
+    corners = placed(footprint, poses, grid_map.resolution)[0]
+    left, top = np.floor(corners.min(axis=0) + 0.5).astype(int)
+    right, bottom = np.floor(corners.max(axis=0) + 0.5).astype(int)
+    y, x = np.mgrid[top : bottom + 1, left : right + 1]
+    polygon = shapely.Polygon(corners)
+    shapely.prepare(polygon)
+    touched = shapely.intersects(polygon, shapely.box(x - 0.5, y - 0.5, x + 0.5, y + 0.5))
+    return [(int(column), int(row)) for column, row in zip(x[touched], y[touched])]
+
+
+def row_boxes(blocked: NDArray[np.bool_], left: int, top: int) -> NDArray[np.object_]:
+    """Return boxes around the blocked cells of a window, those side by side in a row as one."""
+    padded = np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8)
+    change = np.diff(padded, axis=1)
+    y, first = np.nonzero(change == 1)
+    _, last = np.nonzero(change == -1)
+    half = 0.5 - SHRINK
+    boxes: NDArray[np.object_] = shapely.box(
+        left + first - half, top + y - half, left + last - 1 + half, top + y + half
+    )
+    return boxes
+
+
+def pose_text(pose: NDArray[np.float64], what: str) -> str:
+    """Say what happens to the footprint at a pose."""
+    degrees = math.degrees(pose[2]) % 360.0
+    return (
+        f'the footprint {what} at ({pose[0]:.0f}, {pose[1]:.0f}), turned by {degrees:.0f} degrees'
+    )

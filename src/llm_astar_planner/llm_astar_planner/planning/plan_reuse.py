@@ -13,12 +13,11 @@ from cachetools import LRUCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
-from llm_astar_planner.planning._kernels.nearest import nearest_places
+from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, ResultCode
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import Plan, ResultCode, WaypointStatus
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
@@ -64,9 +63,9 @@ def reuse_problem(
     """
     if not MapPlacement.of(grid_map).matches(planner.grid_map):
         return 'the map has another size, resolution, origin or frame'
-    problem = planner.path_problem(plan.path, plan.start, plan.goal)
+    problem = planner.checker.path_problem(plan.path, plan.start, plan.goal)
     if problem is None and plan.any_angle is not None:
-        problem = planner.segments_problem(plan.any_angle.points)
+        problem = planner.checker.segments_problem(plan.any_angle.points)
     if problem is None and footprint is not None:
         points = plan.path if plan.any_angle is None else plan.any_angle.points
         if FootprintChecker(planner.costmap, footprint).path_collides(points):

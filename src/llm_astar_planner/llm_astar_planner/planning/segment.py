@@ -1,9 +1,15 @@
-"""Plans one segment: queries waypoints, checks them, and searches from one cell to another."""
+"""Plans one segment: queries waypoints, checks them, and searches from one cell to another.
+
+Of checked waypoints the paper's target list T is built. It asks that T holds start and goal and
+that no target lies in an obstacle (sec. 3.2). Its published code also drops points within two
+cells of the map's edge.
+"""
 
 from __future__ import annotations
 
 import math
 import time
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -13,19 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.types import (
     NOT_ASKED,
+    CheckedWaypoint,
     PlanningFailure,
     PlanRequest,
     ResultCode,
-)
-from llm_astar_planner.planning.waypoint_filter import (
-    GUIDING,
-    KEPT_BY_PAPER,
-    CheckedWaypoint,
-    check_waypoints,
-    guiding_points,
-    target_list,
+    WaypointStatus,
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
@@ -38,11 +39,13 @@ from llm_astar_planner.search.plugins import PluginMethod
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import (
     BoundedResult,
+    Cell,
     SearchResult,
     SearchStatus,
     describe_expansions,
 )
-from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
+from llm_astar_planner.search.tiles import Tiles
+from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -56,6 +59,12 @@ SOURCE_SHARE = 0.8
 # Seconds that a search which does not wait for its source waits all the same: little for a robot,
 # and enough for the learned model or a cached reply.
 HEAD_START = 0.03
+# The published filter keeps 1 < x < width - 2, and likewise y.
+PAPER_EDGE = 2
+# The paper's methods drop a waypoint only if no robot can be there.
+KEPT_BY_PAPER = frozenset(WaypointStatus) - {WaypointStatus.OUT_OF_BOUNDS, WaypointStatus.OCCUPIED}
+# Which waypoints the guided search uses. OUT_OF_ORDER is known only after it, so it was used.
+GUIDING = frozenset({WaypointStatus.ACCEPTED, WaypointStatus.OUT_OF_ORDER})
 # The result of a segment before its search has ended.
 NOT_SEARCHED = SearchResult(SearchStatus.STOPPED, 0, 0, np.zeros((0, 0), dtype=np.bool_))
 
@@ -79,12 +88,11 @@ class SegmentPlanner:
     ) -> None:
         """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
 
-        Raises PluginError where the method's plug-in cannot be loaded in that time.
+        Raises PluginError where the method's plug-in cannot be loaded.
         """
         self.costmap = costmap
         self.request = request
-        seconds = max(0.0, deadline - time.monotonic())
-        self.method: SearchMethod = SEARCH_METHODS.load(request.method, seconds)
+        self.method: SearchMethod = SEARCH_METHODS.load(request.method)
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks
@@ -117,7 +125,8 @@ class SegmentPlanner:
             if self.method.takes_late_waypoints and request.search_while_waiting:
                 task = self.query_meanwhile(query, arrivals)
             else:
-                waypoints = self.query_and_wait(query)
+                self.reply, self.seconds_source = query_source(*query, self.stop)
+                waypoints = self.check(self.reply)
         problem = SearchProblem(
             self.costmap.grid_graph,
             request.start,
@@ -189,19 +198,12 @@ class SegmentPlanner:
         """
         own = self.result
         expansions, storage = own.expansions + found.expansions, own.storage + found.storage
+        picture = own.expanded | found.expanded
+        self.result = SearchResult(
+            found.status, expansions, storage, picture, found.path, found.length
+        )
         if isinstance(own, BoundedResult):
-            self.result = replace(
-                found,
-                expanded=own.expanded | found.expanded,
-                expansions=expansions,
-                storage=storage,
-                first_expansions=expansions,
-            )
-        else:
-            picture = own.expanded | found.expanded
-            self.result = SearchResult(
-                found.status, expansions, storage, picture, found.path, found.length
-            )
+            self.result = replace(found, **vars(self.result), first_expansions=expansions)
         self.seconds_search += seconds
         self.by_heading, self.waypoints_used = True, False
 
@@ -235,14 +237,9 @@ class SegmentPlanner:
             request.sample,
         )
 
-    def query_and_wait(self, query: tuple[WaypointSource, WaypointQuery]) -> list[Waypoint]:
-        """Query the source before the search; return the waypoints for it."""
-        self.reply, self.seconds_source = query_source(*query, self.stop)
-        return self.check(self.reply)
-
     def query_meanwhile(
         self, query: tuple[WaypointSource, WaypointQuery], arrivals: deque[NDArray[np.float64]]
-    ) -> WaypointQueryTask:
+    ) -> QueryTask:
         """Start the query; its waypoints go to `arrivals` as soon as they are there."""
 
         def on_reply(reply: WaypointReply) -> None:
@@ -250,23 +247,20 @@ class SegmentPlanner:
             if waypoints:
                 arrivals.append(np.array(waypoints, dtype=np.float64))
 
-        task = WaypointQueryTask(*query, on_reply)
+        task = start_query(*query, on_reply)
         task.wait(min(HEAD_START, query[1].time_limit), self.stop)
         return task
 
     def check(self, reply: WaypointReply) -> list[Waypoint]:
         """Check a reply's waypoints by the rules of the method; return those that it gets."""
-        costmap, start = self.costmap, self.request.start
-        if self.method.as_published:
-            rejected = costmap.rejected_cells
-            self.checked_waypoints = check_waypoints(
-                reply.waypoints, rejected, costmap.components, start
-            )
-            return target_list(self.checked_waypoints, start, self.request.goal)[1:]
-        self.checked_waypoints = check_waypoints(
-            reply.waypoints, costmap.blocked, costmap.components, start, 0
+        costmap, (start, goal) = self.costmap, (self.request.start, self.request.goal)
+        is_published = self.method.as_published
+        occupied = costmap.rejected_cells if is_published else costmap.blocked
+        edge = PAPER_EDGE if is_published else 0
+        self.checked_waypoints = checked = check_waypoints(
+            reply.waypoints, occupied, costmap.components, start, edge
         )
-        return guiding_points(self.checked_waypoints)
+        return target_list(checked, start, goal)[1:] if is_published else guiding_points(checked)
 
 
 def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
@@ -275,9 +269,9 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
+    if len(segments) == 1:
+        return segments[0].result
     first, *others = results = [segment.result for segment in segments]
-    if not others:
-        return first
     stopped = any(result.status is SearchStatus.STOPPED for result in results)
     whole = replace(
         first,
@@ -342,3 +336,100 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     elif reply.detail:
         message += f'; {reply.detail}'
     return message
+
+
+def check_waypoints(
+    waypoints: Sequence[Waypoint],
+    occupied: NDArray[np.bool_],
+    components: Tiles | NDArray[np.int32],
+    start: Cell,
+    edge: int = PAPER_EDGE,
+) -> tuple[CheckedWaypoint, ...]:
+    """Check each waypoint: inside the map, not in an obstacle, connected to the start.
+
+    `occupied` is `Costmap.rejected_cells` for the paper's methods and `Costmap.blocked` for ours;
+    `components` [height, width] numbers the connected free cells. A point within `edge` cells of
+    the map's edge is out of bounds. A point between cell centres is in no cell, as in the
+    published code, so it is never occupied.
+    """
+    height, width = occupied.shape
+    component = components[start[1], start[0]]
+
+    def status(x: float, y: float) -> WaypointStatus:
+        if not (edge <= x <= width - 1 - edge and edge <= y <= height - 1 - edge):
+            return WaypointStatus.OUT_OF_BOUNDS
+        if x == int(x) and y == int(y) and occupied[int(y), int(x)]:
+            return WaypointStatus.OCCUPIED
+        if components[round(y), round(x)] not in (component, 0):
+            return WaypointStatus.UNREACHABLE
+        return WaypointStatus.ACCEPTED
+
+    return tuple(CheckedWaypoint(x, y, status(x, y)) for x, y in waypoints)
+
+
+def guiding_points(waypoints: Sequence[CheckedWaypoint]) -> list[Waypoint]:
+    """Return the waypoints that the guided search uses: those a path can be at."""
+    return [(point.x, point.y) for point in waypoints if point.status in GUIDING]
+
+
+def target_list(waypoints: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
+    """Build the paper's T: the waypoints not dropped, with start and goal added if missing."""
+    targets: list[Waypoint] = [
+        (point.x, point.y) for point in waypoints if point.status in KEPT_BY_PAPER
+    ]
+    if not targets or targets[0] != start:
+        targets.insert(0, start)
+    if targets[-1] != goal:
+        targets.append(goal)
+    return targets
+
+
+def mark_out_of_order(
+    waypoints: Sequence[CheckedWaypoint], path: NDArray[np.int32]
+) -> tuple[CheckedWaypoint, ...]:
+    """Mark the accepted waypoints that the path passes in another order than given.
+
+    Each is placed at its nearest cell of the path [n, 2]. Those outside the longest run of places
+    that never goes back are out of order.
+    """
+    if len(path) == 0 or len(waypoints) < 2:
+        return tuple(waypoints)
+    marked = list(waypoints)
+    accepted = [i for i, point in enumerate(marked) if point.status is WaypointStatus.ACCEPTED]
+    if len(accepted) < 2:
+        return tuple(marked)
+    points = np.array([(marked[i].x, marked[i].y) for i in accepted])
+    places = nearest_places(path, points).tolist()
+    if sorted(places) != places:
+        in_order = {accepted[i] for i in longest_rising_run(places)}
+        for i in set(accepted) - in_order:
+            marked[i] = replace(marked[i], status=WaypointStatus.OUT_OF_ORDER)
+    return tuple(marked)
+
+
+def snap(value: float, tolerance: float = 1e-6) -> float:
+    """Return the whole number within `tolerance` of a grid coordinate, else the coordinate.
+
+    Coordinates that were converted to metres and back are off by rounding errors.
+    """
+    if not math.isfinite(value):
+        return value
+    nearest = float(round(value))
+    return nearest if abs(value - nearest) <= tolerance else value
+
+
+def longest_rising_run(places: list[int]) -> list[int]:
+    """Return the indices of a longest non-decreasing subsequence, in O(n log n)."""
+    # levels[k]: indices that end a run of length k + 1; within a level the places decrease.
+    levels: list[list[int]] = []
+    ends: list[int] = []
+    for i, place in enumerate(places):
+        level = bisect_right(ends, place)
+        ends[level : level + 1] = [place]
+        if level == len(levels):
+            levels.append([])
+        levels[level].append(i)
+    run = [levels[-1][0]]
+    for before in reversed(levels[:-1]):
+        run.append(next(i for i in before if places[i] <= places[run[-1]]))
+    return run[::-1]

@@ -205,6 +205,11 @@ class LandmarkManager:
         self._tally: defaultdict[str, float] = defaultdict(float)
 
     @property
+    def is_measured(self) -> bool:
+        """Whether there are landmarks, of whatever map."""
+        return self._landmarks is not None
+
+    @property
     def nbytes(self) -> int:
         """Bytes the landmarks hold now."""
         landmarks = self._landmarks

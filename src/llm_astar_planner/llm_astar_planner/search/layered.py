@@ -394,7 +394,8 @@ def make_groups(visits: tuple[tuple[int, ...], ...]) -> layers.Groups:
     due = np.append(masks, 1 << MAX_REGIONS)[base_group] & ~base_visited
     rows, candidates = np.nonzero(due[:, None] >> np.arange(MAX_REGIONS + 1) & 1)
     begin = np.searchsorted(rows, np.arange(len(due) + 1))
-    return tables._replace(candidate_begin=begin, candidates=candidates)
+    # Contiguous as the others, whatever their number: otherwise numba compiles all of it twice.
+    return tables._replace(candidate_begin=begin, candidates=np.ascontiguousarray(candidates))
 
 
 def make_slopes(graph: GridGraph) -> NDArray[np.float64]:

@@ -1,20 +1,22 @@
-"""Search methods of other packages: called under guard, their results checked."""
+"""Search methods of other packages: how they are called, and how their results are checked."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.plugins import Guard, PluginError, checked_count
+from llm_astar_planner.plugins import PluginError, call, checked_count, log_failure
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchResult, SearchStatus, empty_path
-from llm_astar_planner.search.stop import no_stop
 
+_T = TypeVar('_T')
+# Seconds after its time in which a method may still return what it has.
+GRACE_S = 0.05
 # The largest coordinate of a path.
 MAX_COORDINATE = 2**31 - 1
 
@@ -25,36 +27,25 @@ class PluginMethod:
 
     name: str
     function: Callable[[SearchProblem], Any]
-    guard: Guard
     uses_waypoints: bool
     takes_late_waypoints: ClassVar[bool] = False
     as_published: ClassVar[bool] = False
-    # Generators that could not be closed; freed here, they would run foreign code in this thread.
-    unclosed: list[Generator[Any]] = field(default_factory=list)
 
     def __call__(self, problem: SearchProblem) -> Generator[SearchResult, None, SearchResult]:
         """Search; a method whose time is over has its last result, or stopped without any.
 
         Raises PluginError where the method fails.
         """
-        stopped = no_stop()
-        given = replace(problem, stop=stopped)
-        nothing = SearchResult(SearchStatus.STOPPED, 0, 0, expanded_cells((), problem))
-        best = nothing
-
-        def call(step: Callable[[], Any]) -> Any:  # noqa: ANN401 - of foreign code
-            seconds = problem.deadline - time.monotonic()
-            return self.guard.call(step, seconds, problem.stop, stopped)
-
+        best = nothing = SearchResult(SearchStatus.STOPPED, 0, 0, expanded_cells((), problem))
         answer: Any = None
         try:
-            answer = call(lambda: first_answer(self.function(given), problem))
-            if isinstance(answer, SearchResult):
-                return answer
+            answer = in_time(lambda: self.function(problem), problem)
+            if not isinstance(answer, Generator):
+                return call(lambda: checked_result(answer, problem))
             goes_on = True
             # Looked at here too: a generator of many short steps is never late in any of them.
             while goes_on and time.monotonic() < problem.deadline and not problem.stop[0]:
-                better, goes_on = call(lambda: next_answer(answer, problem))
+                better, goes_on = in_time(lambda: next_answer(answer, problem), problem)
                 # A last result without a path, such as STOPPED, takes back none.
                 if better is not None and (len(better.path) or best is nothing):
                     best = better
@@ -64,37 +55,40 @@ class PluginMethod:
                 raise PluginError('yielded no result')
             return replace(best, status=SearchStatus.STOPPED) if goes_on else best
         except TimeoutError as error:
-            self.guard.log(error)
+            log_failure(self.name, error)
             return replace(best, status=SearchStatus.STOPPED)
         except PluginError as error:
-            self.guard.log(error)
+            log_failure(self.name, error)
             raise PluginError(f'search method {self.name}: {error}') from None
         finally:
             self.close(answer)
 
     def close(self, answer: Any) -> None:  # noqa: ANN401 - of foreign code
         """End a generator that has not ended, and with it what it holds open."""
-        if getattr(answer, 'gi_frame', None) is None or answer.gi_running:
-            return  # where it still runs, its own thread frees it
-        try:
-            self.guard.call(answer.close, 0.0)
-        except (PluginError, TimeoutError) as error:
-            self.guard.log(error)
-            if answer.gi_frame is not None and not answer.gi_running:
-                self.unclosed.append(answer)
+        if isinstance(answer, Generator):
+            try:
+                call(answer.close)
+            except PluginError as error:
+                log_failure(self.name, error)
 
 
 def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN401 - foreign
     """Return the method that a plug-in's function is. Raises PluginError for none."""
     if not callable(function):
         raise PluginError(f'is {type(function).__name__}, not a function of a SearchProblem')
-    uses_waypoints = getattr(function, 'uses_waypoints', False) is True
-    return PluginMethod(name, function, Guard(name), uses_waypoints)
+    return PluginMethod(name, function, getattr(function, 'uses_waypoints', False) is True)
 
 
-def first_answer(answer: Any, problem: SearchProblem) -> Any:  # noqa: ANN401 - of foreign code
-    """Return a checked result, or the generator that yields results. Raises PluginError."""
-    return answer if isinstance(answer, Generator) else checked_result(answer, problem)
+def in_time(function: Callable[[], _T], problem: SearchProblem) -> _T:
+    """Return what a plug-in's function returns until the deadline, or a moment after it.
+
+    Raises PluginError where it raises anything, and TimeoutError where it was late.
+    """
+    result = call(function)
+    late = time.monotonic() - problem.deadline
+    if late > GRACE_S and not problem.stop[0]:
+        raise TimeoutError(f'came back {late:.2f} s after its time was over')
+    return result
 
 
 def next_answer(

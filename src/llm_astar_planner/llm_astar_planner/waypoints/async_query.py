@@ -1,7 +1,7 @@
 """Query waypoint sources on threads of their own, so that nothing they do can stop a plan.
 
 The threads are bounded: what waits for one is answered newest first, and what nobody waits for
-any more is dropped.
+any more is dropped. A query that was answered before can be answered from memory, at no cost.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Hashable
+from dataclasses import KW_ONLY, InitVar, dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
+from cachetools import LRUCache
 
-from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
+from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag, no_stop
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
@@ -32,12 +31,15 @@ GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 MAX_WAYPOINTS = 1000
 # A thread without a query ends after so many seconds.
 IDLE_SECONDS = 5.0
+# Different queries of a cached source that may run at a time; the endpoint's client lets fewer
+# requests through.
+MAX_PENDING = 16
 NEWER_CAME = 'not asked, since newer queries came'
 TOO_LATE = 'not asked: its time was over before its turn'
 
 
 def query_source(
-    source: WaypointSource, query: WaypointQuery, stop: NDArray[np.uint8] | None = None
+    source: WaypointSource, query: WaypointQuery, stop: StopFlag | None = None
 ) -> tuple[WaypointReply, float]:
     """Query a source; return its reply and the seconds it took.
 
@@ -45,33 +47,29 @@ def query_source(
     `stop[0]` becomes 1, the reply is a TIMEOUT and the source's own is dropped. Only the first
     1000 waypoints are kept.
     """
-    return WaypointQueryTask(source, query, lambda _: None).result(stop)
+    return start_query(source, query, lambda _: None).result(stop)
 
 
+@dataclass(eq=False)
 class QueryTask:
-    """A query in a QueryQueue. A reply that comes after `close` is dropped."""
+    """A query to the source `name`, put into a QueryQueue at once.
 
-    def __init__(
-        self,
-        name: str,
-        ask: Callable[[StopFlag], WaypointReply],
-        time_limit: float,
-        on_reply: Callable[[WaypointReply], None],
-        queue: QueryQueue,
-    ) -> None:
-        """Put a query to the source `name` into the queue.
+    `ask` is called on a thread of the queue, unless `time_limit` seconds have passed before; its
+    flag is raised when nobody waits any more. `on_reply` gets a reply that comes before `close`,
+    usually on that thread; a later one is dropped.
+    """
 
-        `ask` is called on a thread of the queue, unless `time_limit` seconds have passed before;
-        its flag is raised when nobody waits any more. `on_reply` gets a reply that comes before
-        `close`, usually on that thread.
-        """
-        self._name = name
-        self._ask = ask
-        self._on_reply = on_reply
-        self._time_limit = time_limit
+    name: str
+    ask: Callable[[StopFlag], WaypointReply]
+    time_limit: float
+    on_reply: Callable[[WaypointReply], None]
+    queue: InitVar[QueryQueue]
+
+    def __post_init__(self, queue: QueryQueue) -> None:
+        """Put the query into the queue."""
         self._begin = time.monotonic()
-        self.deadline = self._begin + time_limit
-        self._stop = np.zeros(1, dtype=np.uint8)
+        self.deadline = self._begin + self.time_limit
+        self._stop = no_stop()
         self._lock = threading.Lock()
         self._done = threading.Event()
         self._answer: tuple[WaypointReply, float] | None = None
@@ -88,10 +86,10 @@ class QueryTask:
             self.finish(WaypointReply(status=SourceStatus.TIMEOUT, detail=TOO_LATE))
             return
         try:
-            reply = limit_waypoints(self._ask(self._stop))
+            reply = limit_waypoints(self.ask(self._stop))
         except BaseException as error:  # noqa: BLE001 - no source may ever stop a plan or a thread
             _LOG.exception('the waypoint source failed')
-            detail = f'{type(error).__name__} in source {self._name}'
+            detail = f'{type(error).__name__} in source {self.name}'
             reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
         self.finish(reply)
 
@@ -100,10 +98,10 @@ class QueryTask:
         with self._lock:
             if self._answer is None and not self._stop[0]:
                 self._answer = reply, time.monotonic() - self._begin
-                self._on_reply(reply)
+                self.on_reply(reply)
         self._done.set()
 
-    def wait(self, seconds: float, stop: NDArray[np.uint8] | None = None) -> bool:
+    def wait(self, seconds: float, stop: StopFlag | None = None) -> bool:
         """Wait for the reply until `seconds` have passed or `stop[0]` is 1; True if it came."""
         deadline = time.monotonic() + seconds
         while not self._done.wait(min(POLL_PERIOD_S, max(0.0, deadline - time.monotonic()))):
@@ -111,18 +109,18 @@ class QueryTask:
                 return self._done.is_set()
         return True
 
-    def result(self, stop: NDArray[np.uint8] | None = None) -> tuple[WaypointReply, float]:
+    def result(self, stop: StopFlag | None = None) -> tuple[WaypointReply, float]:
         """Wait for the reply, and return it with the seconds it took.
 
         It is a TIMEOUT when the time limit has passed, or `stop[0]` becomes 1.
         """
-        grace = min(GRACE_SECONDS, GRACE_SHARE * self._time_limit)
-        answered = self.wait(self._time_limit + grace, stop)
+        grace = min(GRACE_SECONDS, GRACE_SHARE * self.time_limit)
+        answered = self.wait(self.time_limit + grace, stop)
         reply, seconds = self.close()
         if answered:
             return reply, seconds
         seconds = time.monotonic() - self._begin
-        detail = f'{self._name} had not answered after {seconds:.2f} s'
+        detail = f'{self.name} had not answered after {seconds:.2f} s'
         return WaypointReply(status=SourceStatus.TIMEOUT, detail=detail), seconds
 
     def close(self) -> tuple[WaypointReply, float]:
@@ -131,7 +129,7 @@ class QueryTask:
             self._stop[0] = 1
             if self._answer is not None:
                 return self._answer
-        detail = f'the search was done before {self._name} answered'
+        detail = f'the search was done before {self.name} answered'
         return WaypointReply(status=SourceStatus.LATE, detail=detail), 0.0
 
 
@@ -221,27 +219,22 @@ class QueryQueue:
 PLANS = QueryQueue(at_a_time=32, threads=64, waiting=32)
 
 
-class WaypointQueryTask(QueryTask):
-    """A query to a source, for example while the search is already running.
+def start_query(
+    source: WaypointSource,
+    query: WaypointQuery,
+    on_reply: Callable[[WaypointReply], None],
+    queue: QueryQueue = PLANS,
+) -> QueryTask:
+    """Start a query to a source, for example while the search is already running.
 
-    A source with a cache keeps a reply that comes too late all the same.
+    `on_reply` gets a reply that comes before `close`. A source with a cache keeps a reply that
+    comes too late all the same.
     """
 
-    def __init__(
-        self,
-        source: WaypointSource,
-        query: WaypointQuery,
-        on_reply: Callable[[WaypointReply], None],
-        queue: QueryQueue = PLANS,
-    ) -> None:
-        """Start the query; `on_reply` gets a reply that comes before `close`."""
-        super().__init__(
-            source.name,
-            lambda stop: source.waypoints(replace(query, stop=stop)),
-            query.time_limit,
-            on_reply,
-            queue,
-        )
+    def ask(stop: StopFlag) -> WaypointReply:
+        return source.waypoints(replace(query, stop=stop))
+
+    return QueryTask(source.name, ask, query.time_limit, on_reply, queue)
 
 
 def limit_waypoints(reply: WaypointReply) -> WaypointReply:
@@ -252,3 +245,80 @@ def limit_waypoints(reply: WaypointReply) -> WaypointReply:
     cut = f'only the first {MAX_WAYPOINTS} of {count} waypoints are taken'
     detail = f'{reply.detail}; {cut}' if reply.detail else cut
     return replace(reply, waypoints=reply.waypoints[:MAX_WAYPOINTS], detail=detail)
+
+
+@dataclass(eq=False)
+class CachedSource:
+    """Answers from memory where it can; queries `inner` once for identical concurrent queries.
+
+    When a caller's time is up the query continues in the background, as long as `inner` lets it,
+    and its late reply goes to the cache. Keyed by the costmap (map and rules), start, goal
+    and sample; of more than `size` replies the least recently used is dropped.
+    `model` and `prompt` label the replies of failures. Thread-safe.
+    """
+
+    inner: WaypointSource
+    _: KW_ONLY
+    model: str = ''
+    prompt: str = ''
+    size: int = 256
+    timeout_s: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Start with an empty cache and no running query."""
+        # Reentrant: a query that the queue refuses is answered on the thread that puts it there.
+        self._lock = threading.RLock()
+        self._queue = QueryQueue(MAX_PENDING, MAX_PENDING, MAX_PENDING)
+        self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(self.size)
+        self._running: dict[Hashable, QueryTask] = {}
+
+    @property
+    def name(self) -> str:
+        """The name of the wrapped source."""
+        return self.inner.name
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the reply in memory, else wait up to `timeout_s` or the query's time limit."""
+        started = time.monotonic()
+        query = replace(query, time_limit=min(self.timeout_s, query.time_limit))
+        key = (query.costmap.key, query.start, query.goal, query.sample)
+        with self._lock:
+            kept = self._replies.get(key)
+            if kept is not None:
+                detail = '; '.join(part for part in ('from the cache', kept.detail) if part)
+                return replace(
+                    kept, detail=detail, prompt_tokens=0, completion_tokens=0, seconds=0.0
+                )
+            task = self._running.get(key)
+            if task is None:
+                if len(self._running) >= MAX_PENDING:
+                    return self._failure(
+                        SourceStatus.REFUSED, f'{MAX_PENDING} queries are running', started
+                    )
+                task = self._running[key] = start_query(
+                    self.inner, query, lambda reply: self._store(key, reply), self._queue
+                )
+                if task.reply is not None:
+                    del self._running[key]
+        task.wait(query.time_limit, query.stop)
+        if task.reply is not None:
+            return task.reply
+        detail = f'no answer within {query.time_limit:.1f} s; a late one is kept for the next time'
+        return self._failure(SourceStatus.TIMEOUT, detail, started)
+
+    def _store(self, key: Hashable, reply: WaypointReply) -> None:
+        with self._lock:
+            # A reply without a route is kept too; after a failure the source is asked again.
+            if reply.status.is_answer:
+                self._replies[key] = reply
+            self._running.pop(key, None)
+
+    def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
+        return WaypointReply(
+            label=f'{self.name}:{self.model}',
+            status=status,
+            detail=detail,
+            model=self.model,
+            prompt=self.prompt,
+            seconds=time.monotonic() - started,
+        )

@@ -1,16 +1,19 @@
 """Baseline sources: waypoints computed without a language model, to compare a model's with.
 
-`straight` ignores the map, `oracle` returns the corners of the shortest any-angle path, `noisy`
-and `reversed` degrade the oracle's answer, `random` draws free cells, and `coarse` is in a module
-of its own. Every source gives the same answer to the same query.
+`coarse` is the turns of a cheapest route on tiles of 4 to 16 cells a side, in which parts that do
+not connect are kept apart, so it passes wherever the cells connect, through doors of one cell too;
+it is pulled taut on the cells themselves. `straight` ignores the map, `oracle` returns the corners
+of the shortest any-angle path, `noisy` and `reversed` degrade the oracle's answer, and `random`
+draws free cells. Every source gives the same answer to the same query.
 """
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from cachetools import LRUCache, cached
@@ -18,11 +21,11 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import LineOfSightChecker
-from llm_astar_planner.waypoints.config import BASELINE_NAMES, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.plugins import SourceContext
+from llm_astar_planner.waypoints.config import SourceContext, SourceSettings, make_source
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -39,6 +42,8 @@ RANDOM_POINTS = 4
 MAX_CORNERS = 2000
 GRAPHS_KEPT = 32
 ROUTES_KEPT = 4096
+# How many nodes of the coarse map are surely expanded in a second.
+NODES_A_SECOND = 500_000
 
 
 class TooManyCornersError(LlmAstarError, RuntimeError):
@@ -47,20 +52,26 @@ class TooManyCornersError(LlmAstarError, RuntimeError):
 
 @dataclass(frozen=True)
 class BaselineSource:
-    """A source that computes its points from the query alone."""
+    """A source that computes its points from the query alone, one of POINTS.
+
+    `seed` is that of what is drawn at random. Equal queries get equal answers. Thread-safe.
+    """
 
     name: str
-    points: Callable[[WaypointQuery], Sequence[Waypoint]]
+    seed: int = 0
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the points; the reply is an ERROR where the map has too many corners for them."""
+        """Return the points, or why there are none."""
         try:
-            points = self.points(query)
+            points = POINTS[self.name](query, self.seed)
         except TooManyCornersError as error:
             return WaypointReply(label=self.name, status=SourceStatus.ERROR, detail=str(error))
+        except TimeoutError as error:
+            return WaypointReply(label=self.name, status=SourceStatus.TIMEOUT, detail=str(error))
         status = SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS
-        waypoints = tuple((float(x), float(y)) for x, y in points)
-        return WaypointReply(waypoints, label=self.name, status=status)
+        detail = 'no cells connect start and goal' if points is None else ''
+        waypoints = tuple((float(x), float(y)) for x, y in points or ())
+        return WaypointReply(waypoints, label=self.name, status=status, detail=detail)
 
 
 def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
@@ -69,32 +80,26 @@ def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
     return {item.source: make_source(item, seed=seed) for item in settings}
 
 
-def make_straight(context: SourceContext) -> BaselineSource:
-    """Make the source of points on the straight line."""
-    del context
-    return BaselineSource('straight', straight_points)
+def make_baseline(context: SourceContext) -> BaselineSource:
+    """Make the source that the settings name; compiles what it needs, so that no query has to."""
+    if context.settings.source == 'coarse':
+        compile_kernels()
+    return BaselineSource(context.settings.source, context.seed)
 
 
-def make_oracle(context: SourceContext) -> BaselineSource:
-    """Make the source of the corners of the shortest any-angle path."""
-    del context
-    return BaselineSource('oracle', oracle_points)
+def coarse_points(query: WaypointQuery) -> Sequence[Cell] | None:
+    """Return the cells at which a cheapest route over the costmap's tiles turns.
 
-
-def make_noisy(context: SourceContext) -> BaselineSource:
-    """Make the source of displaced corners, drawn from the seed."""
-    return BaselineSource('noisy', partial(noisy_points, seed=context.seed))
-
-
-def make_random(context: SourceContext) -> BaselineSource:
-    """Make the source of random cells, drawn from the seed."""
-    return BaselineSource('random', partial(random_points, seed=context.seed))
-
-
-def make_reversed(context: SourceContext) -> BaselineSource:
-    """Make the source of the corners in reverse order."""
-    del context
-    return BaselineSource('reversed', reversed_points)
+    They are free and connected to the start; there are none where the way is straight, and None
+    where it is missing. The first query on a map prepares its graph: about as long as an exact
+    search takes. Raises TimeoutError.
+    """
+    begin = time.monotonic()
+    graph = query.costmap.coarse_graph
+    left = query.time_limit - (time.monotonic() - begin)
+    most = EVERY_NODE if left == math.inf else max(0, int(left * NODES_A_SECOND))
+    turns = graph.turns(query.start, query.goal, most)
+    return None if turns is None else [(x, y) for x, y in turns.tolist()]
 
 
 def straight_points(query: WaypointQuery) -> list[Waypoint]:
@@ -110,11 +115,6 @@ def oracle_points(query: WaypointQuery) -> Corners:
     Empty where start sees the goal or no path exists. Raises TooManyCornersError.
     """
     return shortest_route(query.costmap, query.start, query.goal)[0]
-
-
-def reversed_points(query: WaypointQuery) -> Corners:
-    """Return the oracle's corners, last first."""
-    return oracle_points(query)[::-1]
 
 
 def noisy_points(query: WaypointQuery, seed: int) -> list[Waypoint]:
@@ -134,6 +134,17 @@ def random_points(query: WaypointQuery, seed: int) -> list[Waypoint]:
     ys, xs = np.nonzero(~query.costmap.blocked)
     drawn = query.random_generator(f'random {seed}').integers(len(xs), size=RANDOM_POINTS)
     return list(zip(xs[drawn], ys[drawn]))
+
+
+# The points of each source by its name, of a query and a seed.
+POINTS: dict[str, Callable[[WaypointQuery, int], Sequence[Waypoint] | None]] = {
+    'coarse': lambda query, _: coarse_points(query),
+    'straight': lambda query, _: straight_points(query),
+    'oracle': lambda query, _: oracle_points(query),
+    'noisy': noisy_points,
+    'random': random_points,
+    'reversed': lambda query, _: oracle_points(query)[::-1],
+}
 
 
 @dataclass(frozen=True, eq=False)

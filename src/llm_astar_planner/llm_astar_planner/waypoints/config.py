@@ -1,18 +1,20 @@
-"""The settings of a waypoint source, the same for nodes and command line."""
+"""The settings of a waypoint source, the same for nodes and command line, and what it makes."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 from llm_astar_planner.waypoints.llm.credentials import KEY_NAMES, Endpoint
 from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
 from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import FORMS, MESSAGE, load_template, prompt_name
-from llm_astar_planner.waypoints.source import name_problem
+from llm_astar_planner.waypoints.source import WaypointSource, name_problem
 
 DEFAULT_PROMPT = 'few_shot'
-BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 SOURCE_NAMES = tuple(SOURCES.own)
 
 
@@ -107,7 +109,6 @@ class SourceSettings:
         between=(0.001, 3600.0),
         cli_default=30.0,
         cli_reason='since a person waits longer for a language model than a robot does',
-        old_flags=('timeout',),
     )
     max_retries: int = parameter(2, 'How often a failed request is sent again', between=(0, 10))
     max_concurrent: int = parameter(
@@ -160,3 +161,30 @@ class SourceSettings:
 
 # The parameters, by field name.
 SOURCE = parameters_of(SourceSettings)
+
+
+@dataclass(frozen=True)
+class SourceContext:
+    """What a source is made from.
+
+    `settings` are the parameters of sources, `dataset` the barrier maps whose samples may be
+    recognised by their cells, `seed` that of what is drawn at random.
+    """
+
+    settings: SourceSettings
+    dataset: Sequence[BarrierMap] | None = None
+    seed: int = 0
+
+
+def make_source(
+    settings: SourceSettings, dataset: Sequence[BarrierMap] | None = None, seed: int = 0
+) -> WaypointSource:
+    """Make the source that `settings` name, the package's own or a plug-in's.
+
+    `dataset` lets samples be recognised by their cells; `seed` is of what is drawn at random.
+    Raises SettingsError for wrong settings, PluginError for a plug-in that cannot be loaded, and
+    what the source raises for its files.
+    """
+    settings.check()
+    source: WaypointSource = SOURCES.load(settings.source)(SourceContext(settings, dataset, seed))
+    return source

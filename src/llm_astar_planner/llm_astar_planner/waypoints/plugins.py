@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Callable, Mapping, Set
+from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable, short_repr
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.plugins import LOADING_S, Guard, PluginError, Plugins, checked_count
-from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
 from llm_astar_planner.waypoints.async_query import MAX_WAYPOINTS
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
@@ -24,9 +21,6 @@ from llm_astar_planner.waypoints.source import (
     name_problem,
 )
 
-if TYPE_CHECKING:
-    from llm_astar_planner.waypoints.config import SourceSettings
-
 GROUP = 'llm_astar.waypoint_sources'
 # Characters of a plug-in's texts that are kept.
 MAX_TEXT, MAX_DETAIL = 100_000, 500
@@ -35,26 +29,13 @@ MAX_SECONDS = 86_400.0
 
 
 @dataclass(frozen=True)
-class SourceContext:
-    """What a source is made from.
-
-    `settings` are the parameters of sources, `dataset` the barrier maps whose samples may be
-    recognised by their cells, `seed` that of what is drawn at random.
-    """
-
-    settings: SourceSettings
-    dataset: Sequence[BarrierMap] | None = None
-    seed: int = 0
-
-
-@dataclass(frozen=True)
 class PluginFactory:
-    """Makes the source of a plug-in by its factory."""
+    """Makes the source of a plug-in by its factory, a function of a SourceContext."""
 
     name: str
-    factory: Callable[[SourceContext], WaypointSource]
+    factory: Callable[[Any], WaypointSource]
 
-    def __call__(self, context: SourceContext) -> WaypointSource:
+    def __call__(self, context: Any) -> WaypointSource:  # noqa: ANN401 - a SourceContext
         """Return the source. Raises PluginError where the factory makes none."""
 
         def make() -> WaypointSource:
@@ -65,40 +46,28 @@ class PluginFactory:
             return source
 
         try:
-            return PluginSource(self.name, guard_of(self.name).call(make, LOADING_S))
-        except (PluginError, TimeoutError) as error:
+            return PluginSource(self.name, call(make))
+        except PluginError as error:
             raise PluginError(f'source {self.name}: {error}') from None
 
 
 @dataclass(frozen=True)
 class PluginSource:
-    """The source of a plug-in, called under guard; its replies are checked and named after it."""
+    """The source of a plug-in; its replies are checked and named after it.
+
+    As of every source, a thread of a QueryQueue asks it, and a reply that comes late is dropped.
+    """
 
     name: str
     inner: WaypointSource
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the plug-in's reply, or one with status ERROR or TIMEOUT that says why."""
-        stopped = no_stop()
-        asked = replace(query, stop=stopped)
+        """Return the plug-in's reply, or one with status ERROR that says why."""
         try:
-            return guard_of(self.name).call(
-                lambda: checked_reply(self.name, self.inner.waypoints(asked)),
-                query.time_limit,
-                query.stop,
-                stopped,
-            )
-        except (PluginError, TimeoutError) as error:
-            guard_of(self.name).log(error)
-            is_late = isinstance(error, TimeoutError)
-            status = SourceStatus.TIMEOUT if is_late else SourceStatus.ERROR
-            return WaypointReply(label=self.name, status=status, detail=str(error))
-
-
-@cache
-def guard_of(name: str) -> Guard:
-    """Return the one guard of a plug-in: a source itself can be sent to another process."""
-    return Guard(name)
+            return call(lambda: checked_reply(self.name, self.inner.waypoints(query)))
+        except PluginError as error:
+            log_failure(self.name, error)
+            return WaypointReply(label=self.name, status=SourceStatus.ERROR, detail=str(error))
 
 
 def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
@@ -152,20 +121,16 @@ def checked_seconds(value: Any) -> float:  # noqa: ANN401 - of foreign code
 # The package's own by name, in the order in which they are listed; each is a function of a
 # SourceContext.
 HERE = 'llm_astar_planner.waypoints'
+BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 SOURCES = Plugins(
     'source',
     GROUP,
     {
-        'none': f'{HERE}.fixed:make_none',
+        'none': f'{HERE}.replay:make_none',
         'embedded': f'{HERE}.learned.source:make_embedded',
         'replay': f'{HERE}.replay:make_replay',
-        'endpoint': f'{HERE}.llm.factory:make_endpoint',
-        'coarse': f'{HERE}.coarse:make_coarse',
-        'straight': f'{HERE}.baselines:make_straight',
-        'oracle': f'{HERE}.baselines:make_oracle',
-        'noisy': f'{HERE}.baselines:make_noisy',
-        'random': f'{HERE}.baselines:make_random',
-        'reversed': f'{HERE}.baselines:make_reversed',
+        'endpoint': f'{HERE}.llm.source:make_endpoint',
+        **dict.fromkeys(BASELINE_NAMES, f'{HERE}.baselines:make_baseline'),
     },
     PluginFactory,
     # What `bench` calls the embedded model's other rows.

@@ -1,25 +1,77 @@
-"""Answer from a recorded transcript: no endpoint, no cost, and the same words every time."""
+"""Sources that ask no model: none at all, one given reply, and a recorded transcript.
+
+The recording is made here too; samples of a dataset are recognised by the cells of their map.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import logging
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime, timezone
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
-from llm_astar_planner.waypoints.answer import read_answer
-from llm_astar_planner.waypoints.config import SettingsError
-from llm_astar_planner.waypoints.plugins import SourceContext
+from llm_astar_planner.waypoints.config import SettingsError, SourceContext
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
-from llm_astar_planner.waypoints.sample_resolver import SampleResolver
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
+    WaypointSource,
 )
-from llm_astar_planner.waypoints.transcript import Exchange, read_transcript
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, read_transcript
+
+_LOG = logging.getLogger(__name__)
+# The paper scales its maps by up to 10; searching more scales would only cost time.
+MAX_SCALE = 10
+# What an exchange takes from a reply as it is, and a replay from an exchange.
+SHARED = ('model', 'prompt', 'messages', 'prompt_tokens', 'completion_tokens', 'seconds', 'unit')
+# Replies with these statuses come from no model, so there is nothing to record.
+_NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
+
+
+class NoSource:
+    """Returns no waypoints."""
+
+    name = 'none'
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:  # noqa: ARG002 - the protocol
+        """Return no waypoints."""
+        return WaypointReply(label='none', status=SourceStatus.NONE)
+
+
+def make_none(context: SourceContext) -> NoSource:
+    """Make the source that returns no waypoints."""
+    del context
+    return NoSource()
+
+
+@dataclass(frozen=True)
+class FixedReply:
+    """Answers every query with the points in `text`, for example to try out a model's answer.
+
+    `offset` is the lattice point of cell (0, 0), which is subtracted from every point.
+    """
+
+    text: str
+    offset: tuple[int, int] = (0, 0)
+    name: str = 'reply'
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the points of the text, in grid coordinates."""
+        del query
+        answer = read_answer(self.text)
+        x_min, y_min = self.offset
+        points = tuple((x - x_min, y - y_min) for x, y in answer.waypoints)
+        return replace(answer, waypoints=points, label=self.name)
 
 
 class ReplayError(LlmAstarError, ValueError):
@@ -37,8 +89,7 @@ def make_replay(context: SourceContext) -> ReplaySource:
 class ReplaySource:
     """Waypoints from a transcript, found by map, pair, scale, model and prompt.
 
-    Of several exchanges with one key, the last that has an answer counts. Exchanges whose prompt
-    held an instruction, in files of version 0.1, are passed over.
+    Of several exchanges with one key, the last that has an answer counts.
     """
 
     name = 'replay'
@@ -66,16 +117,12 @@ class ReplaySource:
         for exchange in held:
             if (exchange.model, exchange.prompt) != (self.model, self.prompt):
                 continue
-            if exchange.instruction:
-                continue
             if exchange.is_answered or exchange.sample not in self._exchanges:
                 self._exchanges[exchange.sample] = exchange
-        # The samples whose query failed, by a timeout for example, and those that the model
-        # answered, usefully or not.
-        self.unanswered = frozenset(
-            key for key, exchange in self._exchanges.items() if not exchange.is_answered
-        )
-        self.answered = self._exchanges.keys() - self.unanswered
+        # The samples that the model answered, usefully or not, and those whose query failed, by a
+        # timeout for example.
+        self.answered = {key for key, item in self._exchanges.items() if item.is_answered}
+        self.unanswered = self._exchanges.keys() - self.answered
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
@@ -99,40 +146,146 @@ class ReplaySource:
         """Return the reply of an exchange whose points are in the coordinates of `lattice`."""
         answer = read_answer(exchange.response)
         if not exchange.response:
+            status = answer.status if exchange.status is SourceStatus.OK else exchange.status
             detail = f'recorded without an answer: {exchange.status.value}'
-            failed = exchange.status is not SourceStatus.OK
-            answer = answer._replace(
-                status=exchange.status if failed else answer.status, detail=detail
-            )
-        return WaypointReply(
+            answer = replace(answer, status=status, detail=detail)
+        return replace(
+            answer,
             waypoints=lattice.coarsened(exchange.unit).to_cells(
                 answer.waypoints, query.costmap, (query.start, query.goal)
             ),
             label=f'replay:{self.model}',
-            status=answer.status,
-            detail=answer.detail,
-            text=exchange.response,
-            model=self.model,
-            prompt=self.prompt,
-            prompt_tokens=exchange.prompt_tokens,
-            completion_tokens=exchange.completion_tokens,
-            seconds=exchange.seconds,
-            messages=exchange.messages,
-            unit=exchange.unit,
             provenance=exchange.provenance,
+            **{name: getattr(exchange, name) for name in SHARED},
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
         """Return the only (model, prompt) of the transcript that fits the given ones."""
         held = sorted({(exchange.model, exchange.prompt) for exchange in exchanges})
-        fitting = [
-            (held_model, held_prompt)
-            for held_model, held_prompt in held
-            if model in ('', held_model) and prompt in ('', held_prompt)
-        ]
+        fitting = [pair for pair in held if model in ('', pair[0]) and prompt in ('', pair[1])]
         if len(fitting) == 1:
             return fitting[0]
         listing = '; '.join(f'model {name}, prompt {text}' for name, text in held) or 'nothing'
         asked = f'model {model or "(any)"}, prompt {prompt or "(any)"}'
         problem = 'is not recorded' if not fitting else 'fits several recordings'
         raise ReplayError(f'{self._path}: {asked} {problem}; it holds: {listing}')
+
+
+class RecordingSource:
+    """Passes queries on to a source and writes each exchange to a transcript, for replays."""
+
+    def __init__(
+        self,
+        inner: WaypointSource,
+        writer: TranscriptWriter,
+        dataset: Sequence[BarrierMap] | None = None,
+    ) -> None:
+        """Wrap `inner`. `dataset` lets exchanges be keyed by its map ids and pairs."""
+        self.inner = inner
+        self._writer = writer
+        self._resolver = SampleResolver(dataset)
+        self._dataset_digest = dataset_digest(dataset or ())
+
+    @property
+    def name(self) -> str:
+        """The name of the wrapped source."""
+        return self.inner.name
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Query and record. A failed write is logged; the reply is returned all the same."""
+        reply = self.inner.waypoints(query)
+        if reply.status not in _NOT_ASKED:
+            try:
+                self._writer.write(self._exchange(query, reply))
+            except (OSError, ValueError) as error:
+                _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
+        return reply
+
+    def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
+        sample, _ = self._resolver.resolve(query)
+        provenance = reply.provenance._replace(
+            # A live map has a digest for its id, and belongs to no dataset.
+            dataset_digest=self._dataset_digest if isinstance(sample.map, int) else '',
+            time=datetime.now(timezone.utc).isoformat(timespec='seconds'),
+        )
+        return Exchange(
+            *sample,
+            response=reply.text,
+            status=reply.status,
+            provenance=provenance,
+            **{name: getattr(reply, name) for name in SHARED},
+        )
+
+
+class SampleResolver:
+    """Finds the dataset's map and pair of a query by the map's cells, at any resolution."""
+
+    def __init__(self, dataset: Sequence[BarrierMap] | None = None) -> None:
+        """Take the maps to search; there may be none."""
+        self._maps = tuple(dataset or ())
+        self._indices: dict[int, dict[str, BarrierMap]] = {}
+
+    def resolve(self, query: WaypointQuery) -> tuple[SampleKey, Lattice]:
+        """Return the key of a query and the lattice its coordinates are recorded in.
+
+        The key is the query's own sample, else the dataset's, else the live key, which goes with
+        the lattice of the cells.
+        """
+        found = self._find(query.grid_map)
+        if query.sample is not None:
+            return query.sample, found[1] if found else lattice_of(query.grid_map)
+        if found is not None:
+            barrier_map, lattice, scale = found
+            for index, sample in enumerate(barrier_map.samples):
+                cells = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+                if cells == (tuple(query.start), tuple(query.goal)):
+                    return SampleKey(barrier_map.id, index, scale), lattice
+        return query.live_key, Lattice()
+
+    def _find(self, grid_map: GridMap) -> tuple[BarrierMap, Lattice, int] | None:
+        """Return the scaled barrier map with exactly these cells, its lattice and its scale."""
+        if not self._maps:
+            return None
+        digest = cells_digest(grid_map)
+        sizes = {item.size for item in self._maps}
+        for scale in range(1, MAX_SCALE + 1):
+            if (grid_map.width, grid_map.height) not in {(w * scale, h * scale) for w, h in sizes}:
+                continue
+            if scale not in self._indices:
+                scaled = [barrier_map.scale(scale) for barrier_map in self._maps]
+                self._indices[scale] = {cells_digest(item.to_grid()): item for item in scaled}
+            found = self._indices[scale].get(digest)
+            if found is not None:
+                return found, Lattice(*found.offset), scale
+        return None
+
+
+def dataset_digest(maps: Sequence[BarrierMap]) -> str:
+    """Return the SHA-256 of maps with their samples, however their file is laid out.
+
+    The queries of the samples, which are sentences, and the families of the maps, which depend on
+    how a dataset is named, do not count. '' where there are no maps.
+    """
+    entries = [item.to_json() for item in maps]
+    for entry in entries:
+        entry.pop('family', None)
+        entry['start_goal'] = [ends[:2] for ends in entry['start_goal']]
+    text = json.dumps(entries, separators=(',', ':'))
+    return hashlib.sha256(text.encode()).hexdigest() if entries else ''
+
+
+def lattice_of(grid_map: GridMap) -> Lattice:
+    """Return the lattice of a grid that was made from a barrier map; (0, 0) for other grids.
+
+    A barrier map puts lattice point (x, y) at (x, y) * resolution.
+    """
+    offsets = [value / grid_map.resolution + 0.5 for value in grid_map.origin[:2]]
+    if grid_map.origin.yaw != 0.0 or any(abs(v - round(v)) > 1e-6 for v in offsets):
+        return Lattice()
+    return Lattice(round(offsets[0]), round(offsets[1]))
+
+
+def cells_digest(grid_map: GridMap) -> str:
+    """Return a digest of the occupied cells alone: the same at any resolution and origin."""
+    occupied = grid_map.blocked()
+    return hashlib.sha256(str(occupied.shape).encode() + occupied.tobytes()).hexdigest()

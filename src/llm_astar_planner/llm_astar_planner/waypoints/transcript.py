@@ -1,10 +1,9 @@
-"""Transcripts: exchanges with a model as JSON Lines; read, written, and recorded from a source.
+"""Transcripts: exchanges with a model as JSON Lines, read and written.
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
 completion_tokens, seconds, status`, and what is known of the fields of `Provenance`. Coordinates
 in it are the map's lattice coordinates. Where a big map was described on a coarser lattice, `unit`
-is its step in cells. Version 0.1 also put instructions into prompts; `instruction` is the text of
-such a one.
+is its step in cells.
 """
 
 from __future__ import annotations
@@ -12,30 +11,25 @@ from __future__ import annotations
 import errno
 import json
 import logging
+import math
 import mmap
 import os
 import threading
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, Protocol, TypeGuard
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import read_text
-from llm_astar_msgs_adapter.json_values import parse_json
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.files import parse_json, read_text
 
-from llm_astar_planner.waypoints.sample_resolver import SampleResolver, dataset_digest
 from llm_astar_planner.waypoints.source import (
     UNKNOWN_PROVENANCE,
     Message,
     Provenance,
     SampleKey,
     SourceStatus,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
     name_problem,
 )
 
@@ -45,10 +39,10 @@ MAX_BYTES = 32_000_000
 MAX_LINES = 100_000
 # Tokens, seconds and a temperature, so that sums of them are numbers.
 MAX_NUMBER = 1e15
+# What is wrong with a last line that is not whole.
+CUT_OFF = 'cut off while it was written'
 # The first field of a line: one about waypoints, and one about an instruction.
 FIRST_FIELDS = (b'"map"', b'"text"')
-# Replies with these statuses come from no model, so there is nothing to record.
-_NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
 
 
 class TranscriptError(LlmAstarError, ValueError):
@@ -75,7 +69,6 @@ class Exchange:
     seconds: float
     status: SourceStatus
     unit: int = 1
-    instruction: str = ''
     provenance: Provenance = UNKNOWN_PROVENANCE
 
     @property
@@ -90,39 +83,32 @@ class Exchange:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON object of a transcript line."""
-        record = {name: getattr(self, name) for name in _FIELDS}
+        record = vars(self) | self.provenance._asdict()
+        del record['provenance']
         record['messages'] = [message._asdict() for message in self.messages]
         record['status'] = self.status.value
-        record |= self.provenance._asdict()
         return {name: value for name, value in record.items() if value != _DEFAULTS.get(name)}
 
 
-_FIELDS: dict[str, tuple[type, ...]] = {
-    'map': (int, str),
-    'pair': (int, str),
-    'scale': (int,),
-    'model': (str,),
-    'prompt': (str,),
+# The fields of a line, and the types of those that are no texts.
+_FIELDS = tuple(field.name for field in fields(Exchange) if field.name != 'provenance')
+_TYPES: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(('map', 'pair'), (int, str)),
+    **dict.fromkeys(('scale', 'unit', 'prompt_tokens', 'completion_tokens', 'seed'), (int,)),
+    **dict.fromkeys(('seconds', 'temperature'), (int, float)),
     'messages': (list,),
-    'response': (str,),
-    'prompt_tokens': (int,),
-    'completion_tokens': (int,),
-    'seconds': (int, float),
-    'status': (str,),
-    'unit': (int,),
-    'instruction': (str,),
 }
-_PROVENANCE_FIELDS: dict[str, tuple[type, ...]] = {
-    'finish_reason': (str,),
-    'model_digest': (str,),
-    'prompt_digest': (str,),
-    'dataset_digest': (str,),
-    'temperature': (int, float),
-    'seed': (int,),
-    'time': (str,),
+# The least and the greatest value of a number, and what it is then.
+_LIMITS = {
+    **dict.fromkeys(('scale', 'unit'), (1, math.inf, '1 or more')),
+    **dict.fromkeys(
+        ('prompt_tokens', 'completion_tokens', 'seconds'), (0, MAX_NUMBER, f'0 to {MAX_NUMBER:g}')
+    ),
+    **dict.fromkeys(('seed', 'temperature'), (-MAX_NUMBER, MAX_NUMBER, 'a usual number')),
 }
-# The fields that a line may leave out.
-_DEFAULTS: dict[str, Any] = {'unit': 1, 'instruction': '', **UNKNOWN_PROVENANCE._asdict()}
+# The fields that stand in logs and tables, and those that a line may leave out.
+_NAMES = {'model', 'prompt', *Provenance._fields}
+_DEFAULTS: dict[str, Any] = {'unit': 1, **UNKNOWN_PROVENANCE._asdict()}
 
 
 def read_transcript(path: str | Path) -> list[Exchange]:
@@ -145,22 +131,22 @@ def is_about_instruction(record: object) -> TypeGuard[dict[str, Any]]:
 def read_records(path: Path) -> Iterator[tuple[str, object]]:
     """Read the lines of a JSON Lines file: where each is, for errors, and its value.
 
-    A last line that has no line end and does not parse was cut off while it was written: it is
-    skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
+    A last line that was cut off is skipped with a logged warning. Raises TranscriptError for
+    anything else that is malformed.
     """
-    for number, line, is_last in numbered_lines(path):
-        where = f'{path}: line {number}'
-        try:
-            yield where, parse_json(line)
-        except ValueError as error:
-            if not is_last:
-                raise TranscriptError(f'{where}: not JSON: {error}') from None
-            _LOG.warning('%s: cut off while it was written; skipped', where)
+    for where, record, problem in read_lines(path):
+        if problem == CUT_OFF:
+            _LOG.warning('%s: %s: %s; skipped', path, where, problem)
+        elif problem:
+            raise TranscriptError(f'{path}: {where}: {problem}')
+        else:
+            yield f'{path}: {where}', record
 
 
-def numbered_lines(path: Path) -> Iterator[tuple[int, str, bool]]:
-    """Yield number and text of each line that is not blank, and whether it has no line end.
+def read_lines(path: Path) -> Iterator[tuple[str, object, str]]:
+    """Yield for each line that is not blank where it is, its value, and what is wrong with it.
 
+    That is '' for nothing, and CUT_OFF for a last line that has no line end and does not parse.
     Raises TranscriptError where the file cannot be read or is too long.
     """
     text = read_text(path, TranscriptError, errors='replace', limit=MAX_BYTES)
@@ -169,57 +155,50 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str, bool]]:
     lines = text.split('\n')
     for number, line in enumerate(lines, start=1):
         if line.strip():
-            yield number, line, number == len(lines)
+            try:
+                record, problem = parse_json(line), ''
+            except ValueError as error:
+                problem = CUT_OFF if number == len(lines) else f'not JSON: {error}'
+                record = None
+            yield f'line {number}', record, problem
 
 
 def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
     """Validate one record. Raises TranscriptError that begins with `where` and names the field."""
     if not isinstance(record, dict):
         raise TranscriptError(f'{where}: an object is expected, not {str(record)[:60]!r}')
-    values: dict[str, Any] = _DEFAULTS | record
-    for name, types in _FIELDS.items():
+    known = {name: record[name] for name in Provenance._fields if record.get(name) is not None}
+    values = _DEFAULTS | record | known
+    for name in (*_FIELDS, *known):
         if name not in values:
             raise TranscriptError(f'{where}: {name}: is missing')
-        check_type(values[name], types, f'{where}: {name}')
-    check_names(values, where, 'model', 'prompt')
-    for name in ('scale', 'unit'):
-        if values[name] < 1:
-            raise TranscriptError(f'{where}: {name}: {values[name]} is not 1 or more')
-    for name in ('prompt_tokens', 'completion_tokens', 'seconds'):
-        if not 0 <= values[name] <= MAX_NUMBER:
-            shown = short_repr(values[name])
-            raise TranscriptError(f'{where}: {name}: {shown} is not 0 to {MAX_NUMBER:g}')
+        check_field(name, values[name], where)
     values['messages'] = tuple(
         parse_message(message, f'{where}: messages[{index}]')
         for index, message in enumerate(values['messages'])
     )
-    try:
-        values['status'] = SourceStatus(values['status'])
-    except ValueError:
-        known = ', '.join(status.value for status in SourceStatus)
-        shown = short_repr(values['status'])
-        message = f'{where}: status: {shown} is none of {known}'
-        raise TranscriptError(message) from None
-    fields = {name: values[name] for name in _FIELDS}
-    return Exchange(**fields, provenance=parse_provenance(record, where))
+    values['status'] = SourceStatus(values['status'])
+    fields_of_line = {name: values[name] for name in _FIELDS}
+    return Exchange(**fields_of_line, provenance=Provenance(**known))
 
 
-def parse_provenance(record: Mapping[str, Any], where: str) -> Provenance:
-    """Read what a line says of where its reply is from. Raises TranscriptError as above."""
-    known = {name: record[name] for name in _PROVENANCE_FIELDS if record.get(name) is not None}
-    for name, value in known.items():
-        check_type(value, _PROVENANCE_FIELDS[name], f'{where}: {name}')
-        if isinstance(value, str):
-            check_names(known, where, name)
-        elif not -MAX_NUMBER <= value <= MAX_NUMBER:
-            raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not a usual number')
-    if when := known.get('time'):
+def check_field(name: str, value: Any, where: str) -> None:  # noqa: ANN401 - any JSON value
+    """Raise TranscriptError where a field of an exchange cannot have a value."""
+    check_type(value, _TYPES.get(name, (str,)), f'{where}: {name}')
+    least, most, words = _LIMITS.get(name, (value, value, ''))
+    if not least <= value <= most:
+        raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not {words}')
+    if name in _NAMES and isinstance(value, str):
+        check_names({name: value}, where, name)
+    if name == 'status' and value not in SourceStatus.__members__:
+        known = ', '.join(SourceStatus.__members__)
+        raise TranscriptError(f'{where}: status: {short_repr(value)} is none of {known}')
+    if name == 'time':
         try:
-            parse_time(when)
+            parse_time(value)
         except ValueError:
-            problem = f'{short_repr(when)} is no time such as 2026-01-31T12:00:00+00:00'
+            problem = f'{short_repr(value)} is no time such as 2026-01-31T12:00:00+00:00'
             raise TranscriptError(f'{where}: time: {problem}') from None
-    return Provenance(**known)
 
 
 def parse_time(text: str) -> datetime:
@@ -326,55 +305,3 @@ def repair_last_line(path: Path) -> None:
     else:
         with path.open('ab') as whole:
             whole.write(b'\n')
-
-
-class RecordingSource:
-    """Passes queries on to a source and writes each exchange to a transcript, for replays."""
-
-    def __init__(
-        self,
-        inner: WaypointSource,
-        writer: TranscriptWriter,
-        dataset: Sequence[BarrierMap] | None = None,
-    ) -> None:
-        """Wrap `inner`. `dataset` lets exchanges be keyed by its map ids and pairs."""
-        self.inner = inner
-        self._writer = writer
-        self._resolver = SampleResolver(dataset)
-        self._dataset_digest = dataset_digest(dataset or ())
-
-    @property
-    def name(self) -> str:
-        """The name of the wrapped source."""
-        return self.inner.name
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Query and record. A failed write is logged; the reply is returned all the same."""
-        reply = self.inner.waypoints(query)
-        if reply.status not in _NOT_ASKED:
-            try:
-                self._writer.write(self._exchange(query, reply))
-            except (OSError, ValueError) as error:
-                _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
-        return reply
-
-    def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
-        sample, _ = self._resolver.resolve(query)
-        provenance = reply.provenance._replace(
-            # A live map has a digest for its id, and belongs to no dataset.
-            dataset_digest=self._dataset_digest if isinstance(sample.map, int) else '',
-            time=datetime.now(timezone.utc).isoformat(timespec='seconds'),
-        )
-        return Exchange(
-            *sample,
-            model=reply.model,
-            prompt=reply.prompt,
-            messages=reply.messages,
-            response=reply.text,
-            prompt_tokens=reply.prompt_tokens,
-            completion_tokens=reply.completion_tokens,
-            seconds=reply.seconds,
-            status=reply.status,
-            unit=reply.unit,
-            provenance=provenance,
-        )

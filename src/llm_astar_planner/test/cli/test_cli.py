@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from llm_astar_lab.commands import COMMANDS as LAB_COMMANDS
 from llm_astar_lab.pictures.style import OBSTACLE
 from llm_astar_planner.cli.main import COMMANDS, main
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE
@@ -346,7 +347,7 @@ def test_doctor_says_how_to_install_what_is_missing(capsys, monkeypatch):
     assert 'make install' in line
 
 
-@pytest.mark.parametrize('command', COMMANDS)
+@pytest.mark.parametrize('command', [*COMMANDS, *LAB_COMMANDS])
 def test_every_command_says_what_it_does(capsys, command):
     with pytest.raises(SystemExit) as end:
         main([command, '--help'])
@@ -427,8 +428,6 @@ def test_flags_override_a_parameter_file_and_the_nodes_defaults_hold_for_the_res
             'no option --metods=astar; did you mean --methods?',
         ),
         (['--jsn', 'plan'], 'llm-astar has no option --jsn'),
-        (['serve-llm', '--model', 'x'], 'serve-llm is no longer a command; '),
-        (['speed'], 'speed is no longer a command; '),
     ],
 )
 def test_what_does_not_exist_is_one_line_that_says_what_does(capsys, arguments, words):
@@ -437,35 +436,6 @@ def test_what_does_not_exist_is_one_line_that_says_what_does(capsys, arguments, 
     assert err.startswith('llm-astar: error: ')
     assert err.count('\n') == 1
     assert words in err
-
-
-def test_a_renamed_flag_still_works_with_a_warning(capsys):
-    code, out, err = run(capsys, 'plan', '--timeout', '20', '--json')
-    assert code == 0
-    assert json.loads(out)['code'] == 0
-    assert err == 'llm-astar: warning: --timeout is deprecated: it became --timeout-s\n'
-    err = run(capsys, 'plan', '--timeout', '-1')[2]
-    assert err.endswith('error: --timeout-s: -1.0 is not in 0.001 to 3600\n')
-
-
-@pytest.mark.parametrize(
-    ('command', 'old', 'present'),
-    [
-        (('draw', '--out', 'x.png'), '--dataset', '--map'),
-        (('bench',), '--dataset', '--map'),
-        (('bench', '--map', 'nowhere.json'), '--maps', '--map-ids'),
-        (('dataset', 'to-bag', '--out', 'x'), '--dataset', '--map'),
-        (('call', '--start', '1', '1'), '--timeout', '--time-limit'),
-    ],
-)
-def test_every_old_spelling_is_accepted_with_a_hint(capsys, command, old, present):
-    value = '5' if old == '--timeout' else 'nowhere.json'
-    code, _, err = run(capsys, *command, old, value)
-    assert code == 2
-    first, second = err.splitlines()
-    assert first == f'llm-astar: warning: {old} is deprecated: it became {present}'
-    assert second.startswith('llm-astar: error: ')
-    assert 'nowhere.json' in second or old == '--timeout'
 
 
 def test_the_time_limit_and_the_methods_have_one_name_in_all_commands(capsys):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from llm_astar_lab.datasets.generate import generate
-from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.cli.main import main
 
 
@@ -16,7 +16,7 @@ def llm_astar(*words):
 @pytest.fixture(scope='module')
 def dataset(tmp_path_factory):
     path = tmp_path_factory.mktemp('dataset') / 'maps.json'
-    save_barrier_maps(list(generate(9, 3)), path)
+    save_maps(list(generate(9, 3)), path)
     return path
 
 

@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate
-from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.resources import find_file
@@ -107,7 +107,7 @@ def test_the_collision_checker_blocks_the_cells_that_inflation_blocks(body):
     grid_map, rules = body
     checker, blocked = CollisionChecker(grid_map, rules), inflate(grid_map, rules)[0]
     for y, x in np.ndindex(blocked.shape):
-        problem = path_problem(np.array([[x, y]]), checker, (x, y), (x, y), corner_cutting=True)
+        problem = checker.path_problem(np.array([[x, y]]), (x, y), (x, y))
         assert (problem is not None) == blocked[y, x]
 
 

@@ -15,7 +15,7 @@ from llm_astar_planner.instructions.specification import Disc, Specification, Vi
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.waypoints.coarse import CoarseSource
+from llm_astar_planner.waypoints.baselines import BaselineSource
 
 # Surcharges are stored in 1/256, so a cost may be off by this share.
 ROUNDING = 1.0 / 256.0
@@ -76,7 +76,7 @@ def test_costs_and_bounds_hold_against_an_independent_search(problem, bound, wit
     start, goal = (0, 0), (grid_map.width - 1, grid_map.height - 1)
     least = least_cost(grid_map, config, start, goal)
     planner = Planner(grid_map, config)
-    source = CoarseSource() if with_source else None
+    source = BaselineSource('coarse') if with_source else None
     exact = planner.plan(PlanRequest(start, goal, 'exact_astar'))
     guided = planner.plan(PlanRequest(start, goal, source=source, max_suboptimality=bound))
     if math.isinf(least):

@@ -5,20 +5,15 @@ from dataclasses import replace
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
-from llm_astar_planner.instructions.background import (
+from llm_astar_planner.instructions.chain import (
     MAX_CALLBACKS,
     MAX_WAITING,
     BackgroundInterpreter,
-)
-from llm_astar_planner.instructions.chain import (
     CachedInterpreter,
     ChainInterpreter,
     make_interpreter,
 )
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Understanding,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 from llm_astar_planner.instructions.model.prompt import ExamplesError
 from llm_astar_planner.instructions.specification import (
     Avoid,

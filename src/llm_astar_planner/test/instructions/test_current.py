@@ -14,11 +14,7 @@ from llm_astar_planner.instructions.interpretation import (
     Understanding,
     not_understood,
 )
-from llm_astar_planner.instructions.specification import (
-    Avoid,
-    NamedPlace,
-    Specification,
-)
+from llm_astar_planner.instructions.specification import Avoid, NamedPlace, Specification
 
 LONG = 20.0
 FREE_WORDING = 'the soup smells, so keep clear of wherever they cook it'

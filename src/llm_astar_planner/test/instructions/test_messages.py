@@ -12,20 +12,15 @@ from llm_astar_planner.instructions.interpretation import Interpretation, Unders
 from llm_astar_planner.instructions.messages import (
     MAX_ECHO,
     MAX_QUESTION,
-    Answer,
     Question,
+    QuestionAnswer,
     QuestionError,
     answer_text,
     error_text,
     parse_answer,
     parse_question,
 )
-from llm_astar_planner.instructions.specification import (
-    Avoid,
-    NamedPlace,
-    Specification,
-    Unknown,
-)
+from llm_astar_planner.instructions.specification import Avoid, NamedPlace, Specification, Unknown
 
 AVOID = Avoid(region=NamedPlace('kitchen'))
 WHOLE = Interpretation(
@@ -67,16 +62,16 @@ def test_a_malformed_question_is_refused_by_its_field(data, problem):
 
 def test_an_answer_is_read_back_as_it_was_written():
     text = answer_text(Question('avoid the kitchen', 'x1'), WHOLE)
-    assert parse_answer(text) == Answer('x1', WHOLE)
+    assert parse_answer(text) == QuestionAnswer('x1', WHOLE)
     assert json.loads(text)['sentence'] == 'avoid the kitchen'
 
 
 def test_an_error_names_the_question_and_is_bounded():
     text = error_text(Question('y' * 5000, 'x1'), QuestionError('text: is bad'))
-    assert parse_answer(text) == Answer('', error='text: is bad')
+    assert parse_answer(text) == QuestionAnswer('', error='text: is bad')
     assert len(json.loads(text)['question']) == MAX_ECHO
     text = error_text(Question('y', 'x1'), LlmAstarError('places: are bad'))
-    assert parse_answer(text) == Answer('x1', error='places: are bad')
+    assert parse_answer(text) == QuestionAnswer('x1', error='places: are bad')
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,12 @@
 import json
 import math
+from pathlib import Path
 
 import pytest
+from llm_astar_planner.instructions import specification_json
 from llm_astar_planner.instructions.sentence import canonical_sentence
 from llm_astar_planner.instructions.specification import (
+    CLAUSES,
     MAX_CLAUSES,
     MAX_VISITS,
     SHOULD,
@@ -25,12 +28,9 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
-from llm_astar_planner.instructions.specification_json import (
-    from_json,
-    schema,
-    schema_for,
-    to_json,
-)
+from llm_astar_planner.instructions.specification_json import from_json, to_json
+
+SCHEMA = 'route_spec.schema.json'
 
 EVERYTHING = {
     'avoid the kitchen': Avoid(region=NamedPlace('kitchen')),
@@ -102,7 +102,9 @@ def test_sizes_are_bounded():
         Specification((Visit(regions=(NamedPlace('lab'),)),) * (MAX_VISITS + 1))
 
 
-def test_the_schema_of_a_request_has_the_names_of_its_places():
-    made = schema_for(['lab', 'dock'], ['room'])
-    assert made['$defs']['name'] == {'enum': ['lab', 'dock']}
-    assert 'enum' not in schema()['$defs']['name']
+def test_the_published_schema_has_each_kind_of_clause_and_each_form_of_a_region():
+    schema = json.loads(Path(specification_json.__file__).with_name(SCHEMA).read_text())
+    clauses = schema['properties']['clauses']['items']['oneOf']
+    assert {clause['properties']['kind']['const'] for clause in clauses} == set(CLAUSES)
+    regions = schema['$defs']['region']['oneOf']
+    assert {region['required'][0] for region in regions} == set(specification_json.FORMS)

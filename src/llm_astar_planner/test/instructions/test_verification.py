@@ -34,7 +34,7 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.instructions.verification import PathError, verify, visited_regions
-from llm_astar_planner.instructions.verification.polyline import polyline
+from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.walls import Walls
 from verified_maps import (
     GUESSED,

@@ -34,8 +34,7 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.instructions.verification import verify
-from llm_astar_planner.instructions.verification.area import disc_area, polygon_area
-from llm_astar_planner.instructions.verification.polyline import polyline
+from llm_astar_planner.instructions.verification.geometry import disc_area, polygon_area, polyline
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.search.astar import shortest_path

@@ -5,8 +5,7 @@ import re
 
 import numpy as np
 import pytest
-from llm_astar_planner.planning import compile_progress as module
-from llm_astar_planner.planning.compile_progress import CompileProgress, compile_progress
+from llm_astar_planner.planning.compile import compile_progress
 from numba import njit
 
 
@@ -33,7 +32,6 @@ def test_where_there_is_no_terminal_a_line_says_that_it_begins_and_one_that_it_e
 
 def test_a_terminal_shows_how_far_it_is_in_one_line(monkeypatch):
     monkeypatch.setenv('TERM', 'xterm')
-    monkeypatch.setattr(module, 'REFRESH_SECONDS', 0.001)
     stream = Terminal()
     with compile_progress(stream):
         compile_one()
@@ -45,7 +43,8 @@ def test_a_terminal_shows_how_far_it_is_in_one_line(monkeypatch):
 
 @pytest.mark.parametrize('stream', [io.StringIO(), Terminal()])
 def test_nothing_is_said_where_nothing_is_compiled(stream):
-    CompileProgress(stream).close()
+    with compile_progress(stream):
+        pass
     assert stream.getvalue() == ''
 
 

@@ -13,7 +13,7 @@ from llm_astar_planner.planning.footprint import (
     FootprintError,
     footprint_problem,
 )
-from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.footprint_search import FootprintChecker
 from shapely import affinity
 
 RECTANGLE = '[[0.5, 0.2], [0.5, -0.2], [-0.5, -0.2], [-0.5, 0.2]]'

@@ -17,7 +17,7 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
 from llm_astar_planner.planning.compile import compile_footprint_kernels
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.plan_reuse import reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode

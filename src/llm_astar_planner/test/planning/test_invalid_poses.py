@@ -2,21 +2,20 @@
 
 import numpy as np
 import pytest
+from grids import checker_of
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     invalid_poses,
     nearest_pose,
-    path_problem,
-    segments_problem,
 )
 
 BLOCKED = np.zeros((10, 12), dtype=np.bool_)
 BLOCKED[2:8, 6] = True
 
 
-CHECKER = CollisionChecker.of_blocked(BLOCKED)
+CHECKER = checker_of(BLOCKED)
 
 
 def invalid(*cells, checker=CHECKER, **rules):
@@ -74,19 +73,19 @@ def test_all_poses_at_once_are_what_each_is_alone(seed):
     cells = rng.choice([0, 0, 0, 0, 30, 100, -1], (60, 70)).astype(np.int8)
     cells[:, 20:] *= rng.random((60, 50)) < 0.05
     radius = float(rng.choice([0.0, 1.0, 2.5]))
-    config = CostmapConfig(robot_radius=radius, allow_unknown=bool(seed % 2))
+    config = CostmapConfig(robot_radius=radius, allow_unknown=bool(seed % 2), corner_cutting=True)
     checker = CollisionChecker(GridMap(cells), config)
     path = np.cumsum(rng.integers(-3, 4, (80, 2)), axis=0) + 30
     found = invalid_poses(path, checker)
 
     def problem(cell):
         inside = (0 <= cell[0] < 70) and (0 <= cell[1] < 60)
-        return not inside or path_problem(cell[None], checker, cell, cell, corner_cutting=True)
+        return not inside or checker.path_problem(cell[None], cell, cell)
 
     alone = [bool(problem(cell)) for cell in path]
     for n in range(1, len(path)):
         if not (alone[n - 1] or alone[n]) and abs(path[n] - path[n - 1]).max() > 1:
-            between = segments_problem(path[n - 1 : n + 1], checker, corner_cutting=True)
+            between = checker.segments_problem(path[n - 1 : n + 1])
             assert found[n] == (between is not None)
         else:
             assert found[n] == alone[n]

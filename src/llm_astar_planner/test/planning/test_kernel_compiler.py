@@ -2,14 +2,13 @@
 
 import re
 import threading
+import time
 
 import numpy as np
 import pytest
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import kernel_compiler
-from llm_astar_planner.planning.kernel_compiler import (
-    Compiled,
-    CompileReport,
+from llm_astar_planner.planning import compile as kernel_compiler
+from llm_astar_planner.planning.compile import (
     KernelCompiler,
     compilations,
     compile_and_report,
@@ -25,11 +24,19 @@ def new_function():
     return njit(lambda numbers: numbers.sum() + 1)
 
 
+def wait_for_all(compiler):
+    deadline = time.monotonic() + 60.0
+    while compiler.done < 5:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
 @pytest.fixture
 def steps(monkeypatch):
     """The steps of the compiler, which wait until they are let go on."""
     gates = {
-        name: threading.Event() for name in ('for', 'costmap', 'instruction_kernels', 'kernels')
+        name: threading.Event()
+        for name in ('for', 'map_kernels', 'instruction_kernels', 'kernels')
     }
     for name, gate in gates.items():
 
@@ -47,15 +54,14 @@ def steps(monkeypatch):
 
 def test_what_is_needed_first_is_waited_for_alone_and_announced(steps):
     said = []
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, said.append)
-    assert not compiler.wait(Compiled.USUAL, lambda: compiler.compiled > Compiled.USUAL)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, said.append)
+    assert not compiler.wait(lambda: compiler.done > 1)
     steps['for'].set()
-    assert compiler.wait(Compiled.USUAL)
-    assert compiler.compiled < Compiled.MAP_CHANGES
-    assert not compiler.wait(Compiled.EVERYTHING, lambda: False)
+    assert compiler.wait()
+    assert compiler.done < 3
     for gate in steps.values():
         gate.set()
-    assert compiler.wait(Compiled.EVERYTHING)
+    wait_for_all(compiler)
     compiler.close()
     assert len(said) == 3
     assert 'about 15 s' in said[0]
@@ -66,16 +72,16 @@ def test_a_caller_who_gives_up_gets_its_own_exception(steps):
     def give_up():
         raise KeyError
 
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, str)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, str)
     with pytest.raises(KeyError):
-        compiler.wait(Compiled.USUAL, give_up)
+        compiler.wait(give_up)
     steps['for'].set()
     compiler.close()
 
 
 def test_a_closed_compiler_stops_before_the_next_function_and_releases_those_who_wait(steps):
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, str)
-    waiting = threading.Thread(target=compiler.wait, args=(Compiled.EVERYTHING,))
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, str)
+    waiting = threading.Thread(target=compiler.wait)
     waiting.start()
     closing = threading.Thread(target=compiler.close)
     closing.start()
@@ -84,17 +90,17 @@ def test_a_closed_compiler_stops_before_the_next_function_and_releases_those_who
     steps['for'].set()
     closing.join(30.0)
     assert not closing.is_alive()
-    assert compiler.compiled is Compiled.NOTHING
+    assert not compiler.is_ready
 
 
 def test_plans_go_on_where_the_searches_do_not_compile(steps, monkeypatch):
-    def fail(*_):
+    def fail(*_, **__):
         raise OSError('no space left on device')
 
     monkeypatch.setattr(kernel_compiler, 'compile_for', fail)
     said = []
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, said.append)
-    assert compiler.wait(Compiled.USUAL)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, said.append)
+    assert compiler.wait()
     compiler.close()
     assert said[0] == 'the searches do not compile: OSError: no space left on device'
 
@@ -110,8 +116,8 @@ def test_how_far_it_is_is_reported_until_plans_can_go_on(steps, monkeypatch):
     for gate in steps.values():
         gate.set()
     said = []
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, said.append)
-    assert compiler.wait(Compiled.EVERYTHING)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, said.append)
+    wait_for_all(compiler)
     compiler.close()
     assert re.fullmatch(r'compiling the searches: \d+ s of about 15 s \(<lambda>\)', said[1])
     assert len(said) == 4
@@ -122,8 +128,12 @@ def test_whoever_compiles_can_report_it_and_who_loads_says_nothing(monkeypatch):
     functions = [new_function(), new_function()]
     said = []
     for _ in range(2):
-        report = CompileReport(said.append, 'the first waypoints')
-        compile_and_report(lambda: [one(np.zeros(3)) for one in functions], report, 'go on')
+        compile_and_report(
+            lambda: [one(np.zeros(3)) for one in functions],
+            said.append,
+            'the first waypoints',
+            'go on',
+        )
     assert 'the first waypoints wait for about 15 s' in said[0]
     assert re.fullmatch(r'compiling the searches: \d+ s of about 15 s \(<lambda>\)', said[1])
     assert re.fullmatch(r'searches compiled in \d+\.\d s: go on', said[2])

@@ -8,7 +8,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap import costmap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import endpoints as ends
-from llm_astar_planner.planning import planner as planner_module
+from llm_astar_planner.planning import path_planner as planner_module
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
@@ -134,10 +134,10 @@ def test_a_shift_beyond_its_tolerance_is_caught(monkeypatch, end):
 def test_a_path_can_be_checked_again_on_another_map():
     """What a node does when the map changes under a path it gave out."""
     plan = planner().plan(REQUEST)
-    assert planner().path_problem(plan.path, plan.start, plan.goal) is None
+    assert planner().checker.path_problem(plan.path, plan.start, plan.goal) is None
     changed = CELLS.copy()
     x, y = (int(value) for value in plan.path[len(plan.path) // 2])
     changed[y + 3, x] = 100  # beside the path: within the body's reach only
     later = Planner(GridMap(changed, 0.05), RULES)
-    assert 'hits an obstacle' in later.path_problem(plan.path, plan.start, plan.goal)
-    assert planner().path_problem(plan.path, plan.start, (1, 1)).startswith('it runs from')
+    assert 'hits an obstacle' in later.checker.path_problem(plan.path, plan.start, plan.goal)
+    assert planner().checker.path_problem(plan.path, plan.start, (1, 1)).startswith('it runs from')

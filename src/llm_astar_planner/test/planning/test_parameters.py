@@ -16,8 +16,7 @@ from llm_astar_planner.planning.parameters import (
     request_fields,
 )
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.waypoints.config import SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
 from make_reference import documented, markdown, yaml_text
 
 ROOT = Path(__file__).parents[4]
@@ -28,7 +27,7 @@ NAMES = [f'{node}-{item.name}' for node, item in ENTRIES]
 def read(tmp_path, text):
     path = tmp_path / 'planner.yaml'
     path.write_text(text)
-    return read_parameter_files([path], ['planner_node']).values['planner_node']
+    return read_parameter_files([path], ['planner_node'])['planner_node']
 
 
 @pytest.mark.parametrize(('node', 'item'), ENTRIES, ids=NAMES)
@@ -44,9 +43,9 @@ def test_every_default_is_in_its_range_and_every_other_default_has_its_reason(no
 def test_names_are_unique_and_the_other_names_lead_to_present_ones():
     for node, table in NODES.items():
         names = [item.name for item in table]
-        others = OTHERS.get(node, ())
-        assert len({*names, *(item.name for item in others)}) == len(names) + len(others)
-        assert {item.replacement for item in others} - {''} <= set(names)
+        others = OTHERS.get(node, {})
+        assert len({*names, *others}) == len(names) + len(others)
+        assert set(others.values()) <= set(names)
 
 
 def test_the_sources_of_the_table_are_those_that_can_be_made():
@@ -189,31 +188,16 @@ def test_a_later_file_overrides_an_earlier_one(tmp_path):
         (tmp_path / name).write_text(f'planner_node: {{ros__parameters: {{weight: {weight}}}}}')
     (tmp_path / 'c').write_text('llm_client_node: {ros__parameters: {source: none}}')
     found = read_parameter_files([tmp_path / name for name in 'abc'])
-    assert found.values == {
+    assert found == {
         'planner_node': {'weight': 4.0},
         'llm_client_node': {'source': 'none'},
     }
-    assert found.warnings == []
 
 
-def test_a_deprecated_name_is_translated_with_a_warning_and_gives_way_to_the_present_one(tmp_path):
-    path = tmp_path / 'old.yaml'
-    path.write_text('planner_node: {ros__parameters: {lifecycle: true, remember_plans: 9}}')
-    found = read_parameter_files([path])
-    assert found.values['planner_node'] == {'autostart': False}
-    assert [warning.split(':')[0] for warning in found.warnings] == [
-        'parameter remember_plans is deprecated',
-        'parameter lifecycle is deprecated',
-    ]
-    path.write_text('planner_node: {ros__parameters: {lifecycle: true, autostart: true}}')
-    assert read_parameter_files([path]).values['planner_node'] == {'autostart': True}
-
-
-def test_a_name_of_nav2s_is_accepted_without_a_warning_and_gives_way_to_ours(tmp_path):
+def test_a_name_of_nav2s_is_accepted_and_gives_way_to_ours(tmp_path):
     path = tmp_path / 'nav2.yaml'
     path.write_text('planner_node: {ros__parameters: {autostart_node: false}}')
     found = read_parameter_files([path])
-    assert found.values['planner_node'] == {'autostart': False}
-    assert found.warnings == []
+    assert found['planner_node'] == {'autostart': False}
     path.write_text('planner_node: {ros__parameters: {autostart_node: false, autostart: true}}')
-    assert read_parameter_files([path]).values['planner_node'] == {'autostart': True}
+    assert read_parameter_files([path])['planner_node'] == {'autostart': True}

@@ -1,19 +1,19 @@
 """The last check against the rules taken one by one, and straight segments against geometry."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import shapely
+from grids import checker_of
 from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
-    path_problem,
-    segments_problem,
     shift_problem,
     via_problem,
 )
@@ -21,13 +21,13 @@ from scipy.spatial import cKDTree
 
 BLOCKED = np.zeros((5, 6), dtype=bool)
 BLOCKED[2, 2] = True
-CHECKER = CollisionChecker.of_blocked(BLOCKED)
 GOOD = [[1, 1], [2, 1], [3, 1], [3, 2], [3, 3]]
 
 
 def problem(path, corner_cutting=False, start=(1, 1), goal=(3, 3)):
     cells = np.array(path, dtype=np.int32).reshape(-1, 2)
-    return path_problem(cells, CHECKER, start, goal, corner_cutting=corner_cutting)
+    checker = checker_of(BLOCKED, corner_cutting=corner_cutting)
+    return checker.path_problem(cells, start, goal)
 
 
 def test_a_good_path_has_no_problem():
@@ -92,8 +92,7 @@ def meets(begin, end, blocked, corner_cutting):
 )
 def test_segments_are_stopped_by_the_cells_and_corners_they_meet(seed, points, corner_cutting):
     blocked = np.random.default_rng(seed).random((7, 9)) < 0.08
-    checker = CollisionChecker.of_blocked(blocked)
-    problem = segments_problem(np.array(points), checker, corner_cutting=corner_cutting)
+    problem = checker_of(blocked, corner_cutting=corner_cutting).segments_problem(np.array(points))
     met = any(meets(*segment, blocked, corner_cutting) for segment in pairwise(points))
     assert (problem is not None) == met
 
@@ -143,7 +142,7 @@ def test_clearance_and_blocked_cells_are_those_of_a_k_d_tree(seed):
         cell = np.array([[x, y]])
         clearance = least[y, x] * grid_map.resolution
         assert checker.measure(cell).clearance == pytest.approx(clearance)
-        problem = path_problem(cell, checker, (x, y), (x, y), corner_cutting=False)
+        problem = checker.path_problem(cell, (x, y), (x, y))
         assert (problem is not None) == blocked[y, x]
     for _ in range(20):
         path = random_walk(grid_map.cells.shape, random)
@@ -152,7 +151,8 @@ def test_clearance_and_blocked_cells_are_those_of_a_k_d_tree(seed):
         assert checker.measure(path).clearance == pytest.approx(clearance)
         start, goal = tuple(path[0]), tuple(path[-1])
         for corner_cutting in (True, False):
-            found = path_problem(path, checker, start, goal, corner_cutting=corner_cutting)
+            rules = replace(config, corner_cutting=corner_cutting)
+            found = CollisionChecker(grid_map, rules).path_problem(path, start, goal)
             assert found == expected_problem(path, blocked, corner_cutting)
 
 
@@ -168,5 +168,5 @@ def expected_problem(path, blocked, corner_cutting):
 
 
 def test_a_segment_off_the_map_is_a_problem():
-    problem = segments_problem(np.array([[1, 1], [9, 1]]), CHECKER, corner_cutting=True)
+    problem = checker_of(BLOCKED).segments_problem(np.array([[1, 1], [9, 1]]))
     assert problem == 'the segment from (1, 1) leaves the map at (6, 1)'

@@ -6,20 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from grids import checker_of
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import planner as planner_module
-from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
+from llm_astar_planner.planning import path_planner as planner_module
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.search.any_angle import string_pull
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.problem import search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 MAP = BarrierMap(0, (0, 21), (0, 15), (Barrier(7, 4, 14),), (Barrier(16, 3, 11),))
@@ -72,8 +71,8 @@ def test_a_field_that_is_not_a_cell_is_named(cell):
 def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source([(3, 7), (40, 7), (8, 7)])))
     assert plan.code is ResultCode.NONE
-    checker = CollisionChecker.of_blocked(PLANNER.costmap.blocked)
-    assert path_problem(plan.path, checker, START, GOAL, corner_cutting=True) is None
+    checker = checker_of(PLANNER.costmap.blocked, corner_cutting=True)
+    assert checker.path_problem(plan.path, START, GOAL) is None
     assert plan.length == pytest.approx(np.hypot(*np.diff(plan.path, axis=0).T).sum())
     assert plan.guided_by == 'test:model'
     assert (plan.source, plan.source_status) == ('test', SourceStatus.OK)

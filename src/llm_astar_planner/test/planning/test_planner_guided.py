@@ -5,15 +5,11 @@ import time
 
 import numpy as np
 import pytest
+from grids import checker_of
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import segment
-from llm_astar_planner.planning.path_validator import (
-    CollisionChecker,
-    path_problem,
-    segments_problem,
-)
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.landmarks import LandmarkManager
@@ -158,8 +154,8 @@ def test_better_plans_come_as_they_are_found_and_only_get_better():
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] == pytest.approx(plan.cost)
     for better in seen:
-        checker = CollisionChecker.of_blocked(planner.costmap.blocked)
-        problem = path_problem(better.path, checker, (1, 1), (58, 58), corner_cutting=True)
+        checker = checker_of(planner.costmap.blocked, corner_cutting=True)
+        problem = checker.path_problem(better.path, (1, 1), (58, 58))
         assert problem is None
 
 
@@ -199,8 +195,8 @@ def test_the_any_angle_path_is_shorter_and_free():
     assert shortened.length < plan.length
     assert shortened.points[0].tolist() == list(START)
     assert shortened.points[-1].tolist() == list(GOAL)
-    checker = CollisionChecker.of_blocked(PLANNER.costmap.blocked)
-    assert segments_problem(shortened.points, checker, corner_cutting=True) is None
+    checker = checker_of(PLANNER.costmap.blocked, corner_cutting=True)
+    assert checker.segments_problem(shortened.points) is None
 
 
 def test_landmarks_are_carried_from_map_to_map_while_cells_only_become_blocked():
@@ -238,9 +234,6 @@ SEGMENT_CELLS[4, 4] = True
     ],
 )
 def test_segments_at_any_angle_are_checked_cell_by_cell(points, corner_cutting, problem):
-    found = segments_problem(
-        np.array(points, dtype=np.int32),
-        CollisionChecker.of_blocked(SEGMENT_CELLS),
-        corner_cutting=corner_cutting,
-    )
+    checker = checker_of(SEGMENT_CELLS, corner_cutting=corner_cutting)
+    found = checker.segments_problem(np.array(points, dtype=np.int32))
     assert found is None if problem is None else problem in found

@@ -14,7 +14,7 @@ from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 CELLS = np.zeros((40, 60), dtype=np.int8)
 CELLS[5:35, 30] = 100
@@ -26,7 +26,7 @@ START, GOAL, VIA = (5, 20), (55, 20), ((40, 36), (20, 2))
 def test_a_path_passes_its_via_cells_in_order_and_adds_up(method):
     plan = PLANNER.plan(PlanRequest(START, GOAL, method, via=VIA))
     assert plan.code is ResultCode.NONE, plan.message
-    assert PLANNER.path_problem(plan.path, START, GOAL) is None
+    assert PLANNER.checker.path_problem(plan.path, START, GOAL) is None
     assert via_problem(plan.path, VIA) is None
     assert via_problem(plan.path, VIA[::-1]) is not None
     places = [START, *VIA, GOAL]

@@ -7,11 +7,10 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
 from llm_astar_planner.instructions.specification import Avoid, Box, Specification
+from llm_astar_planner.planning.endpoints import ViapointSource
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.planning.viapoints import ViapointSource
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
 # A maze of graded cells, which the search takes so long for that the via points guide it.

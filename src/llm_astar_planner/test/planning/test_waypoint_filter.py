@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning._kernels.nearest import nearest_places
-from llm_astar_planner.planning.waypoint_filter import (
+from llm_astar_planner.planning._kernels.path_checks import nearest_places
+from llm_astar_planner.planning.segment import (
     CheckedWaypoint,
     WaypointStatus,
     check_waypoints,

@@ -21,7 +21,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import compile_kernels
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import WaypointReply
 
 FIGURES = Path(__file__).with_name('published_figures.csv')

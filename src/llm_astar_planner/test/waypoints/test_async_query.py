@@ -80,7 +80,7 @@ def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting)
         )
     )
     assert plan.code == 0, plan.message
-    assert PLANNER.path_problem(plan.path, (2, 2), (55, 3)) is None
+    assert PLANNER.checker.path_problem(plan.path, (2, 2), (55, 3)) is None
     assert time.monotonic() - began < LONG / 4
 
 

@@ -6,8 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
 SOURCE = make_source(SourceSettings(source='coarse'))

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.waypoints.config import SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
+from llm_astar_planner.waypoints.llm.source import client_of
 from llm_astar_planner.waypoints.replay import ReplayError
 from llm_astar_planner.waypoints.source import WaypointReply
 from llm_astar_planner.waypoints.transcript import TranscriptError

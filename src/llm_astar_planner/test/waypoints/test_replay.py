@@ -6,8 +6,7 @@ import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.fixed import NoSource
-from llm_astar_planner.waypoints.replay import ReplayError, ReplaySource
+from llm_astar_planner.waypoints.replay import NoSource, ReplayError, ReplaySource
 from llm_astar_planner.waypoints.source import Message, SampleKey, SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 

@@ -12,8 +12,7 @@ import pytest
 from llm_astar_lab.datasets.generate import generate
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.fixed import NoSource
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.replay import NoSource, RecordingSource, dataset_digest
 from llm_astar_planner.waypoints.source import (
     Message,
     Provenance,
@@ -23,7 +22,6 @@ from llm_astar_planner.waypoints.source import (
 )
 from llm_astar_planner.waypoints.transcript import (
     Exchange,
-    RecordingSource,
     TranscriptError,
     TranscriptWriter,
     read_transcript,

@@ -4,74 +4,42 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.grammar.asked import Reading, visit_of
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
 from llm_astar_planner.instructions.grammar.lexer import Lexer
+from llm_astar_planner.instructions.grammar.meaning import ParsedClause, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
     ANYORDER,
     BUT,
+    GOVERNING,
     HARD,
     INORDER,
+    NEG,
     REGION_ENDS,
     THEN,
     Piece,
     Splitter,
 )
-from llm_astar_planner.instructions.grammar.reading_order import GOVERNING, NEG
-from llm_astar_planner.instructions.grammar.regions import Unclear
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
+from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.words import Word, read_words
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Understanding,
-    status_of,
-)
-from llm_astar_planner.instructions.specification import (
-    MAX_CLAUSES,
-    MAX_NAME_CHARS,
-    MAX_VISITS,
-    SHOULD,
-    Avoid,
-    Before,
-    Clause,
-    EndAt,
-    NamedPlace,
-    Specification,
-    StayIn,
-    Tagged,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation, status_of
 
 NAME = 'grammar'
 
 
-@dataclass(frozen=True, eq=False)
-class Understood:
-    """An interpretation, and the share of the text that it rests on."""
-
-    interpretation: Interpretation
-    share: float
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether every word was read."""
-        status = self.interpretation.status
-        return status in (Understanding.WHOLE, Understanding.IRRELEVANT)
-
-
 @dataclass(eq=False)
-class Part:
+class ReadPiece:
     """A piece with the clauses that were read of it; none where it was not understood."""
 
     piece: Piece
-    clauses: tuple[Clause, ...]
+    clauses: tuple[spec.Clause, ...]
     segment: int
 
     @property
@@ -92,13 +60,10 @@ class Assembler:
     lexer: Lexer
     words: Sequence[Word]
     notes: list[str]
-
-    def __post_init__(self) -> None:
-        """Begin with nothing read."""
-        self.parts: list[Part] = []
-        self.segments = 0
-        self.previous: Clause | None = None
-        self.is_wish_open = False
+    parts: list[ReadPiece] = field(default_factory=list)
+    segments: int = 0
+    previous: spec.Clause | None = None
+    is_preference_open: bool = False
 
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
@@ -106,12 +71,12 @@ class Assembler:
             piece.is_broken or (piece.kinds & GOVERNING and not piece.kinds & REGION_ENDS)
             for piece in segment
         )
-        self.previous, self.is_wish_open = None, False
+        self.previous, self.is_preference_open = None, False
         for piece in segment:
             if not self.is_irrelevant(piece):
                 clauses = () if is_broken else self.read(piece)
                 self.previous = clauses[-1] if clauses else None
-                self.parts.append(Part(piece, clauses, self.segments))
+                self.parts.append(ReadPiece(piece, clauses, self.segments))
         self.segments += 1
 
     def settle(self) -> None:
@@ -128,7 +93,7 @@ class Assembler:
         ]
 
     @property
-    def clauses(self) -> list[tuple[int, Clause]]:
+    def clauses(self) -> list[tuple[int, spec.Clause]]:
         """The clauses, each with where it stands."""
         return [(part.piece.start, clause) for part in self.parts for clause in part.clauses]
 
@@ -136,7 +101,7 @@ class Assembler:
     def unknown(self) -> list[tuple[int, int]]:
         """Where the parts stand that were not understood; neighbours are one."""
         found: list[tuple[int, int]] = []
-        last: Part | None = None
+        last: ReadPiece | None = None
         for part in self.parts:
             if not part.is_read:
                 is_same = last and not last.is_read and last.segment == part.segment
@@ -161,7 +126,7 @@ class Assembler:
             at += count
         return found
 
-    def read(self, piece: Piece) -> tuple[Clause, ...]:
+    def read(self, piece: Piece) -> tuple[spec.Clause, ...]:
         """Return the clauses of a piece, none where it was not read wholly."""
         if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
             return ()
@@ -170,12 +135,14 @@ class Assembler:
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
-        self.is_wish_open = piece.wish_leads or (self.is_wish_open and piece.link in (AND, THEN))
-        if piece.is_wish or self.is_wish_open:
-            clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
+        self.is_preference_open = piece.preference_leads or (
+            self.is_preference_open and piece.link in (AND, THEN)
+        )
+        if piece.is_preference or self.is_preference_open:
+            clauses = tuple(replace(clause, strength=spec.SHOULD) for clause in clauses)
         return clauses if self.has_room_for(clauses) else ()
 
-    def in_flow(self, piece: Piece, reading: Reading) -> tuple[Clause, ...]:
+    def in_flow(self, piece: Piece, reading: ParsedClause) -> tuple[spec.Clause, ...]:
         """Return the clauses of a reading by what stands before it. Raises Unclear.
 
         'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
@@ -185,23 +152,23 @@ class Assembler:
         if self.is_through_after_other(piece):
             raise Unclear('not through it, or through it')
         if reading.things:
-            if not (piece.is_first or (in_turn and isinstance(self.previous, Visit))):
+            if not (piece.is_first or (in_turn and isinstance(self.previous, spec.Visit))):
                 raise Unclear('a place without a verb')
             clauses = (visit_of(reading.things),)
         elif reading.is_negative and not (
-            isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
+            isinstance(self.previous, spec.Visit) and piece.link in (BUT, COMMA, AND)
         ):
             raise Unclear('a place without a verb')
-        is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
+        is_visit = all(isinstance(clause, (spec.Visit, spec.Before)) for clause in clauses)
         if piece.order != ANYORDER and any(map(has_repetition, clauses)):
             raise Unclear('the same place twice')
-        is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
-        is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
+        is_after_visit = any(isinstance(clause, spec.Visit) for _, clause in self.clauses)
+        is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], spec.EndAt))
         if piece.is_later and not (is_one and is_after_visit):
             raise Unclear('which of them afterwards')
         if piece.is_first and is_after_visit:
             raise Unclear('first, after another visit')
-        is_end = piece.link == THEN and all(isinstance(clause, EndAt) for clause in clauses)
+        is_end = piece.link == THEN and all(isinstance(clause, spec.EndAt) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
@@ -209,32 +176,32 @@ class Assembler:
     def is_through_after_other(self, piece: Piece) -> bool:
         """Whether it is the end of 'avoid A and through B'."""
         is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
-        is_other = self.previous is not None and not isinstance(self.previous, Visit)
+        is_other = self.previous is not None and not isinstance(self.previous, spec.Visit)
         return is_bare and is_other and piece.link in (AND, COMMA)
 
-    def has_room_for(self, clauses: Sequence[Clause]) -> bool:
+    def has_room_for(self, clauses: Sequence[spec.Clause]) -> bool:
         """Whether a specification may hold so many clauses and visits."""
         both = [clause for _, clause in self.clauses] + list(clauses)
-        visits = sum(len(clause.regions) for clause in both if isinstance(clause, Visit))
+        visits = sum(len(clause.regions) for clause in both if isinstance(clause, spec.Visit))
         # Room for what is not understood.
-        if len(both) < MAX_CLAUSES and visits <= MAX_VISITS:
+        if len(both) < spec.MAX_CLAUSES and visits <= spec.MAX_VISITS:
             return True
-        self.notes.append(f'more than {MAX_CLAUSES - 1} clauses or {MAX_VISITS} visits')
+        self.notes.append(f'more than {spec.MAX_CLAUSES - 1} clauses or {spec.MAX_VISITS} visits')
         return False
 
 
-def has_repetition(clause: Clause) -> bool:
+def has_repetition(clause: spec.Clause) -> bool:
     """Whether it is a visit of the same region twice."""
-    return isinstance(clause, Visit) and len(set(clause.regions)) < len(clause.regions)
+    return isinstance(clause, spec.Visit) and len(set(clause.regions)) < len(clause.regions)
 
 
-def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
+def ordered(clauses: tuple[spec.Clause, ...], order: str) -> tuple[spec.Clause, ...]:
     """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
     if order == INORDER:
         return tuple(
             replace(clause, regions=(region,))
             for clause in clauses
-            if isinstance(clause, Visit)
+            if isinstance(clause, spec.Visit)
             for region in clause.regions
         )
     if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):  # type: ignore[attr-defined]
@@ -242,9 +209,9 @@ def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
     return clauses
 
 
-def drop_exceptions(parts: Sequence[Part], places: Places) -> None:
+def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
     """Drop 'visit all rooms, not the lab': a set, and one of it that is treated otherwise."""
-    for kind, other in ((Visit, Avoid), (Avoid, Visit)):
+    for kind, other in ((spec.Visit, spec.Avoid), (spec.Avoid, spec.Visit)):
         singles = {
             name: part
             for part in parts
@@ -258,21 +225,23 @@ def drop_exceptions(parts: Sequence[Part], places: Places) -> None:
                     part.drop()
 
 
-def place_names(part: Part, kind: type[Clause], places: Places) -> set[str]:
+def place_names(part: ReadPiece, kind: type[spec.Clause], places: Places) -> set[str]:
     """Return the places that clauses of a kind, avoid or visit, name."""
     found: set[str] = set()
     for clause in part.clauses:
-        if isinstance(clause, Visit) and kind is Visit:
-            found |= {region.place for region in clause.regions if isinstance(region, NamedPlace)}
-        elif isinstance(clause, Avoid) and kind is Avoid:
-            if isinstance(clause.region, NamedPlace):
+        if isinstance(clause, spec.Visit) and kind is spec.Visit:
+            found |= {
+                region.place for region in clause.regions if isinstance(region, spec.NamedPlace)
+            }
+        elif isinstance(clause, spec.Avoid) and kind is spec.Avoid:
+            if isinstance(clause.region, spec.NamedPlace):
                 found.add(clause.region.place)
-            elif isinstance(clause.region, Tagged):
+            elif isinstance(clause.region, spec.Tagged):
                 found |= {place.name for place in places.with_tag(clause.region.tag)}
     return found
 
 
-def drop_withdrawn(parts: Sequence[Part]) -> None:
+def drop_withdrawn(parts: Sequence[ReadPiece]) -> None:
     """Drop the sentence before 'no, wait', and before 'Not the lab', which is an exception."""
     for part in parts:
         if not part.is_read and part.piece.withdraws:
@@ -281,19 +250,21 @@ def drop_withdrawn(parts: Sequence[Part]) -> None:
                     other.drop()
 
 
-def drop_timed(parts: Sequence[Part]) -> None:
+def drop_timed(parts: Sequence[ReadPiece]) -> None:
     """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
     for part, after in pairwise(parts):
-        ended = (StayIn, EndAt)
+        ended = (spec.StayIn, spec.EndAt)
         is_ended = any(
-            isinstance(clause, ended) if after.piece.ends_route else not isinstance(clause, Visit)
+            isinstance(clause, ended)
+            if after.piece.ends_route
+            else not isinstance(clause, spec.Visit)
             for clause in part.clauses
         )
         if after.piece.link == THEN and is_ended:
             part.drop()
 
 
-def drop_beside_unread(parts: Sequence[Part]) -> None:
+def drop_beside_unread(parts: Sequence[ReadPiece]) -> None:
     """Drop the parts that no strong boundary parts from one that was not understood."""
     for ordered_parts in (parts, parts[::-1]):
         for part, other in pairwise(ordered_parts):
@@ -305,8 +276,8 @@ def drop_beside_unread(parts: Sequence[Part]) -> None:
 QUOTED = 'not understood: "'
 
 
-def understand(text: str, lexer: Lexer) -> Understood:
-    """Return what a clean text says in the words of one lexer."""
+def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
+    """Return what a clean text says in the words of one lexer, and the share that was read."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
     language = lexer.vocabulary.language
@@ -336,18 +307,21 @@ def without_quoted(text: str) -> tuple[str, list[tuple[int, int]]]:
     return text, found
 
 
-def result_of(assembler: Assembler, quoted: Sequence[tuple[int, int]]) -> Understood:
-    """Return the interpretation: the clauses read and the parts that were not, in order."""
+def result_of(
+    assembler: Assembler, quoted: Sequence[tuple[int, int]]
+) -> tuple[Interpretation, float]:
+    """Return the interpretation, clauses and unread parts in order, and the share read."""
     text = assembler.text
     unknown = [*assembler.unknown, *quoted]
-    room = MAX_CLAUSES - len(assembler.clauses)
+    room = spec.MAX_CLAUSES - len(assembler.clauses)
     if len(unknown) > room:
         unknown = [*unknown[: room - 1], (unknown[room - 1][0], unknown[-1][1])]
     parts = assembler.clauses + [
-        (start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown
+        (start, spec.Unknown(text=text[start:end][: spec.MAX_NAME_CHARS]))
+        for start, end in unknown
     ]
     parts.sort(key=lambda part: part[0])
-    specification = Specification(tuple(clause for _, clause in parts))
+    specification = spec.Specification(tuple(clause for _, clause in parts))
     missed = sum(end - start for start, end in unknown)
     interpretation = Interpretation(
         text,
@@ -356,4 +330,4 @@ def result_of(assembler: Assembler, quoted: Sequence[tuple[int, int]]) -> Unders
         status_of(specification),
         '; '.join(dict.fromkeys(assembler.notes))[:300],
     )
-    return Understood(interpretation, 1.0 - missed / max(1, len(text)))
+    return interpretation, 1.0 - missed / max(1, len(text))

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.grammar.clauses import Understood, understand
+from llm_astar_planner.instructions.grammar.clauses import understand
 from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import lexicon
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
@@ -55,15 +55,14 @@ class GrammarInterpreter:
         words = read_words(clean)
         if len(words) > MOST_WORDS:
             return not_understood(clean, f'more than {MOST_WORDS} words and signs', NAME)
-        best: Understood | None = None
+        best, most = not_understood(clean, '', NAME), -1.0
         for language in languages_of(words):
-            understood = understand(clean, lexer_for(places, language))
-            if best is None or understood.share > best.share:
-                best = understood
+            understood, share = understand(clean, lexer_for(places, language))
+            if share > most:
+                best, most = understood, share
             if understood.is_whole:
                 break
-        assert best is not None  # noqa: S101 (there is always a language to try)
-        return replace(best.interpretation, seconds=time.perf_counter() - began)
+        return replace(best, seconds=time.perf_counter() - began)
 
 
 @lru_cache(maxsize=64)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
@@ -20,12 +21,15 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     with_pronouns,
 )
 from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
-from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
-from llm_astar_planner.instructions.grammar.regions import Part, Unclear, select_group
-from llm_astar_planner.instructions.grammar.spelling import corrections
-from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Vocabulary
-from llm_astar_planner.instructions.grammar.words import Word
+from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
+from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
+from llm_astar_planner.instructions.grammar.words import Word, squeezed
 
+# A word of a place or of the vocabulary is recognised with this many errors (letters left out,
+# added, changed or exchanged) from this length on. In shorter words another word is too near:
+# there only two exchanged letters and a doubled one count as an error.
+SHORTEST = 4
+LENGTHS = ((6, 1), (9, 2))
 PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
 ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
 # 'on your way', which tells a stop on it from its end.
@@ -43,6 +47,30 @@ Phrase = tuple[int, list[tuple[str, object]]]
 NO_PHRASE: Phrase = (0, [])
 # Letters of the longest side that begins a compound.
 LONGEST_SIDE = 8
+
+
+def corrections(word: str, known: Iterable[str]) -> list[str]:
+    """Return the known words that a misspelt word may stand for, the nearest ones first."""
+    from rapidfuzz import process  # noqa: PLC0415 (loaded when the first word is unknown)
+    from rapidfuzz.distance import OSA  # noqa: PLC0415
+
+    if len(word) < SHORTEST:
+        return []
+    scorer: Any = OSA.distance
+    near = process.extract(word, known, scorer=scorer, score_cutoff=LENGTHS[-1][1], limit=8)
+    return [other for other, distance, _ in near if is_misspelt(word, other, int(distance))]
+
+
+def is_misspelt(word: str, other: str, distance: int) -> bool:
+    """Whether a word may be another one with so many errors."""
+    if word[0] != other[0] or word.startswith(other) or other.startswith(word):
+        return squeezed(word) == squeezed(other)
+    allowed = max((errors for length, errors in LENGTHS if len(other) >= length), default=0)
+    # Two errors at the end are another word: 'pharmacist' is no pharmacy.
+    if distance <= allowed and (distance == 1 or word[-1] == other[-1]):
+        return True
+    is_exchange = sorted(word) == sorted(other) and distance == 1
+    return is_exchange or squeezed(word) == squeezed(other)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,17 +195,11 @@ class Lexer:
 
     def knows(self, word: str) -> bool:
         """Whether a word is in any of the tables."""
-        lexicon = self.lexicon
-        return (
-            self.vocabulary.knows(word)
-            or word in lexicon.names.words
-            or word in lexicon.near_names.words
-            or word in lexicon.tags.words
-            or word in lexicon.tag_groups.words
-            or word in nouns().by_language[self.vocabulary.language].words
-            or word in nouns().by_language['en'].words
-            or bool(self.compound(Word(word, 0, 0)))
-        )
+        lexicon, by_language = self.lexicon, nouns().by_language
+        tables = (lexicon.names, lexicon.near_names, lexicon.tags, lexicon.tag_groups)
+        nouns_of = (by_language[self.vocabulary.language], by_language['en'])
+        is_in_table = any(word in table.words for table in (*tables, *nouns_of))
+        return self.vocabulary.knows(word) or is_in_table or bool(self.compound(Word(word, 0, 0)))
 
     def corrected(self, words: Sequence[Word]) -> tuple[list[Word], list[str]]:
         """Return the words with misspelt ones corrected, and what to say of unclear ones."""
@@ -298,7 +320,7 @@ def described_place(lexemes: Sequence[Lexeme]) -> Place | None:
     *adjectives, noun = lexemes
     if any(lexeme.kind in (ANY, ALL, 'ORDINAL') for lexeme in adjectives):
         return None
-    parts = [Part(lexeme.kind, lexeme.value) for lexeme in adjectives]
+    parts = [Modifier(lexeme.kind, lexeme.value) for lexeme in adjectives]
     try:
         places = select_group(noun.value, parts, ()).places
     except Unclear:

@@ -9,10 +9,9 @@ from functools import lru_cache
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
-from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
-from llm_astar_planner.instructions.grammar.phrases import Phrases
-from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
+from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, Noun, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import (
+    Phrases,
     Word,
     comparable,
     phrase_words,

@@ -2,114 +2,205 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
-from lark import Token, v_args
+from lark import Token, Transformer, v_args
 
-from llm_astar_planner.instructions.grammar.asked import (
-    Reading,
-    Things,
-    all_objects,
-    avoid_of,
-    befores,
-    distance_of,
-    positive,
-    refuse_half_of_object,
-    single,
-    strip_along,
-    visit_of,
-    with_radius,
-)
-from llm_astar_planner.instructions.grammar.lexicon import (
-    PASSAGE,
-    generic_of,
-    place_nouns,
-)
-from llm_astar_planner.instructions.grammar.region_meaning import RegionMeaning, side_in, value
-from llm_astar_planner.instructions.grammar.regions import (
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of, place_nouns
+from llm_astar_planner.instructions.grammar.selection import (
+    OPPOSITE,
+    Modifier,
     Selection,
     Unclear,
+    axis_half,
+    common_box,
+    half_of,
+    joint_limits,
     outside,
-)
-from llm_astar_planner.instructions.grammar.relative import OPPOSITE
-from llm_astar_planner.instructions.specification import (
-    ALONG_WIDTH,
-    SHOULD,
-    Avoid,
-    Between,
-    Box,
-    EndAt,
-    Half,
-    NamedPlace,
-    Pass,
-    StayIn,
+    select_group,
+    select_place,
 )
 
+# The type parameters of lark's class differ between its versions.
+Callbacks: Any = Transformer
 DOOR = 'door'
 STOPBY = 'STOPBY'
 # Verbs of which an object, which nobody enters, is as far as the robot comes near it.
 NEARBY = frozenset({'VISIT', 'PASSBY', 'ALONG'})
+Things = tuple[Selection, ...]
 
 
-def visits(*in_turn: Things) -> Reading:
+@dataclass(frozen=True)
+class ParsedClause:
+    """What one clause of an instruction says.
+
+    `things` are regions without a verb; `is_negative` where a 'not' stands before them.
+    """
+
+    clauses: tuple[spec.Clause, ...] = ()
+    things: Things = ()
+    is_negative: bool = False
+
+
+def visit_of(things: Things) -> spec.Visit:
+    """Return the visit of all things, in any order. Raises Unclear."""
+    regions: list[spec.Region] = []
+    for thing in things:
+        if thing.is_walls:
+            raise Unclear('walls cannot be visited')
+        regions += [thing.one] if thing.any_one else thing.regions
+    return spec.Visit(regions=tuple(regions))
+
+
+def avoid_of(things: Things, metres: float = 0.0) -> tuple[spec.Clause, ...]:
+    """Return what avoids all things. Raises Unclear."""
+    clauses: list[spec.Clause] = []
+    for thing in things:
+        if thing.any_one == 'one':
+            raise Unclear('which one is to be avoided')
+        if thing.is_walls:
+            clauses.append(spec.KeepDistance(metres=positive(metres)))
+        elif thing.is_point and metres:
+            clauses.append(spec.Avoid(region=with_radius(thing, metres)))
+        else:
+            regions = thing.regions if thing.together is None else (thing.together,)
+            clauses += [spec.Avoid(region=region, margin=metres) for region in regions]
+    return tuple(clauses)
+
+
+def distance_of(things: Things, metres: float) -> tuple[spec.Clause, ...]:
+    """Return what keeps a distance from all things. Raises Unclear."""
+    clauses: list[spec.Clause] = []
+    for thing in things:
+        if thing.any_one == 'one':
+            raise Unclear('a distance from which one')
+        if thing.is_walls:
+            clauses.append(spec.KeepDistance(metres=positive(metres)))
+        elif thing.is_point:
+            clauses.append(spec.Avoid(region=with_radius(thing, positive(metres))))
+        else:
+            regions = thing.regions if thing.together is None else (thing.together,)
+            clauses += [spec.KeepDistance(metres=positive(metres), region=one) for one in regions]
+    return tuple(clauses)
+
+
+def befores(firsts: Things, seconds: Things) -> tuple[spec.Clause, ...]:
+    """Return that each of the second things is entered after each of the first ones."""
+    if any(two.is_all for two in seconds):
+        raise Unclear('some of them or none')
+    each = [
+        region
+        for one in firsts
+        for region in ((one.one,) if one.any_one or not one.is_group else one.regions)
+    ]
+    return tuple(spec.Before(first=first, second=two.one) for two in seconds for first in each)
+
+
+def with_radius(thing: Selection, metres: float) -> spec.Disc:
+    """Return a point as a disc."""
+    point = thing.one
+    if not isinstance(point, spec.Disc):
+        raise Unclear('no point')
+    return spec.Disc(point.x, point.y, metres)
+
+
+def positive(metres: float) -> float:
+    """Return a distance. Raises Unclear where there is none."""
+    if not 0.0 < metres <= spec.MAX_METRES:
+        raise Unclear('no distance that can be kept')
+    return metres
+
+
+def strip_along(thing: Selection, metres: float) -> spec.Along:
+    """Return the strip around a place or the walls."""
+    return spec.Along(spec.WALLS if thing.is_walls else thing.place.name, positive(metres))
+
+
+def all_objects(thing: Selection) -> bool:
+    """Whether a selection is of objects."""
+    return bool(thing.places) and all(place.is_object for place in thing.places)
+
+
+def refuse_half_of_object(thing: Selection) -> None:
+    """Raise Unclear for 'the south side of the rack': nobody can drive in it."""
+    if isinstance(thing.one, spec.Half) and all_objects(thing):
+        raise Unclear('the side of what nobody can enter')
+
+
+def single(things: Things) -> Selection:
+    """Return the only thing. Raises Unclear where there are several."""
+    if len(things) != 1:
+        raise Unclear('several things where one is expected')
+    return things[0]
+
+
+def value(token: Token) -> Any:
+    """Return what a lexeme stands for."""
+    return token.value.value
+
+
+def side_in(tokens: tuple[Token, ...]) -> str:
+    """Return the side among some lexemes."""
+    return next(str(value(token)) for token in tokens if token.type == 'SIDE')
+
+
+def visits(*in_turn: Things) -> ParsedClause:
     """Return the visits of some things, one after the other."""
-    return Reading(tuple(visit_of(things) for things in in_turn))
+    return ParsedClause(tuple(visit_of(things) for things in in_turn))
 
 
 @v_args(inline=True)
-class Meaning(RegionMeaning):
+class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     """Called by the parser for each rule of `clauses.lark`, with what its parts mean."""
-
-    def start(self, reading: Reading) -> Reading:
-        """The whole clause."""
-        return reading
 
     # ---- avoid
 
-    def avoid(self, *parts: Any) -> Reading:
+    def avoid(self, *parts: Any) -> ParsedClause:
         """'avoid A and B'; a verb of entering may stand before the things."""
-        return Reading(avoid_of(parts[-1]))
+        return ParsedClause(avoid_of(parts[-1]))
 
-    def avoid_use(self, how: str, things: Things) -> Reading:
+    def avoid_use(self, how: str, things: Things) -> ParsedClause:
         """'avoid visiting A'; what is no more than to come near it cannot be refused so."""
         if how == STOPBY or (how in NEARBY and any(map(all_objects, things))):
             raise Unclear('it may be passed')
-        return Reading(avoid_of(things))
+        return ParsedClause(avoid_of(things))
 
-    def refuse(self, *parts: Any) -> Reading:
+    def refuse(self, *parts: Any) -> ParsedClause:
         """'do not enter A', but 'do not enter all of them' allows some."""
         *how, things = parts
         if any(thing.is_all for thing in things):
             raise Unclear('some of them or none')
         return self.avoid_use(how[0] if how else '', things)
 
-    def closed(self, things: Things) -> Reading:
+    def closed(self, things: Things) -> ParsedClause:
         """'A is closed'."""
         if any(thing.any_one for thing in things):
             raise Unclear('which one is closed')
-        return Reading(avoid_of(things))
+        return ParsedClause(avoid_of(things))
 
-    def avoid_around(self, things: Things) -> Reading:
+    def avoid_around(self, things: Things) -> ParsedClause:
         """'go around A'; in 'go around the racks on the north side' the side is the way's."""
         if any(thing.is_positioned for thing in things):
             raise Unclear('the side of the places or of the way')
-        return Reading(avoid_of(things))
+        return ParsedClause(avoid_of(things))
 
-    def avoid_by(self, things: Things, metres: float) -> Reading:
+    def avoid_by(self, things: Things, metres: float) -> ParsedClause:
         """'avoid A by 3 m'."""
-        return Reading(avoid_of(things, metres))
+        return ParsedClause(avoid_of(things, metres))
 
-    def avoid_field(self, thing: Selection) -> Reading:
+    def avoid_field(self, thing: Selection) -> ParsedClause:
         """'do not go north of y = 10'."""
-        if not isinstance(thing.one, (Box, Half, Between)):
+        if not isinstance(thing.one, (spec.Box, spec.Half, spec.Between)):
             raise Unclear('no area')
-        return Reading(avoid_of((thing,)))
+        return ParsedClause(avoid_of((thing,)))
 
-    def not_bare(self, things: Things) -> Reading:
+    def not_bare(self, things: Things) -> ParsedClause:
         """'not A', which means something only after a visit."""
         if len(things) > 1 or any(thing.is_all for thing in things):
             raise Unclear('not what')
-        return Reading(avoid_of(things), is_negative=True)
+        return ParsedClause(avoid_of(things), is_negative=True)
 
     def by(self, metres: Token) -> float:
         """'by 3 m'."""
@@ -117,30 +208,23 @@ class Meaning(RegionMeaning):
 
     # ---- distances
 
-    def keep_distance(self, *parts: Any) -> Reading:
-        """'keep 3 m away from A and B'; a distance and the things among the parts."""
-        token, things = (part for part in parts if part is not None)
-        return Reading(distance_of(things, float(value(token))))
+    def keep_distance(self, metres: Token, things: Things) -> ParsedClause:
+        """'keep 3 m away from A and B'."""
+        return ParsedClause(distance_of(things, float(value(metres))))
 
-    def keep_distance_after(self, things: Things, metres: Token) -> Reading:
+    def keep_distance_after(self, things: Things, metres: Token) -> ParsedClause:
         """'do not approach A closer than 2 m'."""
-        return Reading(distance_of(things, float(value(metres))))
-
-    def away(self) -> None:
-        """'from', 'to'."""
+        return ParsedClause(distance_of(things, float(value(metres))))
 
     # ---- visits
 
-    def visit(self, *parts: Any) -> Reading:
+    def visit(self, *parts: Any) -> ParsedClause:
         """'visit A and B'."""
         return visits(parts[-1])
 
-    def visit_between(self, gap: Selection) -> Reading:
+    def visit_between(self, gap: Selection) -> ParsedClause:
         """'drive between A and B'."""
         return visits((gap,))
-
-    def missing(self, *_: Any) -> None:
-        """'miss', 'forget to visit'."""
 
     def enter(self, *tokens: Token) -> str:
         """'go through'; says whether it is 'pass by'."""
@@ -150,88 +234,87 @@ class Meaning(RegionMeaning):
         """'take', 'drive along'; says whether it is 'along'."""
         return tokens[0].type if tokens else ''
 
-    def visit_by_way_of(self, *parts: Any) -> Reading:
+    def visit_by_way_of(self, *parts: Any) -> ParsedClause:
         """'go to B via A', 'before B visit A', 'visit B after A'."""
         second, first = (part for part in parts if isinstance(part, tuple))
         return visits(first, second)
 
-    def visit_in_turn(self, *parts: Any) -> Reading:
+    def visit_in_turn(self, *parts: Any) -> ParsedClause:
         """'go through A to B', 'visit A before B', 'after A visit B'."""
         first, second = (part for part in parts if isinstance(part, tuple))
         return visits(first, second)
 
-    def before(self, *parts: Any) -> Reading:
+    def before(self, *parts: Any) -> ParsedClause:
         """'A must be visited before B'; of several, each of them."""
         firsts, seconds = (part for part in parts if isinstance(part, tuple))
-        return Reading(befores(firsts, seconds))
+        return ParsedClause(befores(firsts, seconds))
 
-    def visit_before(self, _: str, first: Things, how: str, second: Things) -> Reading:
+    def visit_before(self, _: str, first: Things, how: str, second: Things) -> ParsedClause:
         """'visit A before you enter B', which need not be; 'visit A before going to B'."""
         if how == 'ENTER':
             return self.before(first, second)
         return visits(first, second)
 
-    def before_visit(self, how: str, second: Things, _: str, first: Things) -> Reading:
+    def before_visit(self, how: str, second: Things, _: str, first: Things) -> ParsedClause:
         """'before you enter B, visit A'."""
         return self.visit_before('', first, how, second)
 
-    def before_swapped(self, *parts: Any) -> Reading:
+    def before_swapped(self, *parts: Any) -> ParsedClause:
         """'do not enter B before A'."""
         seconds, firsts = (part for part in parts if isinstance(part, tuple))
-        return Reading(befores(firsts, seconds))
+        return ParsedClause(befores(firsts, seconds))
 
-    def until(self) -> None:
-        """'before', 'until'."""
-
-    def move_in(self, thing: Selection) -> Reading:
+    def move_in(self, thing: Selection) -> ParsedClause:
         """'drive in the north half'."""
-        if not isinstance(thing.one, (Half, Box)):
+        if not isinstance(thing.one, (spec.Half, spec.Box)):
             raise Unclear('through it or within it')
-        return Reading((StayIn(SHOULD, region=thing.one),))
+        return ParsedClause((spec.StayIn(spec.SHOULD, region=thing.one),))
 
     # ---- stay
 
-    def stay_in(self, thing: Selection) -> Reading:
+    def stay_in(self, thing: Selection) -> ParsedClause:
         """'stay in the corridor'."""
         refuse_half_of_object(thing)
-        return Reading((StayIn(region=thing.one),))
+        return ParsedClause((spec.StayIn(region=thing.one),))
 
-    def stay_on(self, thing: Selection) -> Reading:
+    def stay_on(self, thing: Selection) -> ParsedClause:
         """'stay on the north side', 'stay on the bridge'; but where is 'stay at the desk'."""
-        if isinstance(thing.one, (Half, Box)):
+        if isinstance(thing.one, (spec.Half, spec.Box)):
             return self.keep_to(thing)
         if generic_of(thing.place, place_nouns(thing.place)) != PASSAGE:
             raise Unclear('to stay in it or to end there')
         return self.stay_in(thing)
 
-    def keep_to(self, thing: Selection) -> Reading:
+    def keep_to(self, thing: Selection) -> ParsedClause:
         """'keep to the south side'."""
         refuse_half_of_object(thing)
-        if isinstance(thing.one, Box) and outside(thing.one) is not None:
+        if isinstance(thing.one, spec.Box) and outside(thing.one) is not None:
             return self.stay_field(thing)
-        return Reading((StayIn(SHOULD, region=thing.one),))
+        return ParsedClause((spec.StayIn(spec.SHOULD, region=thing.one),))
 
-    def keep_side(self, side: str) -> Reading:
+    def keep_side(self, side: str) -> ParsedClause:
         """'keep north', 'as far north as you can'."""
-        return Reading((StayIn(SHOULD, region=Half(side)),))
+        return ParsedClause((spec.StayIn(spec.SHOULD, region=spec.Half(side)),))
 
     def toward_side(self, side: Token) -> str:
         """'to the north'."""
         return str(value(side))
 
-    def stay_field(self, thing: Selection) -> Reading:
+    def stay_field(self, thing: Selection) -> ParsedClause:
         """'stay south of y = 10'."""
         region = thing.one
-        if not isinstance(region, Box):
+        if not isinstance(region, spec.Box):
             raise Unclear('to stay in what')
         beyond = outside(region)
-        return Reading((StayIn(region=region) if beyond is None else Avoid(region=beyond),))
+        return ParsedClause(
+            (spec.StayIn(region=region) if beyond is None else spec.Avoid(region=beyond),)
+        )
 
-    def take(self, thing: Selection) -> Reading:
+    def take(self, thing: Selection) -> ParsedClause:
         """'take the middle aisle' is to drive along it, 'take the door' is to go through."""
-        if isinstance(thing.one, (Half, Box)):
+        if isinstance(thing.one, (spec.Half, spec.Box)):
             return self.keep_to(thing)
-        if isinstance(thing.one, Between):
+        if isinstance(thing.one, spec.Between):
             return visits((thing,))
         generic = generic_of(thing.place, place_nouns(thing.place))
         if generic == DOOR:
@@ -240,51 +323,51 @@ class Meaning(RegionMeaning):
             raise Unclear('to go through it or to stay in it')
         return self.keep_to(thing)
 
-    def follow(self, *parts: Any) -> Reading:
+    def follow(self, *parts: Any) -> ParsedClause:
         """'drive along the corridor', 'follow the wall'."""
         things: Things = parts[-1]
         thing = single(things)
         if thing.is_walls or (thing.places and thing.place.is_object):
             return self.stay_close(things)
-        if thing.places and not isinstance(thing.one, Half):
+        if thing.places and not isinstance(thing.one, spec.Half):
             generic = generic_of(thing.place, place_nouns(thing.place))
             if generic != PASSAGE:
                 raise Unclear('along it or through it')
         return self.keep_to(thing)
 
-    def drive_on(self, thing: Selection) -> Reading:
+    def drive_on(self, thing: Selection) -> ParsedClause:
         """'drive on the north side', 'drive on the north side of the rack'."""
         region = thing.one
-        if not isinstance(region, Half):
+        if not isinstance(region, spec.Half):
             raise Unclear('to drive on what')
         return self.pass_half(thing) if region.of else self.keep_to(thing)
 
-    def stay_close(self, things: Things) -> Reading:
+    def stay_close(self, things: Things) -> ParsedClause:
         """'hug the walls'."""
-        strip = strip_along(single(things), ALONG_WIDTH)
-        return Reading((StayIn(SHOULD, region=strip),))
+        strip = strip_along(single(things), spec.ALONG_WIDTH)
+        return ParsedClause((spec.StayIn(spec.SHOULD, region=strip),))
 
-    def stay_within(self, metres: Token, things: Things) -> Reading:
+    def stay_within(self, metres: Token, things: Things) -> ParsedClause:
         """'stay within 2 m of the walls'."""
         thing = single(things)
         if thing.is_point:
-            return Reading((StayIn(region=with_radius(thing, positive(value(metres)))),))
-        return Reading((StayIn(region=strip_along(thing, value(metres))),))
+            return ParsedClause((spec.StayIn(region=with_radius(thing, positive(value(metres)))),))
+        return ParsedClause((spec.StayIn(region=strip_along(thing, value(metres))),))
 
     # ---- pass
 
-    def pass_at(self, things: Things, side: str) -> Reading:
+    def pass_at(self, things: Things, side: str) -> ParsedClause:
         """'pass A on the north side'."""
         thing = single(things)
         if thing.is_positioned or thing.is_walls:
             raise Unclear('the side of the places or of the way')
-        return Reading((Pass(region=thing.one, side=side),))
+        return ParsedClause((spec.Pass(region=thing.one, side=side),))
 
-    def go_past(self, things: Things) -> Reading:
+    def go_past(self, things: Things) -> ParsedClause:
         """'drive past A' is to come near it, if it is an object or a point."""
-        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, Half):
+        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, spec.Half):
             return self.pass_half(things[0])
-        if all(isinstance(region, Between) for thing in things for region in thing.regions):
+        if all(isinstance(region, spec.Between) for thing in things for region in thing.regions):
             return visits(things)
         if any(thing.is_positioned for thing in things) or not all(
             thing.is_point or all_objects(thing) for thing in things
@@ -292,52 +375,167 @@ class Meaning(RegionMeaning):
             raise Unclear('past it or through it')
         return visits(things)
 
-    def pass_by_at(self, how: str, things: Things, *tokens: Token) -> Reading:
+    def pass_by_at(self, how: str, things: Things, *tokens: Token) -> ParsedClause:
         """'pass by A on the north side'."""
         if how != 'PASSBY':
             raise Unclear('a side for what is visited')
         return self.pass_at(things, side_in(tokens))
 
-    def pass_of(self, side: Token, thing: Selection) -> Reading:
+    def pass_of(self, side: Token, thing: Selection) -> ParsedClause:
         """'pass north of A'."""
         return self.pass_at((thing,), str(value(side)))
 
-    def pass_above(self, thing: Selection) -> Reading:
+    def pass_above(self, thing: Selection) -> ParsedClause:
         """'pass above A', on the map."""
         return self.pass_at((thing,), 'north')
 
-    def pass_below(self, thing: Selection) -> Reading:
+    def pass_below(self, thing: Selection) -> ParsedClause:
         """'pass below A', on the map."""
         return self.pass_at((thing,), 'south')
 
-    def pass_half(self, thing: Selection) -> Reading:
+    def pass_half(self, thing: Selection) -> ParsedClause:
         """'pass on the north side of A'."""
         region = thing.one
-        if not isinstance(region, Half) or not region.of or not thing.place.is_object:
+        if not isinstance(region, spec.Half) or not region.of or not thing.place.is_object:
             raise Unclear('past it or through it')
-        return Reading((Pass(region=NamedPlace(region.of), side=region.side),))
+        return ParsedClause((spec.Pass(region=spec.NamedPlace(region.of), side=region.side),))
 
-    def leave_at(self, thing: Selection, side: str) -> Reading:
+    def leave_at(self, thing: Selection, side: str) -> ParsedClause:
         """'keep A on your left' is to pass it on its right."""
         return self.pass_at((thing,), OPPOSITE[side])
 
     def at_side(self, *tokens: Token) -> str:
         """'on the north side'."""
-        return side_in(tuple(token for token in tokens if token is not None))
+        return side_in(tokens)
 
     own_side = at_side
 
-    def at(self) -> None:
-        """'on', 'to'."""
-
     # ---- the rest
 
-    def end_at(self, thing: Selection) -> Reading:
+    def end_at(self, thing: Selection) -> ParsedClause:
         """'end in A'."""
         if thing.is_group and not thing.any_one:
             raise Unclear('in which of them')
-        return Reading((EndAt(region=thing.one),))
+        return ParsedClause((spec.EndAt(region=thing.one),))
 
-    def bare(self, things: Things) -> Reading:
+    def bare(self, things: Things) -> ParsedClause:
         """Things without a verb."""
-        return Reading(things=things)
+        return ParsedClause(things=things)
+
+    # ---- regions
+
+    def things(self, *things: Selection) -> Things:
+        """'A, B and C'; 'x above 2 and x below 5' is one area."""
+        limits = [thing for thing in things if thing.is_limit]
+        if len(limits) > 1:
+            return (*(thing for thing in things if not thing.is_limit), *joint_limits(limits))
+        return things
+
+    def place(self, token: Token) -> Selection:
+        """A name."""
+        return select_place(value(token))
+
+    def all_of(self, _: Token, place: Selection) -> Selection:
+        """'all of A'."""
+        return replace(place, is_all=True)
+
+    def point(self, token: Token) -> Selection:
+        """'20, 12'."""
+        x, y = value(token)
+        return Selection((spec.Disc(x, y),), is_point=True)
+
+    def group(self, described: tuple[Group, list[Modifier]], *where: list[Modifier]) -> Selection:
+        """'the northern rooms', 'the room in the top left'."""
+        noun, parts = described
+        return select_group(noun, parts, where[0] if where else [])
+
+    def described(self, *parts: Any) -> tuple[Group, list[Modifier]]:
+        """'all blue rooms', 'la salle bleue': adjectives and the noun."""
+        tokens = [part for part in parts if isinstance(part, Token)]
+        adjectives = [part for part in parts if isinstance(part, Modifier)]
+        noun, *after = tokens
+        return value(noun), [*adjectives, *map(self.adjective, after)]
+
+    def adjective(self, token: Token) -> Modifier:
+        """'blue', 'northern', 'all'."""
+        return Modifier(token.type, value(token))
+
+    def where(self, *tokens: Token) -> list[Modifier]:
+        """'in the top left', 'in the middle'."""
+        return [Modifier(token.type, value(token)) for token in tokens]
+
+    def around(self, metres: Token, thing: Selection) -> Selection:
+        """'the 3 m around 20, 12'."""
+        if not thing.is_point:
+            raise Unclear('a strip around a place is said as avoid it by')
+        return Selection((with_radius(thing, positive(value(metres))),))
+
+    def surroundings(self, thing: Selection) -> Selection:
+        """'the surroundings of 20, 12', 'the area around it': a disc of the default radius."""
+        return Selection(thing.regions)
+
+    def half(self, *parts: Any) -> Selection:
+        """'the north half of the lab'."""
+        tokens = tuple(part for part in parts if isinstance(part, Token))
+        wholes = [part for part in parts if not isinstance(part, Token)]
+        whole = wholes[0] if wholes else None
+        is_half = any(token.type == 'HALFNOUN' for token in tokens)
+        return half_of(side_in(tokens), is_half, whole)
+
+    def of_map(self) -> str:
+        """'of the map'."""
+        return 'map'
+
+    def of_way(self) -> str:
+        """'of the direct way'."""
+        return 'way'
+
+    def of_place(self, thing: Selection) -> object:
+        """'of the lab'."""
+        return thing.place
+
+    def field(self, side: Token, line: Token) -> Selection:
+        """'north of y = 10'."""
+        return Selection((axis_half(str(value(side)), *value(line)),), is_limit=True)
+
+    def above(self, line: Token) -> Selection:
+        """'above y = 10'."""
+        return Selection((axis_half('north', *value(line)),), is_limit=True)
+
+    def below(self, line: Token) -> Selection:
+        """'below y = 10'."""
+        return Selection((axis_half('south', *value(line)),), is_limit=True)
+
+    def limits(self, box: Token) -> Selection:
+        """'x below 10', 'between y = 5 and y = 20'."""
+        return Selection((common_box(value(box)),), is_limit=True)
+
+    def ranges(self, box: Token) -> Selection:
+        """'the area with x from 1 to 2 and y above 3'."""
+        return Selection((common_box(value(box)),))
+
+    def whole(self) -> Selection:
+        """'the whole map'."""
+        return Selection((common_box(()),))
+
+    def between(self, first: Selection, second: Selection) -> Selection:
+        """'between A and B'."""
+        return Selection((spec.Between(first.place.name, second.place.name),))
+
+    def between_two(self, pair: Selection) -> Selection:
+        """'between the racks', if there are two."""
+        if len(pair.places) != 2:
+            raise Unclear('between which two')
+        first, second = pair.places
+        return Selection((spec.Between(first.name, second.name),))
+
+    def rectangle(self, corner: Token, other: Token) -> Selection:
+        """'the rectangle from 1, 2 to 3, 4'."""
+        (x0, y0), (x1, y1) = value(corner), value(other)
+        if x0 == x1 or y0 == y1:
+            raise Unclear('an empty area')
+        return Selection((spec.Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
+
+    def strip(self, metres: Token, _: Token, thing: Selection) -> Selection:
+        """'the 1 m along the lab'."""
+        return Selection((strip_along(thing, value(metres)),))

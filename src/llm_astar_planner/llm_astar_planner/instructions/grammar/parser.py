@@ -14,10 +14,9 @@ from lark import Lark, Token
 from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer as LarkLexer
 
-from llm_astar_planner.instructions.grammar.asked import Reading
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
-from llm_astar_planner.instructions.grammar.meaning import Meaning
-from llm_astar_planner.instructions.grammar.regions import Unclear
+from llm_astar_planner.instructions.grammar.meaning import ClauseCallbacks, ParsedClause
+from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.words import word_set
 
 # Kinds whose value the grammar's callbacks are given; lark leaves out those with an underscore.
@@ -46,13 +45,13 @@ class LexemeLexer(Lexer):  # type: ignore[misc]
 def clause_parser() -> Any:  # noqa: ANN401
     """Return the parser, built when the first clause is read."""
     grammar = GRAMMAR.read_text(encoding='utf-8')
-    return Lark(grammar, parser='lalr', lexer=LexemeLexer, transformer=Meaning())
+    return Lark(grammar, parser='lalr', lexer=LexemeLexer, transformer=ClauseCallbacks())
 
 
-def parse_clause(lexemes: Sequence[Lexeme]) -> Reading:
+def parse_clause(lexemes: Sequence[Lexeme]) -> ParsedClause:
     """Return what the lexemes of one clause say. Raises Unclear where it cannot be said."""
     try:
-        reading: Reading = clause_parser().parse(lexemes)
+        reading: ParsedClause = clause_parser().parse(lexemes)
     except VisitError as error:
         if isinstance(error.orig_exc, Unclear):
             raise error.orig_exc from error

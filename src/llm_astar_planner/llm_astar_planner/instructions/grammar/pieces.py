@@ -10,19 +10,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, LENGTH, POINT, RANGE, Lexeme
-from llm_astar_planner.instructions.grammar.reading_order import (
-    FIRST,
-    GOVERNING,
-    NEG,
-    ORDER_WORDS,
-    PRONOUN,
-    STOPBY,
-    VERBS,
-    in_reading_order,
-    with_stops,
-)
 from llm_astar_planner.instructions.grammar.words import word_set
 
+NEG, FIRST, PRONOUN = 'NEG', 'FIRST', 'PRONOUN'
+VERBS = word_set(
+    'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
+    'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY'
+)
+# Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
+GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
+# After these the route goes on; `ENROUTE` is 'on your way'.
+ENROUTE = 'ENROUTE'
+GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH ENTER')
+# A verb after one of these belongs to it: 'before you enter A'.
+ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
+# 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
+STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
 SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
 HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
 BECAUSE = 'BECAUSE'
@@ -33,7 +36,6 @@ UNREAD = 'UNREAD'
 MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
 PAST, BACK = 'past', 'back'
-
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
     'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
@@ -46,7 +48,85 @@ AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
 PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
 # A comma before one of these ends nothing.
 TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
+# What is said of a subject, and what ends the look for it.
+STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
+SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
 SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
+
+
+def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with 'stop at' as the end of the route, or as a visit where it goes on.
+
+    Where only conditions of the way follow ('stop at A and avoid B') nobody knows which.
+    """
+    result: list[Lexeme] = []
+    goes_on = any(lexeme.kind == ENROUTE for lexeme in lexemes)
+    is_limited = False
+    for at in range(len(lexemes) - 1, -1, -1):
+        lexeme = lexemes[at]
+        if lexeme.kind == STOP and (at == 0 or lexemes[at - 1].kind != FIRST):
+            kind = STOPBY if goes_on else STOP if is_limited else END
+            lexeme = replace(lexeme, kind=kind)
+        elif lexeme.kind == STOP:
+            lexeme = replace(lexeme, kind=STOPBY)
+        is_refused = at > 0 and lexemes[at - 1].kind in GOVERNING
+        goes_on = goes_on or (lexeme.kind in GOES_ON and not is_refused)
+        is_limited = is_limited or lexeme.kind in VERBS or lexeme.kind == NEG
+        if lexeme.kind != ENROUTE:
+            result.append(lexeme)
+    return result[::-1]
+
+
+def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return a piece with its negation first and a verb at its end before what it governs."""
+    lexemes = with_only_after(lexemes)
+    negations = [lexeme for lexeme in lexemes if lexeme.kind == NEG]
+    rest = [lexeme for lexeme in lexemes if lexeme.kind != NEG]
+    order = next((n for n, one in enumerate(rest) if n and one.kind in ORDER_WORDS), None)
+    if order is not None:
+        head, tail = verb_first(rest[:order]), verb_first(rest[order + 1 :])
+        return with_visits([*negations, *head, rest[order], *tail])
+    return with_visits(negations + verb_first(rest))
+
+
+def with_only_after(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return 'only enter A after B' as 'enter A only after B'."""
+    kinds = [lexeme.kind for lexeme in lexemes]
+    if kinds.count('ONLY') != 1 or 'AFTER' not in kinds:
+        return lexemes
+    return [
+        replace(lexeme, kind='ONLYAFTER') if lexeme.kind == 'AFTER' else lexeme
+        for lexeme in lexemes
+        if lexeme.kind != 'ONLY'
+    ]
+
+
+def verb_first(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with a verb at their end before them: 'die Küche meiden'.
+
+    After another verb if that governs it: 'vergiss die Küche nicht zu besuchen'.
+    """
+    kinds = [lexeme.kind for lexeme in lexemes]
+    others = [n for n, kind in enumerate(kinds[:-1]) if kind in VERBS]
+    if not kinds or kinds[-1] not in VERBS or any(kinds[n] not in GOVERNING for n in others):
+        return lexemes
+    at = others[-1] + 1 if others else 0
+    return [*lexemes[:at], lexemes[-1], *lexemes[at:-1]]
+
+
+def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with 'drive' and 'to' as one, but not in 'drive to the north of A'."""
+    result: list[Lexeme] = []
+    for at, lexeme in enumerate(lexemes):
+        before = result[-1].kind if result else ''
+        after = [one.kind for one in lexemes[at + 1 : at + 3]]
+        if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO') and after != ['SIDE', 'OF']:
+            result[-1] = replace(result[-1], kind='VISIT')
+        elif before == 'MOVE' and lexeme.kind == PRONOUN:
+            result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
+        else:
+            result.append(lexeme)
+    return result
 
 
 @dataclass(eq=False)
@@ -55,8 +135,9 @@ class Piece:
 
     - `link`: '' at the beginning, else the kind of the separator before it.
     - `start`, `end`: where its words stand in the text, separators included.
-    - `is_first`: it begins with 'first'. `is_wish`: it has an 'if possible'; `wish_leads`: at the
-      beginning. `order`: it ends with 'in any order' or 'in this order'.
+    - `is_first`: it begins with 'first'. `is_preference`: it has an 'if possible';
+      `preference_leads`: at the beginning.
+    - `order`: it ends with 'in any order' or 'in this order'.
     - `is_paced`: it holds words that change their meaning beside a negation.
     - `is_later`: it ends with 'afterwards'.
     - `is_broken`: it holds a condition or words that make it no instruction.
@@ -69,8 +150,8 @@ class Piece:
     start: int = 0
     end: int = 0
     is_first: bool = False
-    is_wish: bool = False
-    wish_leads: bool = False
+    is_preference: bool = False
+    preference_leads: bool = False
     order: str = ''
     is_broken: bool = False
     is_paced: bool = False
@@ -125,12 +206,8 @@ class Piece:
     @property
     def closes_an_order(self) -> bool:
         """Whether no verb followed its last order word yet: 'bevor du A | betrittst'."""
-        for lexeme in reversed(self.lexemes):
-            if lexeme.kind in ORDER_WORDS:
-                return True
-            if lexeme.kind in VERBS:
-                return False
-        return False
+        kinds = (lexeme.kind for lexeme in reversed(self.lexemes))
+        return next((kind for kind in kinds if kind in ORDER_WORDS | VERBS), '') in ORDER_WORDS
 
 
 class Splitter:
@@ -178,19 +255,17 @@ class Splitter:
 
     def takes_back(self, at: int, lexeme: Lexeme) -> bool:
         """Whether it is the 'no' of 'avoid A, no, B'."""
-        after = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
-        return lexeme.other == CONDITION and after in (COMMA, HARD)
+        return lexeme.other == CONDITION and self.kind_after(at) in (COMMA, HARD)
 
     @property
     def piece(self) -> Piece:
         """The piece that grows."""
         return self.pieces[-1]
 
-    def kind_after(self, at: int) -> str:
-        """Return the kind of the lexeme after one that is no comma or 'and', '' at the end."""
-        while at + 1 < len(self.lexemes) and self.lexemes[at + 1].kind in (COMMA, AND):
-            at += 1
-        return self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+    def kind_after(self, at: int, *skipped: str) -> str:
+        """Return the kind of the lexeme after one, some kinds skipped, '' at the end."""
+        kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
+        return next((kind for kind in kinds if kind not in skipped), '')
 
     def begin(self, link: str) -> None:
         """Begin a new piece; a stronger link before it stays."""
@@ -203,7 +278,7 @@ class Splitter:
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
         piece = self.piece
-        if not (piece.lexemes or piece.is_wish or piece.is_first or piece.is_broken):
+        if not (piece.lexemes or piece.is_preference or piece.is_first or piece.is_broken):
             piece.start = lexeme.start
         piece.lexemes.append(lexeme)
         piece.end = lexeme.end
@@ -224,7 +299,7 @@ class Splitter:
 
     def is_left_out(self, at: int, kind: str) -> bool:
         """Whether a comma or 'and' ends no piece; one within a list is added to it."""
-        following = self.kind_after(at)
+        following = self.kind_after(at, COMMA, AND)
         if following in (THEN, BUT, ''):
             return True
         if kind == COMMA:
@@ -248,15 +323,14 @@ class Splitter:
         piece, lexeme = self.piece, self.lexemes[at]
         if not piece.is_complete:
             return False
+        nearest = self.kind_after(at)
         if following in REGION_STARTS and not self.names_a_subject(at):
-            nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
             is_comma = lexeme.kind == COMMA and nearest != AND
             kind = UNREAD if is_comma and self.is_between() else AND
             if piece.last != AND:
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
             return True
-        nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
-        repeated = nearest in PREPOSITIONS and self.kind_after(at + 1) in REGION_STARTS
+        repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
         if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF') and self.repeats(nearest):
             kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
             self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
@@ -266,10 +340,8 @@ class Splitter:
 
     def is_between(self) -> bool:
         """Whether the list is of what something lies between: of three nobody knows."""
-        for lexeme in reversed(self.piece.lexemes):
-            if lexeme.kind in ('BETWEEN', AND):
-                return lexeme.kind != AND
-        return False
+        kinds = (lexeme.kind for lexeme in reversed(self.piece.lexemes))
+        return next((kind for kind in kinds if kind in ('BETWEEN', AND)), '') == 'BETWEEN'
 
     def repeats(self, preposition: str) -> bool:
         """Whether the piece has the preposition already, in a verb or alone."""
@@ -280,27 +352,19 @@ class Splitter:
 
     def names_a_subject(self, at: int) -> bool:
         """Whether the region after a comma begins a clause: 'avoid A, B is closed'."""
-        has_verb = bool(self.piece.kinds & VERBS or 'THROUGH' in self.piece.kinds)
-        if not has_verb:
+        if not self.piece.kinds & (VERBS | {'THROUGH'}):
             return False
-        for lexeme in self.lexemes[at + 1 :]:
-            if lexeme.kind in ('FORBIDDEN', 'REQUIRED'):
-                return True
-            if lexeme.kind in VERBS or lexeme.kind in (HARD, THEN, BUT, 'BEFORE', 'AFTER'):
-                return False
-        return False
+        kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
+        return next((kind for kind in kinds if kind in SUBJECT_ENDS), '') in STATED
 
     def ends_before(self, at: int) -> bool:
         """Whether what follows an 'if possible' after a comma is a clause of its own."""
-        index = at + 1
-        while index < len(self.lexemes) and self.lexemes[index].kind in (COMMA, SHOULD_WORD):
-            index += 1
-        ends = index >= len(self.lexemes) or self.lexemes[index].kind in SEPARATORS
-        return not ends and self.piece.is_complete
+        following = self.kind_after(at, COMMA, SHOULD_WORD)
+        return bool(following) and following not in SEPARATORS and self.piece.is_complete
 
     def choose(self, at: int, lexeme: Lexeme) -> None:
         """Take an 'or': after a negation it is an 'and', elsewhere nobody knows which."""
-        following = self.kind_after(at)
+        following = self.kind_after(at, COMMA, AND)
         if NEG in self.piece.kinds and self.piece.is_complete:
             if following in REGION_STARTS and not self.piece.kinds & ORDER_WORDS:
                 self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
@@ -315,8 +379,8 @@ class Splitter:
         """Take a word of a clause, or one that says how the clause is meant."""
         piece = self.piece
         if lexeme.kind == SHOULD_WORD:
-            piece.wish_leads = piece.wish_leads or not piece.lexemes
-            piece.is_wish = True
+            piece.preference_leads = piece.preference_leads or not piece.lexemes
+            piece.is_preference = True
         elif lexeme.kind in AFFIRMATIVE or (lexeme.kind == 'DEGREE' and piece.last != NEG):
             piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
         elif lexeme.kind == FIRST:
@@ -353,13 +417,11 @@ class Splitter:
         piece = self.piece
         if not piece.is_complete or any(kind in ORDER_WORDS for kind in waiting(piece)):
             return False
-        following = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
-        if lexeme.kind == NEG:
-            if NEG in piece.kinds:
-                return False
-            at_end = not following or following in SEPARATORS
-            return not at_end and not (piece.awaits_verb and following in VERBS)
+        following = self.kind_after(at)
         at_end = not following or following in SEPARATORS
+        if lexeme.kind == NEG:
+            waits = piece.awaits_verb and following in VERBS
+            return not (NEG in piece.kinds or at_end or waits)
         if at_end and (piece.closes_an_order or piece.kinds & VERBS <= GOVERNING):
             return False
         if lexeme.kind == 'ALONG' and piece.last == LENGTH:

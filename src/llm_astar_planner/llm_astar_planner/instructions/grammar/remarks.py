@@ -1,7 +1,7 @@
 """What an instruction says beside its clauses: reasons, remarks, and what pronouns stand for.
 
 'They are mopping the ward, so not through there': the first part is a reason, 'there' is the
-ward. A reason or remark is left out only where nothing in it could be a wish about the route.
+ward. A reason or remark is left out only where nothing in it could ask something of the route.
 """
 
 from __future__ import annotations
@@ -10,23 +10,25 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
-from llm_astar_planner.instructions.grammar.nouns import nouns
 from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
     COLON,
     HARD,
+    NEG,
+    PRONOUN,
     REGION_ENDS,
     REGION_STARTS,
+    VERBS,
     Piece,
 )
-from llm_astar_planner.instructions.grammar.reading_order import NEG, PRONOUN, VERBS
+from llm_astar_planner.instructions.grammar.vocabulary import nouns
 from llm_astar_planner.instructions.grammar.words import word_set
 
 STATE, REMARK = 'STATE', 'REMARK'
 # Pronouns: 'it' stands for one place, 'there' and 'them' for all that were named together.
 ONE = 'one'
 NAMING = (REGION_STARTS | REGION_ENDS) - {PRONOUN, *word_set('ALL ANY ABOVE BELOW AREA NONE')}
-# What no statement about a place holds: it may be a wish, or the opposite of one.
+# What no statement about a place holds: it may ask something, or the opposite.
 TELLING = word_set('NEG CONDITION POISON OR BEFORE UNTIL ONLYAFTER ONLY AVOID END REQUIRED')
 HARMLESS = frozenset({UNKNOWN, STATE, REMARK})
 # A remark with one of these after a refusal may take it back: 'avoid A, it is fine'.

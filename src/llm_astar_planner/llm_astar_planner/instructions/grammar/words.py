@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import groupby
+from typing import Any, Generic, Protocol, TypeVar
 
 # Each alternative starts with another kind of character, so that reading takes linear time.
 WORD = re.compile(r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|[^\W\d_]+|\S')
@@ -18,6 +21,8 @@ NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?')
 # Between two numbers they make a range or something else that is no number: '2-3', '2 - 3'.
 DASHES = HYPHENS | frozenset('\u2013\u2014\u2212~')
 NUMBER_SIGNS = DASHES | frozenset('.,+/*')
+Value = TypeVar('Value')
+END = ''
 
 
 @dataclass(frozen=True)
@@ -109,6 +114,66 @@ def phrase_words(phrase: str) -> tuple[str, ...]:
     return tuple(word.text for word in read_words(phrase))
 
 
+def squeezed(word: str) -> str:
+    """Return a word with each doubled letter once: 'wal' and 'wall' are the same then."""
+    return ''.join(letter for letter, _ in groupby(word))
+
+
 def word_set(text: str) -> frozenset[str]:
     """Return the words of a text, divided by spaces, as a set."""
     return frozenset(text.split())
+
+
+class Spoken(Protocol):
+    """What has a comparable text: a word."""
+
+    @property
+    def text(self) -> str:
+        """The comparable form."""
+
+
+class Phrases(Generic[Value]):
+    """Phrases (tuples of comparable words), each with the values that were added under it.
+
+    It is a trie: to look for the longest phrase at a word takes as many steps as that phrase has
+    words. `skipped` words, articles, may stand within a phrase without being part of it.
+    """
+
+    def __init__(self, skipped: Collection[str] = ()) -> None:
+        """Start without phrases."""
+        self.skipped = frozenset(skipped)
+        self.words: set[str] = set()
+        self._root: dict[str, Any] = {}
+
+    def add(self, phrase: Sequence[str], value: Value) -> None:
+        """Add a value under a phrase; the same value counts once."""
+        node = self._root
+        for word in phrase:
+            node = node.setdefault(word, {})
+            self.words.add(word)
+        values = node.setdefault(END, [])
+        if phrase and value not in values:
+            values.append(value)
+
+    @cached_property
+    def single_words(self) -> frozenset[str]:
+        """The phrases of one word; to be asked when all are added."""
+        return frozenset(word for word, node in self._root.items() if END in node)
+
+    @property
+    def starts(self) -> frozenset[str]:
+        """The first words of all phrases."""
+        return frozenset(self._root)
+
+    def longest(self, words: Sequence[Spoken], start: int) -> tuple[int, list[Value]]:
+        """Return how many words the longest phrase at `start` takes, and its values."""
+        node, best, values = self._root, 0, []
+        for index in range(start, len(words)):
+            text = words[index].text
+            if text in node:
+                node = node[text]
+                if END in node:
+                    best, values = index + 1 - start, node[END]
+            elif index == start or text not in self.skipped:
+                break
+        return best, values

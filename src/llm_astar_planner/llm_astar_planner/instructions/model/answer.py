@@ -11,28 +11,16 @@ of the published form.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import islice
 from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.model.mentions import Reading
-from llm_astar_planner.instructions.specification import (
-    COMPASS,
-    WALLS,
-    Along,
-    Before,
-    Between,
-    Clause,
-    Half,
-    NamedPlace,
-    Region,
-    SpecificationError,
-    Tagged,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.model.mentions import Sentence
 from llm_astar_planner.instructions.specification_json import clause_from_json
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 
@@ -49,45 +37,45 @@ _ORDER_WORDS = ('before', 'after', 'until')
 _WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
 
 
-class Answer(NamedTuple):
+class ReadReply(NamedTuple):
     """The clauses of a model's answer, and how many more could not be read."""
 
-    clauses: tuple[Clause, ...]
+    clauses: tuple[spec.Clause, ...]
     unreadable: int = 0
 
 
-def answer_schema(reading: Reading, places: Places) -> dict[str, Any]:
+def answer_schema(sentence: Sentence, places: Places) -> dict[str, Any]:
     """Return the JSON schema of an answer about one sentence.
 
     It offers the map's names and tags, and of numbers, directions and forms only what the
     sentence has: a decoder that is constrained by it can invent neither.
     """
     definitions: dict[str, Any] = {}
-    names, tags = offered_names(reading, places), offered_tags(places)
-    if reading.has_strange_words:
+    names, tags = offered_names(sentence, places), offered_tags(places)
+    if sentence.has_strange_words:
         names.append(UNKNOWN_PLACE)
     if names:
         definitions['name'] = {'enum': names}
     if tags:
         definitions['tag'] = {'enum': tags}
-    if reading.numbers:
-        definitions['number'] = {'enum': [tidy(value) for value in reading.numbers]}
-    if reading.sides:
-        definitions['side'] = {'enum': reading.sides}
-    regions = region_forms(reading, definitions)
+    if sentence.numbers:
+        definitions['number'] = {'enum': [tidy(value) for value in sentence.numbers]}
+    if sentence.sides:
+        definitions['side'] = {'enum': sentence.sides}
+    regions = region_forms(sentence, definitions)
     definitions['region'] = {'anyOf': regions}
     clauses = {
         'type': 'array',
         'maxItems': MAX_ANSWER_CLAUSES,
-        'items': {'anyOf': clause_forms(reading)},
+        'items': {'anyOf': clause_forms(sentence)},
     }
     return {**_form({'clauses': clauses}), '$defs': definitions}
 
 
-def offered_names(reading: Reading, places: Places) -> list[str]:
+def offered_names(sentence: Sentence, places: Places) -> list[str]:
     """Return the names that an answer may hold: those mentioned, or all if a word is unclear."""
-    mentioned = {name for mention in reading.mentions for name in mention.names}
-    unclear = reading.has_strange_words
+    mentioned = {name for mention in sentence.mentions for name in mention.names}
+    unclear = sentence.has_strange_words
     return [place.name for place in places if unclear or place.name in mentioned]
 
 
@@ -97,41 +85,41 @@ def offered_tags(places: Places) -> list[str]:
     return [tag for tag in places.tags if tag.casefold() not in names]
 
 
-def clause_forms(reading: Reading) -> list[dict[str, Any]]:
+def clause_forms(sentence: Sentence) -> list[dict[str, Any]]:
     """Return the schemas of the kinds of clauses that the sentence may hold."""
     region = _ref('region')
     forms = [
         _form({'do': {'const': kind}, 'where': region})
         for kind in ('avoid', 'visit', 'stay_in', 'end_at')
     ]
-    if reading.sides:
+    if sentence.sides:
         forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
-    if any(reading.has(f'strong.{word}') for word in _ORDER_WORDS):
+    if any(sentence.has(f'strong.{word}') for word in _ORDER_WORDS):
         forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
-    if reading.numbers:
-        away = {'anyOf': [{'const': WALLS}, region]}
+    if sentence.numbers:
+        away = {'anyOf': [{'const': spec.WALLS}, region]}
         fields = {'from': away, 'metres': _ref('number')}
         forms.append(_form({'do': {'const': 'keep_distance'}, **fields}))
     return forms
 
 
-def region_forms(reading: Reading, definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+def region_forms(sentence: Sentence, definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the schemas of the forms of a region that the sentence may hold."""
-    name, number = 'name' in definitions, len(reading.numbers)
+    name, number = 'name' in definitions, len(sentence.numbers)
     forms = [_ref('name')] if name else []
     if not name:
         forms.append({'const': UNKNOWN_PLACE})
     if 'tag' in definitions:
         forms.append(_form({'all': _ref('tag')}))
-    if reading.sides:
+    if sentence.sides:
         forms.append(_form({'half': _ref('side')}))
-    compass = [side for side in reading.sides if side in COMPASS]
+    compass = [side for side in sentence.sides if side in spec.COMPASS]
     if compass and name:
         forms.append(_form({'half': {'enum': compass}, 'of': _ref('name')}))
-    if name and reading.has('regions.between'):
+    if name and sentence.has('regions.between'):
         forms.append(_form({'between': {**_numbers(2), 'items': _ref('name')}}))
-    if reading.has('regions.along'):
-        along = [{'const': WALLS}, *([_ref('name')] if name else [])]
+    if sentence.has('regions.along'):
+        along = [{'const': spec.WALLS}, *([_ref('name')] if name else [])]
         width = {'enum': [1, *definitions['number']['enum']]} if number else {'const': 1}
         forms.append(_form({'along': {'anyOf': along}, 'width': width}))
     if number:
@@ -165,7 +153,7 @@ def _numbers(count: int) -> dict[str, Any]:
     return {'type': 'array', 'items': _ref('number'), 'minItems': count, 'maxItems': count}
 
 
-def read_answer(text: str, places: Places) -> Answer | None:
+def read_answer(text: str, places: Places) -> ReadReply | None:
     """Read a model's reply; None where it holds no object with a list of clauses.
 
     A clause that cannot be read is counted and left out; the others stay.
@@ -174,24 +162,18 @@ def read_answer(text: str, places: Places) -> Answer | None:
     items = found.get('clauses') if found is not None else None
     if not isinstance(items, list):
         return None
-    clauses: list[Clause] = []
-    unreadable = max(0, len(items) - MAX_ANSWER_CLAUSES)
-    for item in items[:MAX_ANSWER_CLAUSES]:
-        clause = read_clause(item, places)
-        if clause is None:
-            unreadable += 1
-        else:
-            clauses.append(clause)
-    return Answer(tuple(clauses), unreadable)
+    read = [read_clause(item, places) for item in items[:MAX_ANSWER_CLAUSES]]
+    clauses = tuple(clause for clause in read if clause is not None)
+    return ReadReply(clauses, len(items) - len(clauses))
 
 
-def read_clause(item: object, places: Places) -> Clause | None:
+def read_clause(item: object, places: Places) -> spec.Clause | None:
     """Return a clause of an answer, None where it cannot be read or names no known place."""
     if isinstance(item, dict) and UNKNOWN_PLACE in map(str, item.values()):
-        return Unknown(text=UNKNOWN_PLACE)
+        return spec.Unknown(text=UNKNOWN_PLACE)
     try:
         return known_places(clause_from_json(published(item), 'clause'), places)
-    except SpecificationError:
+    except spec.SpecificationError:
         return None
 
 
@@ -199,13 +181,9 @@ def find_object(text: str) -> Mapping[str, Any] | None:
     """Return the first JSON object with clauses in a reply, None without one. Linear in time."""
     text = text[:MAX_REPLY_CHARS].rpartition('</think>')[2]
     decoder = json.JSONDecoder()
-    start = -1
-    for _ in range(MAX_STARTS):
-        start = text.find('{', start + 1)
-        if start < 0:
-            return None
+    for brace in islice(re.finditer('{', text), MAX_STARTS):
         try:
-            value, _end = decoder.raw_decode(text, start)
+            value, _end = decoder.raw_decode(text, brace.start())
         except (ValueError, RecursionError):
             continue
         if isinstance(value, dict) and 'clauses' in value:
@@ -258,39 +236,38 @@ def in_order(pair: list[object]) -> list[object]:
     return pair
 
 
-def known_places(clause: Clause, places: Places) -> Clause:
+def known_places(clause: spec.Clause, places: Places) -> spec.Clause:
     """Return a clause with the places' own names for aliases.
 
     Raises SpecificationError where it has a place or a tag that the map has not.
     """
-    if isinstance(clause, Visit):
-        return replace(clause, regions=tuple(known_region(r, places) for r in clause.regions))
-    if isinstance(clause, Before):
-        first, second = known_region(clause.first, places), known_region(clause.second, places)
-        return replace(clause, first=first, second=second)
-    region = getattr(clause, 'region', None)
-    if isinstance(region, Region):
-        return replace(clause, region=known_region(region, places))  # type: ignore[call-arg]
-    return clause
+    known: dict[str, Any] = {
+        name: known_region(value, places)
+        for name, value in vars(clause).items()
+        if isinstance(value, spec.Region)
+    }
+    if isinstance(clause, spec.Visit):
+        known['regions'] = tuple(known_region(region, places) for region in clause.regions)
+    return replace(clause, **known)
 
 
-def known_region(region: Region, places: Places) -> Region:
+def known_region(region: spec.Region, places: Places) -> spec.Region:
     """Return a region with the places' own names. Raises SpecificationError for unknown ones."""
     match region:
-        case NamedPlace(name):
+        case spec.NamedPlace(name):
             # Models write a tag where a name is asked for.
             if places.get(name) is None and places.with_tag(name):
-                return Tagged(name)
-            return NamedPlace(known_name(name, places))
-        case Tagged(tag):
+                return spec.Tagged(name)
+            return spec.NamedPlace(known_name(name, places))
+        case spec.Tagged(tag):
             if not places.with_tag(tag):
-                raise SpecificationError(f'tag: no place has {tag!r}')
-        case Half(side, of) if of:
-            return Half(side, known_name(of, places))
-        case Between(first, second):
-            return Between(known_name(first, places), known_name(second, places))
-        case Along(place, width) if place != WALLS:
-            return Along(known_name(place, places), width)
+                raise spec.SpecificationError(f'tag: no place has {tag!r}')
+        case spec.Half(side, of) if of:
+            return spec.Half(side, known_name(of, places))
+        case spec.Between(first, second):
+            return spec.Between(known_name(first, places), known_name(second, places))
+        case spec.Along(place, width) if place != spec.WALLS:
+            return spec.Along(known_name(place, places), width)
     return region
 
 
@@ -298,5 +275,5 @@ def known_name(name: str, places: Places) -> str:
     """Return a place's own name for a name or alias. Raises SpecificationError without one."""
     place = places.get(name)
     if place is None:
-        raise SpecificationError(f'place: the map has no {name!r}')
+        raise spec.SpecificationError(f'place: the map has no {name!r}')
     return place.name

@@ -4,60 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.grammar.words import word_set
 from llm_astar_planner.instructions.model.structure import STOP, Structure
 from llm_astar_planner.instructions.model.vocabulary import Token, vocabulary
-from llm_astar_planner.instructions.specification import (
-    MUST,
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Box,
-    Clause,
-    Disc,
-    Half,
-    KeepDistance,
-    Pass,
-    Region,
-    StayIn,
-    Tagged,
-)
 
 MAX_PARTS = 4
 MAX_PART_CHARS = 80
 # Words that ask nothing of the route by themselves.
-_IDLE = frozenset(
-    [
-        'fillers',
-        'idle',
-        'soft',
-        'order',
-        'any_order',
-        'insist',
-        'reason',
-        'turn',
-        'reverse',
-        'verb',
-    ]
-)
-_REFUSING = frozenset(['negator', 'shun', 'leave', 'apart', 'at_most'])
-_ROUTE = frozenset(['verb', 'shun', 'negator', 'regions.walls'])
-_REGION_WORDS: dict[type[Region], str] = {
-    Disc: 'point', Box: 'box', Half: 'half', Between: 'between', Along: 'along', Tagged: 'all',
-}  # fmt: skip
+_IDLE = word_set('fillers idle soft order any_order insist reason turn reverse verb')
+_REFUSING = word_set('negator shun leave apart at_most')
+_COMPARING = word_set('compare.above compare.below')
+_AREAS = _COMPARING | word_set('regions.half regions.box')
+_ROUTE = word_set('verb shun negator regions.walls')
+# The classes of words that a clause of a kind, or a region of a form, accounts for.
+_ACCOUNTED: dict[type[object], frozenset[str]] = {
+    spec.Avoid: _REFUSING | _COMPARING,
+    spec.Pass: _REFUSING | _COMPARING,
+    spec.KeepDistance: _REFUSING,
+    spec.StayIn: _REFUSING,
+    spec.Before: _REFUSING,
+    spec.Disc: word_set('regions.point'),
+    spec.Box: _AREAS,
+    spec.Half: _AREAS,
+    spec.Between: word_set('regions.between'),
+    spec.Along: word_set('regions.along regions.walls'),
+    spec.Tagged: word_set('regions.all'),
+}
 
 
-def unread_parts(clauses: Sequence[Clause], used: set[int], structure: Structure) -> list[str]:
+def unread_parts(
+    clauses: Sequence[spec.Clause], used: set[int], structure: Structure
+) -> list[str]:
     """Return the parts of the sentence that no clause accounts for, as they are written.
 
     `used` are the words that the clauses account for by name, number or direction.
     """
-    tokens = structure.reading.tokens
+    tokens = structure.sentence.tokens
     known = accounted_labels(clauses)
-    mentioned = {n for m in structure.reading.mentions for n in m.tokens}
+    mentioned = {n for m in structure.sentence.mentions for n in m.tokens}
     optional = {
-        n for m in structure.reading.mentions if m.tags for n in m.tokens if tokens[n].labels
+        n for m in structure.sentence.mentions if m.tags for n in m.tokens if tokens[n].labels
     }
     excused = (
         thing_words(used, structure)
@@ -77,27 +64,15 @@ def unread_parts(clauses: Sequence[Clause], used: set[int], structure: Structure
     return parts_of(unread, structure)
 
 
-def accounted_labels(clauses: Iterable[Clause]) -> set[str]:
+def accounted_labels(clauses: Iterable[spec.Clause]) -> set[str]:
     """Return the classes of words that clauses account for."""
     known = set(_IDLE)
     for clause in clauses:
         known.add(f'kinds.{clause.kind}')
-        if isinstance(clause, (Avoid, KeepDistance, StayIn, Before, Pass)):
-            known |= _REFUSING
-        if isinstance(clause, (Pass, Avoid)):
-            known |= {'compare.above', 'compare.below'}
-        if isinstance(clause, KeepDistance) and clause.region is None:
+        for one in (clause, *spec.regions_of(clause)):
+            known |= _ACCOUNTED.get(type(one), frozenset())
+        if isinstance(clause, spec.KeepDistance) and clause.region is None:
             known.add('regions.walls')
-        for region in regions_of(clause):
-            name = _REGION_WORDS.get(type(region))
-            if name:
-                known.add(f'regions.{name}')
-            if isinstance(region, (Box, Half)):
-                known |= {'compare.above', 'compare.below', 'regions.half', 'regions.box'}
-            if isinstance(region, Along):
-                known.add('regions.walls')
-        if clause.strength != MUST:
-            known.add('soft')
     return known
 
 
@@ -113,44 +88,44 @@ def reason_words(structure: Structure) -> set[int]:
     """Return the words of reasons: from 'because' to the end of that part of the sentence."""
     found: set[int] = set()
     inside = False
-    for piece in structure.pieces:
-        if piece.boundary == STOP:
+    for chunk in structure.chunks:
+        if chunk.boundary == STOP:
             inside = False
-        for n in piece.tokens:
-            inside = inside or 'reason' in structure.reading.tokens[n].labels
+        for n in chunk.tokens:
+            inside = inside or 'reason' in structure.sentence.tokens[n].labels
             if inside:
                 found.add(n)
-        if piece.boundary == 'comma' and 'verb' in piece.labels and 'reason' not in piece.labels:
+        if chunk.boundary == 'comma' and 'verb' in chunk.labels and 'reason' not in chunk.labels:
             inside = False
     return found
 
 
 def statement_words(structure: Structure) -> set[int]:
     """Return the words of statements ('the floor is wet'): by themselves they ask nothing."""
-    return {n for piece in structure.pieces if structure.states(piece) for n in piece.tokens}
+    return {n for chunk in structure.chunks if structure.states(chunk) for n in chunk.tokens}
 
 
 def thing_words(used: set[int], structure: Structure) -> set[int]:
-    """Return the words for things to carry, where the wish is about a place that is accounted for.
+    """Return the words for things to carry, where the place of their verb is accounted for.
 
     In 'collect the mail' without a place they may stand for one.
     """
-    tokens = structure.reading.tokens
+    tokens = structure.sentence.tokens
     return {
         n
-        for piece in structure.pieces
-        if used & set(piece.tokens)
-        for n in piece.tokens
+        for chunk in structure.chunks
+        if used & set(chunk.tokens)
+        for n in chunk.tokens
         if 'things' in tokens[n].labels
     }
 
 
 def parts_of(unread: Sequence[int], structure: Structure) -> list[str]:
-    """Return the words in parts: those of one piece of the sentence go together."""
+    """Return the words in parts: those of one chunk of the sentence go together."""
     parts: list[list[int]] = []
     for n in unread:
         together = bool(parts) and any(
-            n in piece.tokens and parts[-1][-1] in piece.tokens for piece in structure.pieces
+            n in chunk.tokens and parts[-1][-1] in chunk.tokens for chunk in structure.chunks
         )
         if together:
             parts[-1].append(n)
@@ -158,11 +133,11 @@ def parts_of(unread: Sequence[int], structure: Structure) -> list[str]:
             parts.append([n])
     if len(parts) > MAX_PARTS:
         parts = [*parts[: MAX_PARTS - 1], [n for part in parts[MAX_PARTS - 1 :] for n in part]]
-    return [structure.reading.words(part[0], part[-1])[:MAX_PART_CHARS] for part in parts]
+    return [structure.sentence.words(part[0], part[-1])[:MAX_PART_CHARS] for part in parts]
 
 
 def says_of_route(structure: Structure) -> bool:
     """Return whether a sentence holds anything that may be about the route."""
-    return bool(structure.reading.mentions) or any(
-        token.labels & _ROUTE for token in structure.reading.tokens
+    return bool(structure.sentence.mentions) or any(
+        token.labels & _ROUTE for token in structure.sentence.tokens
     )

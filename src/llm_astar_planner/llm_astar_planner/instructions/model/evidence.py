@@ -9,27 +9,11 @@ from itertools import pairwise
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.model.kinds import kind_problem
-from llm_astar_planner.instructions.model.mentions import Mention, Reading
-from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions.model.mentions import Sentence
+from llm_astar_planner.instructions.model.names import Mention
 from llm_astar_planner.instructions.model.structure import Structure
-from llm_astar_planner.instructions.specification import (
-    ALONG_WIDTH,
-    ROUTE_SIDES,
-    WALLS,
-    Along,
-    Avoid,
-    Between,
-    Box,
-    Clause,
-    Disc,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    Region,
-    Tagged,
-)
 
 # Numbers that differ by less are the same: a model may round what it converts.
 TOLERANCE = 1e-3
@@ -66,113 +50,111 @@ class Witness:
     def __init__(self, structure: Structure, places: Places) -> None:
         """Take the sentence and the places it may name. `used` are words already accounted for."""
         self.structure = structure
-        self.reading: Reading = structure.reading
+        self.sentence: Sentence = structure.sentence
         self.places = places
         self.used: set[int] = set()
 
-    def evidence_of(self, clause: Clause) -> Evidence:
+    def evidence_of(self, clause: spec.Clause) -> Evidence:
         """Return the evidence for a clause."""
         found = Evidence()
-        for region in regions_of(clause):
+        for region in spec.regions_of(clause):
             before = len(found.anchors)
             self._region(region, found)
             found.parts.append(found.anchors[before:])
         match clause:
-            case KeepDistance(metres=metres):
+            case spec.KeepDistance(metres=metres):
                 if clause.region is None:
                     self._words('regions.walls', 'walls', found)
                 self._number(metres, found, with_unit=True)
-            case Avoid(margin=margin) if margin:
+            case spec.Avoid(margin=margin) if margin:
                 self._number(margin, found, with_unit=True)
-            case Pass(side=side):
+            case spec.Pass(side=side):
                 self._side(self._said_side(side, found), found, near=True)
         problem = kind_problem(clause, found.parts or [found.anchors], self.structure)
         if problem:
             found.problems.append(problem)
         return found
 
-    def _region(self, region: Region, found: Evidence) -> None:
+    def _region(self, region: spec.Region, found: Evidence) -> None:
         match region:
-            case NamedPlace(name):
+            case spec.NamedPlace(name):
                 self._place(name, found)
-            case Tagged(tag):
+            case spec.Tagged(tag):
                 self._tag(tag, found)
-            case Disc():
+            case spec.Disc():
                 self._disc(region, found)
-            case Box():
+            case spec.Box():
                 self._box(region, found)
-            case Half(side, of):
+            case spec.Half(side, of):
                 if of:
                     self._place(of, found)
                 self._side(side, found, anchor=not of)
-            case Between(first, second):
+            case spec.Between(first, second):
                 self._place(first, found)
                 self._place(second, found)
                 self._words('regions.between', 'between', found)
-            case Along(place, width):
-                if place == WALLS:
+            case spec.Along(place, width):
+                if place == spec.WALLS:
                     self._words('regions.walls', 'walls', found)
                 else:
                     self._place(place, found)
                 self._words('regions.along', 'along', found)
-                if not math.isclose(width, ALONG_WIDTH):
+                if not math.isclose(width, spec.ALONG_WIDTH):
                     self._number(width, found)
 
-    def _pick(self, fitting: Sequence[Mention]) -> Mention | None:
-        """Return the first mention that no other clause has used, else the first."""
+    def _take(
+        self, fitting: Sequence[Mention], shown: str, found: Evidence, *, anchor: bool = False
+    ) -> Mention | None:
+        """Account for the first mention that no other clause has used, else for the first."""
         free = [m for m in fitting if not self.used.issuperset(m.tokens)]
-        return next(iter(free or fitting), None)
+        mention = next(iter(free or fitting), None)
+        if mention is None:
+            found.problems.append(f'no {shown} in the sentence')
+        else:
+            found.use([mention], anchor=anchor)
+        return mention
 
     def _place(self, name: str, found: Evidence) -> None:
-        mention = self._pick([m for m in self.reading.mentions if name in m.names])
-        if mention is None:
-            found.problems.append(f'no {name!r} in the sentence')
-            return
-        found.use([mention], anchor=True)
-        if len(mention.names) > 1 and not mention.is_plural:
+        fitting = [m for m in self.sentence.mentions if name in m.names]
+        mention = self._take(fitting, repr(name), found, anchor=True)
+        if mention is not None and len(mention.names) > 1 and not mention.is_plural:
             found.problems.append(f'{name!r} is one of several that may be meant')
 
     def _tag(self, tag: str, found: Evidence) -> None:
         names = {place.name for place in self.places.with_tag(tag)}
         fitting = [
             m
-            for m in self.reading.mentions
+            for m in self.sentence.mentions
             if tag in m.tags or (len(m.names) > 1 and set(m.names) == names)
         ]
-        mention = self._pick(fitting)
-        if mention is None:
-            found.problems.append(f'no {tag!r} in the sentence')
-            return
-        found.use([mention], anchor=True)
+        self._take(fitting, repr(tag), found, anchor=True)
 
     def _number(self, value: float, found: Evidence, *, with_unit: bool = False) -> None:
-        fitting = [m for m in self.reading.mentions if holds(m, value)]
-        pieces = {self.structure.piece_of(m).wish for m in found.anchors}
-        near = [m for m in fitting if self.structure.piece_of(m).wish in pieces]
+        fitting = [m for m in self.sentence.mentions if holds(m, value)]
+        predicates = self.structure.predicates_of(found.anchors)
+        near = [m for m in fitting if self.structure.chunk_of(m).predicate in predicates]
         if with_unit:
             near = [m for m in near if m.has_unit] or near
-        mention = self._pick(near or fitting)
-        if mention is None:
-            found.problems.append(f'no {value:g} in the sentence')
-            return
-        found.use([mention])
-        if self._has_other_unit(mention, pieces, found):
+        mention = self._take(near or fitting, f'{value:g}', found)
+        if mention is not None and self._has_other_unit(mention, predicates, found):
             found.problems.append(f'{value:g} belongs to something else')
 
-    def _has_other_unit(self, number: Mention, wishes: set[int], found: Evidence) -> bool:
+    def _has_other_unit(self, number: Mention, predicates: set[int], found: Evidence) -> bool:
         """Return whether another length stands nearer to the anchors than a number does."""
-        home = self.structure.piece_of(number)
-        lengths = [m for m in self.reading.mentions if m.has_unit and m is not number]
-        pieces = [self.structure.piece_of(m) for m in found.anchors]
-        if any(home is piece for piece in pieces) or not pieces:
+        home = self.structure.chunk_of(number)
+        lengths = [m for m in self.sentence.mentions if m.has_unit and m is not number]
+        chunks = [self.structure.chunk_of(m) for m in found.anchors]
+        if any(home is chunk for chunk in chunks) or not chunks:
             return False
-        near = [self.structure.piece_of(m) for m in lengths]
-        beside = any(a is b for a in near for b in pieces)
-        return beside or (home.wish not in wishes and any(p.wish in wishes for p in near))
+        near = [self.structure.chunk_of(m) for m in lengths]
+        beside = any(a is b for a in near for b in chunks)
+        return beside or (
+            home.predicate not in predicates and any(p.predicate in predicates for p in near)
+        )
 
-    def _disc(self, disc: Disc, found: Evidence) -> None:
+    def _disc(self, disc: spec.Disc, found: Evidence) -> None:
         """Find x and y next to each other, in this order, and the radius."""
-        numbers = [m for m in self.reading.mentions if m.numbers]
+        numbers = [m for m in self.sentence.mentions if m.numbers]
         pairs = [
             (a, b)
             for a, b in pairwise(numbers)
@@ -189,20 +171,17 @@ class Witness:
         if disc.radius:
             self._number(disc.radius, found, with_unit=True)
 
-    def _box(self, box: Box, found: Evidence) -> None:
+    def _box(self, box: spec.Box, found: Evidence) -> None:
         """Find the limits; a half-open box also needs the word for its side."""
         limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
         for limit in limits:
-            fitting = [m for m in self.reading.mentions if holds(m, limit)]
-            mention = self._pick([m for m in fitting if not found.tokens & set(m.tokens)])
-            if mention is None:
-                found.problems.append(f'no {limit:g} in the sentence')
-                continue
-            found.use([mention], anchor=True)
+            fitting = [m for m in self.sentence.mentions if holds(m, limit)]
+            unused = [m for m in fitting if not found.tokens & set(m.tokens)]
+            self._take(unused, f'{limit:g}', found, anchor=True)
         if len(limits) == 1:
             self._box_side(box, found)
 
-    def _box_side(self, box: Box, found: Evidence) -> None:
+    def _box_side(self, box: spec.Box, found: Evidence) -> None:
         """Check the side of a box with one limit by 'north of', 'above', 'less than'."""
         of_x = math.isfinite(box.x0) or math.isfinite(box.x1)
         is_low = math.isfinite(box.x0) or math.isfinite(box.y0)
@@ -210,63 +189,52 @@ class Witness:
             f'sides.{side}' for side in (('east', 'west') if of_x else ('north', 'south'))
         )
         says = [{above, 'compare.above'}, {below, 'compare.below'}]
-        wishes = {self.structure.piece_of(m).wish for m in found.anchors}
+        predicates = self.structure.predicates_of(found.anchors)
         for_it, against_it = (
-            self._words_of(wishes, labels) for labels in (says if is_low else says[::-1])
+            self._words_of(predicates, labels) for labels in (says if is_low else says[::-1])
         )
         if against_it or not for_it:
             found.problems.append('the sentence does not say which side of it')
-        found.use(m for m in self.reading.mentions if set(m.tokens) & for_it)
+        found.use(m for m in self.sentence.mentions if set(m.tokens) & for_it)
 
-    def _words_of(self, wishes: set[int], labels: set[str]) -> set[int]:
-        """Return the words of some wishes that are of one of some classes."""
+    def _words_of(self, predicates: set[int], labels: set[str]) -> set[int]:
+        """Return the words of some predicates that are of one of some classes."""
         return {
             n
-            for piece in self.structure.pieces
-            for n in piece.tokens
-            if piece.wish in wishes and labels & self.reading.tokens[n].labels
+            for chunk in self.structure.chunks
+            for n in chunk.tokens
+            if chunk.predicate in predicates and labels & self.sentence.tokens[n].labels
         }
 
     def _side(
         self, side: str, found: Evidence, *, anchor: bool = False, near: bool = False
     ) -> None:
-        fitting = [m for m in self.reading.mentions if side in m.sides]
-        wishes = {self.structure.piece_of(m).wish for m in found.anchors}
-        if near and wishes:
-            fitting = [m for m in fitting if self._belongs(m, wishes)]
-        mention = self._pick(fitting)
-        if mention is None:
-            found.problems.append(f'no {side!r} in the sentence')
-            return
-        found.use([mention], anchor=anchor)
+        fitting = [m for m in self.sentence.mentions if side in m.sides]
+        predicates = self.structure.predicates_of(found.anchors)
+        if near and predicates:
+            fitting = [m for m in fitting if self._belongs(m, predicates)]
+        self._take(fitting, repr(side), found, anchor=anchor)
 
-    def _belongs(self, mention: Mention, wishes: set[int]) -> bool:
-        """Return whether a mention is in one of some wishes, or says something of 'it'."""
-        wish = self.structure.piece_of(mention).wish
-        places = (m for m in self.reading.mentions if m.names or m.tags)
-        own = any(self.structure.piece_of(m).wish == wish for m in places)
-        return wish in wishes or (not own and 'pronoun' in self.structure.labels_of(wish))
+    def _belongs(self, mention: Mention, predicates: set[int]) -> bool:
+        """Return whether a mention is in one of some predicates, or says something of 'it'."""
+        predicate = self.structure.chunk_of(mention).predicate
+        places = (m for m in self.sentence.mentions if m.names or m.tags)
+        own = any(self.structure.chunk_of(m).predicate == predicate for m in places)
+        return predicate in predicates or (
+            not own and 'pronoun' in self.structure.labels_of({predicate})
+        )
 
     def _said_side(self, side: str, found: Evidence) -> str:
         """Return how a sentence says a side: to leave an object on the left is to pass right."""
-        wishes = {self.structure.piece_of(m).wish for m in found.anchors}
-        if side not in ROUTE_SIDES or not self._words_of(wishes, {'strong.left_behind'}):
+        predicates = self.structure.predicates_of(found.anchors)
+        if side not in spec.ROUTE_SIDES or not self._words_of(predicates, {'strong.left_behind'}):
             return side
-        return ROUTE_SIDES[1 - ROUTE_SIDES.index(side)]
+        return spec.ROUTE_SIDES[1 - spec.ROUTE_SIDES.index(side)]
 
     def _words(self, name: str, shown: str, found: Evidence) -> None:
         """Find a word of a class of the vocabulary."""
-        hits = [
-            n
-            for n, token in enumerate(self.reading.tokens)
-            if name in token.labels
-        ]  # fmt: skip
-        if not hits:
-            found.problems.append(f'no {shown!r} in the sentence')
-            return
-        free = [n for n in hits if n not in self.used]
-        word = Mention(((free or hits)[0],))
-        found.use([word], anchor=name == 'regions.walls')
+        hits = [Mention((n,)) for n, one in enumerate(self.sentence.tokens) if name in one.labels]
+        self._take(hits, repr(shown), found, anchor=name == 'regions.walls')
 
 
 def holds(mention: Mention, value: float) -> bool:

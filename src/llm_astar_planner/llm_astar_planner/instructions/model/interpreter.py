@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import KW_ONLY, dataclass, field
+from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.places import Places
 
@@ -11,18 +12,67 @@ from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
     not_understood,
+    status_of,
 )
-from llm_astar_planner.instructions.model.answer import answer_schema
-from llm_astar_planner.instructions.model.mentions import read
-from llm_astar_planner.instructions.model.prompt import (
-    Examples,
-    prompt_messages,
-    shipped_examples,
-)
-from llm_astar_planner.instructions.model.reply import interpret_reply
-from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder
+from llm_astar_planner.instructions.model.answer import answer_schema, read_answer
+from llm_astar_planner.instructions.model.grounding import grounded
+from llm_astar_planner.instructions.model.mentions import read_sentence
+from llm_astar_planner.instructions.model.prompt import Examples, prompt_messages, shipped_examples
+from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
+
+
+def interpret_reply(exchange: Exchange, places: Places) -> Interpretation:
+    """Return what a model's reply says of its instruction, held against the sentence.
+
+    A reply without clauses that can be read gives status NONE.
+    """
+    answer = read_answer(exchange.reply, places)
+    if answer is None:
+        nothing = not_understood(exchange.text, 'the reply holds no list of clauses')
+        specification, status, detail = nothing.specification, nothing.status, nothing.detail
+    else:
+        specification, detail = grounded(answer.clauses, exchange.text, places)
+        status = status_of(specification)
+        if answer.unreadable:
+            detail = f'{detail}; {answer.unreadable} clauses were unreadable'.removeprefix('; ')
+    return Interpretation(
+        exchange.text,
+        specification,
+        exchange.model,
+        status,
+        detail,
+        exchange.seconds,
+        exchange.prompt_tokens,
+        exchange.output_tokens,
+    )
+
+
+class ReplayInterpreter:
+    """Answers from a transcript: by sentence and places, the last reply recorded of them."""
+
+    name = 'replay'
+
+    def __init__(self, path: str | Path, model: str = '') -> None:
+        """Read the transcript; `model` takes the replies of one model, '' those of any.
+
+        Raises TranscriptError where the file is malformed.
+        """
+        self._exchanges = {
+            (exchange.text, exchange.places): exchange
+            for exchange in read_exchanges(path)
+            if model in ('', exchange.model)
+        }
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002 - at once
+        """Return what the recorded reply says; NONE where there is no such exchange."""
+        if not text:
+            return Interpretation('', status=Understanding.IRRELEVANT)
+        exchange = self._exchanges.get((text, places.digest))
+        if exchange is None:
+            return not_understood(text, 'the transcript has no reply to it', self.name)
+        return interpret_reply(exchange, places)
 
 
 @dataclass(eq=False)
@@ -52,7 +102,7 @@ class ModelInterpreter:
         if not text:
             return Interpretation('', status=Understanding.IRRELEVANT)
         messages = prompt_messages(text, places, self.examples)
-        schema = answer_schema(read(text, places), places)
+        schema = answer_schema(read_sentence(text, places), places)
         try:
             completion = self.client.complete(messages, started + time_limit, schema)
         except EndpointFailure as failure:

@@ -3,32 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
-from llm_astar_planner.instructions.model.descriptions import orientation
-from llm_astar_planner.instructions.model.mentions import Mention
-from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.model.mentions import Sentence
+from llm_astar_planner.instructions.model.names import Mention, orientation
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
-from llm_astar_planner.instructions.specification import (
-    ROUTE_SIDES,
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Box,
-    Clause,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    StayIn,
-    Visit,
-)
 
 Parts = Sequence[Sequence[Mention]]
 
 
-def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | None:
+class Said(NamedTuple):
+    """What a sentence says around the regions of a clause.
+
+    `polarity` is that of all of them, `labels` are the classes of the words beside them.
+    """
+
+    clause: spec.Clause
+    polarity: Polarity
+    labels: set[str]
+    sentence: Sentence
+
+    def is_about(self, *forms: type[spec.Region]) -> bool:
+        """Tell whether a region of the clause is of one of some forms."""
+        return any(isinstance(region, forms) for region in spec.regions_of(self.clause))
+
+    @property
+    def is_long(self) -> bool:
+        """Whether a place of it is long and narrow: taking an aisle is staying in it."""
+        regions = spec.regions_of(self.clause)
+        names = [region.place for region in regions if isinstance(region, spec.NamedPlace)]
+        found = [self.sentence.places.get(name) for name in names]
+        return any(place is not None and orientation(place) for place in found)
+
+
+def kind_problem(clause: spec.Clause, parts: Parts, structure: Structure) -> str | None:
     """Return why the sentence does not say this kind of clause of its regions, None if it does.
 
     `parts` are the mentions of each region.
@@ -36,15 +45,11 @@ def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | No
     anchors = [mention for part in parts for mention in part]
     if not anchors:
         return None
-    if isinstance(clause, Before):
+    if isinstance(clause, spec.Before):
         return before_problem(parts, structure)
-    return PROBLEMS[type(clause)](clause, anchors, structure)
-
-
-def labels_around(anchors: Sequence[Mention], structure: Structure) -> set[str]:
-    """Return the classes of the words in the wishes of some mentions."""
-    wishes = {structure.piece_of(mention).wish for mention in anchors}
-    return {label for wish in wishes for label in structure.labels_of(wish)}
+    labels = structure.labels_of(structure.predicates_of(anchors))
+    said = Said(clause, polarity(anchors, structure), labels, structure.sentence)
+    return PROBLEMS[type(clause)](said)
 
 
 def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:
@@ -53,73 +58,59 @@ def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:
     return found.pop() if len(found) == 1 else Polarity.UNCLEAR
 
 
-def avoid_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def avoid_problem(said: Said) -> str | None:
     """Check that an avoided region is refused: not, avoid, never; 'do not leave' is another."""
-    held = polarity(anchors, structure)
-    labels = labels_around(anchors, structure)
-    around = 'strong.around' in labels and held is Polarity.WANTED
-    around = around and 'strong.way' not in labels and not structure.reading.sides
-    if held is not Polarity.REFUSED and not around:
+    around = 'strong.around' in said.labels and said.polarity is Polarity.WANTED
+    around = around and 'strong.way' not in said.labels and not said.sentence.sides
+    if said.polarity is not Polarity.REFUSED and not around:
         return 'nothing refuses it'
-    if 'leave' in labels and 'shun' not in labels:
+    if 'leave' in said.labels and 'shun' not in said.labels:
         return 'not leaving is no avoiding'
     return None
 
 
-def visit_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def visit_problem(said: Said) -> str | None:
     """Check that a visited region is wanted, and that it is not one to stay or end in."""
-    if polarity(anchors, structure) is not Polarity.WANTED:
+    if said.polarity is not Polarity.WANTED:
         return 'it is refused, or may be'
-    labels = labels_around(anchors, structure)
-    if 'strong.finish' in labels:
+    if 'strong.finish' in said.labels:
         return 'it may be one to end in'
-    if may_be_to_stay_in(clause, labels, structure):
+    if may_be_to_stay_in(said):
         return 'it may be one to stay in'
-    between = any(isinstance(region, (Between, Along)) for region in regions_of(clause))
-    if labels & {'strong.before', 'strong.until'} and not between:
+    between = said.is_about(spec.Between, spec.Along)
+    if said.labels & {'strong.before', 'strong.until'} and not between:
         return 'it may be one of before and after'
-    return None if labels & {'kinds.visit', 'verb', 'order'} else 'nothing says to go there'
+    is_said = said.labels & {'kinds.visit', 'verb', 'order'}
+    return None if is_said else 'nothing says to go there'
 
 
-def may_be_to_stay_in(clause: Clause, labels: set[str], structure: Structure) -> bool:
+def may_be_to_stay_in(said: Said) -> bool:
     """Return whether a region may be meant as one to stay in, not only to go through."""
-    if 'strong.stay' in labels:
+    if 'strong.stay' in said.labels:
         return True
-    half = any(isinstance(region, (Half, Box)) for region in regions_of(clause))
-    held = half and 'strong.stay_in' in labels
-    taken = 'strong.take' in labels and is_long(clause, structure)
-    return (held or taken) and 'strong.way' not in labels
+    held = 'strong.stay_in' in said.labels and said.is_about(spec.Half, spec.Box)
+    taken = 'strong.take' in said.labels and said.is_long
+    return (held or taken) and 'strong.way' not in said.labels
 
 
-def is_long(clause: Clause, structure: Structure) -> bool:
-    """Return whether a clause is about a long and narrow place: taking an aisle is staying in."""
-    names = [region.place for region in regions_of(clause) if isinstance(region, NamedPlace)]
-    found = [structure.reading.places.get(name) for name in names]
-    return any(place is not None and orientation(place) for place in found)
-
-
-def stay_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def stay_problem(said: Said) -> str | None:
     """Check that there is a word for staying, or that the region is not to be left."""
-    held = polarity(anchors, structure)
-    labels = labels_around(anchors, structure)
-    if held is Polarity.REFUSED:
-        return None if 'leave' in labels and 'shun' not in labels else 'it is refused'
-    if held is Polarity.UNCLEAR:
+    if said.polarity is Polarity.REFUSED:
+        is_not_left = 'leave' in said.labels and 'shun' not in said.labels
+        return None if is_not_left else 'it is refused'
+    if said.polarity is Polarity.UNCLEAR:
         return 'it is refused, or may be'
-    if 'strong.stay_in' in labels or ('strong.take' in labels and is_long(clause, structure)):
+    if 'strong.stay_in' in said.labels or ('strong.take' in said.labels and said.is_long):
         return None
     return 'nothing says to stay there'
 
 
-def end_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def end_problem(said: Said) -> str | None:
     """Check that the region is wanted and that there is a word for ending."""
-    if polarity(anchors, structure) is not Polarity.WANTED:
+    if said.polarity is not Polarity.WANTED:
         return 'it is refused, or may be'
-    half = any(isinstance(region, (Half, Box)) for region in regions_of(clause))
-    wanted = 'strong.finish' if half else 'strong.end_at'
-    if wanted not in labels_around(anchors, structure):
-        return 'nothing says to end there'
-    return None
+    wanted = 'strong.finish' if said.is_about(spec.Half, spec.Box) else 'strong.end_at'
+    return None if wanted in said.labels else 'nothing says to end there'
 
 
 def before_problem(parts: Parts, structure: Structure) -> str | None:
@@ -139,57 +130,45 @@ def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool
     None where no such word stands with them. Not before, like after, goes before the first one.
     """
     both = sorted([first, second], key=lambda mention: mention.first)
-    for n, token in enumerate(structure.reading.tokens[: both[1].first]):
+    for n, token in enumerate(structure.sentence.tokens[: both[1].first]):
         follows = both[0] if n < both[0].first else both[1]
         other = both[1] if n < both[0].first else both[0]
         if 'strong.before' in token.labels:
-            negated = structure.piece_of(other).polarity is Polarity.REFUSED
+            negated = structure.chunk_of(other).polarity is Polarity.REFUSED
             return (follows is first) if negated else (follows is second)
         if token.labels & {'strong.after', 'strong.until'}:
             return follows is first
     return None
 
 
-def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def pass_problem(said: Said) -> str | None:
     """Check that it is passed, and on a side of its own: 'on your left' may be its right."""
-    if polarity(anchors, structure) is not Polarity.WANTED and not avoided_around(
-        anchors, structure
-    ):
+    bypassed = 'shun' in said.labels and 'negator' not in said.labels
+    if said.polarity is not Polarity.WANTED and not bypassed:
         return 'it is refused, or may be'
-    labels = labels_around(anchors, structure)
-    if not labels & {'verb', 'kinds.pass'}:
+    if not said.labels & {'verb', 'kinds.pass'}:
         return 'nothing says to pass it'
-    of_robot = 'strong.at_hand' in labels and 'strong.left_behind' not in labels
-    if getattr(clause, 'side', '') in ROUTE_SIDES and of_robot:
+    of_robot = 'strong.at_hand' in said.labels and 'strong.left_behind' not in said.labels
+    if getattr(said.clause, 'side', '') in spec.ROUTE_SIDES and of_robot:
         return 'the side may be that of the robot'
     return None
 
 
-def avoided_around(anchors: Sequence[Mention], structure: Structure) -> bool:
-    """Return whether a refusal is 'bypass': going around, on a side."""
-    labels = labels_around(anchors, structure)
-    return 'shun' in labels and 'negator' not in labels
-
-
-def distance_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def distance_problem(said: Said) -> str | None:
     """Check that the distance is kept away from something, not within it."""
-    labels = labels_around(anchors, structure)
-    held = polarity(anchors, structure)
-    if held is Polarity.UNCLEAR:
+    if said.polarity is Polarity.UNCLEAR:
         return 'it is refused, or may be'
-    refused = held is Polarity.REFUSED
-    if 'at_most' in labels and not refused:
+    refused = said.polarity is Polarity.REFUSED
+    if 'at_most' in said.labels and not refused:
         return 'it is a greatest distance'
-    if not refused and 'apart' not in labels:
-        return 'nothing says away from it'
-    return None
+    return None if refused or 'apart' in said.labels else 'nothing says away from it'
 
 
-PROBLEMS: dict[type[Clause], Callable[[Clause, Sequence[Mention], Structure], str | None]] = {
-    Avoid: avoid_problem,
-    Visit: visit_problem,
-    StayIn: stay_problem,
-    EndAt: end_problem,
-    Pass: pass_problem,
-    KeepDistance: distance_problem,
+PROBLEMS: dict[type[spec.Clause], Callable[[Said], str | None]] = {
+    spec.Avoid: avoid_problem,
+    spec.Visit: visit_problem,
+    spec.StayIn: stay_problem,
+    spec.EndAt: end_problem,
+    spec.Pass: pass_problem,
+    spec.KeepDistance: distance_problem,
 }

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.model.names import NameFinder
+from llm_astar_planner.instructions.model.names import Mention, NameFinder
 from llm_astar_planner.instructions.model.vocabulary import (
     Token,
     correct,
@@ -20,32 +21,8 @@ from llm_astar_planner.instructions.specification import SIDES
 from llm_astar_planner.instructions.specification_json import FAR
 
 
-@dataclass(frozen=True)
-class Mention:
-    """Words of a sentence that name something; `tokens` are their positions in it.
-
-    - `names`: the places that may be meant, several where the words fit more than one.
-    - `tags`: kinds and tags of places.
-    - `numbers`: the value as written and, where a unit follows, in metres (the last one).
-    - `sides`: directions.
-    """
-
-    tokens: tuple[int, ...]
-    names: tuple[str, ...] = ()
-    tags: tuple[str, ...] = ()
-    numbers: tuple[float, ...] = ()
-    sides: tuple[str, ...] = ()
-    has_unit: bool = False
-    is_plural: bool = False
-
-    @property
-    def first(self) -> int:
-        """The position of its first word."""
-        return self.tokens[0]
-
-
 @dataclass(frozen=True, eq=False)
-class Reading:
+class Sentence:
     """A sentence split into words, with all that it mentions in its order."""
 
     text: str
@@ -85,46 +62,29 @@ class Reading:
         return self.text[self.tokens[first].start : self.tokens[last].end]
 
 
-def read(text: str, places: Places) -> Reading:
+def read_sentence(text: str, places: Places) -> Sentence:
     """Find what a sentence mentions. The time grows with its length alone."""
     tokens = tokens_of(text)
     label(tokens)
-    taken: set[int] = set()
-    mentions = name_mentions(tokens, places)
-    taken.update(index for mention in mentions for index in mention.tokens)
+    mentions = mentions_at(len(tokens), NameFinder(places, tokens).match_at)
+    taken = {index for mention in mentions for index in mention.tokens}
     correct(tokens, taken)
-    mentions += number_mentions(tokens, taken)
+    mentions += mentions_at(len(tokens), partial(number_at, tokens), taken)
     mentions += side_mentions(tokens, taken)
     mentions.sort(key=lambda mention: mention.first)
-    return Reading(text, tuple(tokens), tuple(mentions), places)
+    return Sentence(text, tuple(tokens), tuple(mentions), places)
 
 
-def name_mentions(tokens: Sequence[Token], places: Places) -> list[Mention]:
-    """Return the places and tags that words name, the longest name at each position."""
-    finder = NameFinder(places, tokens)
+def mentions_at(
+    count: int, mention_at: Callable[[int], Mention | None], taken: Container[int] = ()
+) -> list[Mention]:
+    """Return the mentions that begin at some of so many tokens and do not overlap."""
     found: list[Mention] = []
     index = 0
-    while index < len(tokens):
-        match = finder.match_at(index)
-        if match is None:
-            index += 1
-            continue
-        found.append(Mention(match.tokens, match.names, match.tags, is_plural=match.is_plural))
-        index = match.tokens[-1] + 1
-    return found
-
-
-def number_mentions(tokens: Sequence[Token], taken: set[int]) -> list[Mention]:
-    """Return the numbers, in digits or, where a unit follows, in words."""
-    found: list[Mention] = []
-    index = 0
-    while index < len(tokens):
-        mention = None if index in taken else number_at(tokens, index)
-        if mention is None:
-            index += 1
-            continue
-        found.append(mention)
-        index = mention.tokens[-1] + 1
+    while index < count:
+        mention = None if index in taken else mention_at(index)
+        found += [mention] if mention else []
+        index = mention.tokens[-1] + 1 if mention else index + 1
     return found
 
 

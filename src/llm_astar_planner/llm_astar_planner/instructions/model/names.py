@@ -3,29 +3,176 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
-from llm_astar_msgs_adapter.maps.places import Places
+import shapely
+from llm_astar_msgs_adapter.maps.places import Place, Places
+from rapidfuzz.distance import OSA
 
 from llm_astar_planner.instructions.grammar.lexicon import lexicon, translated
-from llm_astar_planner.instructions.grammar.nouns import nouns
-from llm_astar_planner.instructions.grammar.words import Word, phrase_words
-from llm_astar_planner.instructions.model.descriptions import described
-from llm_astar_planner.instructions.model.spelling import same_word, stem
+from llm_astar_planner.instructions.grammar.vocabulary import nouns
+from llm_astar_planner.instructions.grammar.words import Word, phrase_words, squeezed
 from llm_astar_planner.instructions.model.vocabulary import Token, is_known, tokens_of, words_of
+from llm_astar_planner.instructions.specification import COMPASS
 
+ENDINGS = ('es', 'en', 's', 'n', 'e')
+MIN_STEM = 4
+MIN_MISSPELT = 5
+# From this many letters on, two of them may be wrong, else one.
+LONG_WORD = 8
 MIN_NOUN = 3
+# A place this many times longer than wide is called horizontal or vertical.
+ELONGATED = 3.0
+# Words between a noun and the words that say which one.
+REACH = 4
+# Of the extent of the places: how much farther to a side the one that is meant must lie.
+CLEAR_SHARE = 0.05
 
 
-class Match(NamedTuple):
-    """Words that name places (`names`, several if they fit several) or a tag."""
+def same_word(word: str, known: str) -> bool:
+    """Return whether a word of a sentence may be a word of a name: inflected or misspelt."""
+    if word == known:
+        return True
+    if word[0] != known[0] or len(known) < MIN_STEM:
+        return False
+    if squeezed(word) == squeezed(known) or (len(word) >= MIN_STEM and stem(word) == stem(known)):
+        return True
+    return not is_known(word) and is_misspelt(word, known)
+
+
+def is_misspelt(word: str, known: str) -> bool:
+    """Return whether a word may be another one with wrong letters, or two letters swapped."""
+    if min(len(word), len(known)) < MIN_MISSPELT and sorted(word) != sorted(known):
+        return False
+    allowed = 2 if len(known) >= LONG_WORD else 1
+    return OSA.distance(word, known, score_cutoff=allowed) <= allowed
+
+
+def stem(word: str) -> str:
+    """Return a word without the ending of a plural or a case."""
+    if word.endswith('ies') and len(word) > MIN_STEM:
+        return f'{word[:-3]}y'
+    for ending in ENDINGS:
+        if word.endswith(ending) and len(word) - len(ending) >= MIN_STEM:
+            return word[: -len(ending)]
+    return word
+
+
+def described(
+    tokens: Sequence[Token], noun: tuple[int, ...], fitting: list[Place]
+) -> tuple[list[Place], list[int]]:
+    """Return the places that the words around a noun leave, and the positions of these words.
+
+    None are left where a word says what fits none of them ('the horizontal wall').
+    """
+    used: list[int] = []
+    around = [*words_before(tokens, noun[0]), *words_behind(tokens, noun[-1])]
+    # Adjectives stand behind the noun in French and Spanish.
+    behind = range(noun[-1] + 1, min(len(tokens), noun[-1] + 2))
+    for at in dict.fromkeys([*around, *behind]):
+        kept = [place for place in fitting if is_called(place, tokens[at].text)]
+        if kept or tokens[at].text in words_of('horizontal') | words_of('vertical'):
+            fitting, used = kept, [*used, at]
+    sides = sides_among(tokens, around)
+    if sides and len(fitting) > 1:
+        extreme = outermost(fitting, [side for _, side in sides])
+        if extreme is not None:
+            corners = [at for at in around if 'position_words' in tokens[at].labels]
+            return [extreme], [*used, *corners, *(at for at, _ in sides)]
+    return fitting, used
+
+
+def sides_among(tokens: Sequence[Token], around: Sequence[int]) -> list[tuple[int, str]]:
+    """Return the compass sides that words name; 'left' is west only beside 'top' or 'bottom'."""
+    sides = [(n, side) for n in around for side in COMPASS if f'sides.{side}' in tokens[n].labels]
+    if any(side in ('north', 'south') for _, side in sides):
+        for label, side in (('sides.left', 'west'), ('sides.right', 'east')):
+            sides += [(n, side) for n in around if label in tokens[n].labels]
+    return sides
+
+
+def words_before(tokens: Sequence[Token], index: int) -> list[int]:
+    """Return the positions of the words just before a noun: 'the northern', 'top left'."""
+    found: list[int] = []
+    for at in range(index - 1, max(-1, index - 1 - REACH), -1):
+        if tokens[at].is_break or tokens[at].text in words_of('articles'):
+            break
+        found.append(at)
+    return found
+
+
+def words_behind(tokens: Sequence[Token], index: int) -> list[int]:
+    """Return the positions of the words after 'in the', 'at the' behind a noun."""
+    after = index + 1
+    if after >= len(tokens) or tokens[after].text not in words_of('position'):
+        return []
+    found: list[int] = []
+    for at in range(after, min(len(tokens), after + REACH + 1)):
+        if tokens[at].is_break:
+            break
+        if tokens[at].text in words_of('no_position'):
+            return []
+        found.append(at)
+    return found
+
+
+def is_called(place: Place, word: str) -> bool:
+    """Return whether a word is a tag, a colour or the orientation of a place."""
+    tags = [tag.casefold() for tag in (place.kind, *place.tags)]
+    colours = nouns().colours
+    if any(same_word(word, tag) or colours.get(word, word) == colours.get(tag) for tag in tags):
+        return True
+    direction = orientation(place)
+    return bool(direction) and word in words_of(direction)
+
+
+def orientation(place: Place) -> str:
+    """Return 'horizontal' or 'vertical' for a place that is long and narrow, else ''."""
+    x0, y0, x1, y1 = place.geometry.bounds
+    wide, high = x1 - x0, y1 - y0
+    if wide >= ELONGATED * high > 0:
+        return 'horizontal'
+    return 'vertical' if high >= ELONGATED * wide > 0 else ''
+
+
+def outermost(places: Sequence[Place], sides: Sequence[str]) -> Place | None:
+    """Return the place farthest to a side, or to a corner of two; None where none clearly is."""
+    signs = {'north': (0, 1), 'south': (0, -1), 'east': (1, 0), 'west': (-1, 0)}
+    dx = sum(signs[side][0] for side in set(sides))
+    dy = sum(signs[side][1] for side in set(sides))
+    if (dx, dy) == (0, 0):
+        return None
+    centres = [place.geometry.centroid for place in places]
+    x0, y0, x1, y1 = shapely.total_bounds(centres)
+    scores = [dx * centre.x + dy * centre.y for centre in centres]
+    *_, second, best = sorted(scores)
+    is_clear = best - second >= CLEAR_SHARE * max(x1 - x0, y1 - y0)
+    return places[scores.index(best)] if is_clear else None
+
+
+@dataclass(frozen=True)
+class Mention:
+    """Words of a sentence that name something; `tokens` are their positions in it.
+
+    - `names`: the places that may be meant, several where the words fit more than one.
+    - `tags`: kinds and tags of places.
+    - `numbers`: the value as written and, where a unit follows, in metres (the last one).
+    - `sides`: directions.
+    """
 
     tokens: tuple[int, ...]
     names: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
+    numbers: tuple[float, ...] = ()
+    sides: tuple[str, ...] = ()
+    has_unit: bool = False
     is_plural: bool = False
+
+    @property
+    def first(self) -> int:
+        """The position of its first word."""
+        return self.tokens[0]
 
 
 @dataclass(frozen=True)
@@ -80,7 +227,7 @@ class NameFinder:
             for word in {token.text for token in tokens}
         }
 
-    def match_at(self, index: int) -> Match | None:
+    def match_at(self, index: int) -> Mention | None:
         """Return what the words from `index` on name, None for nothing."""
         whole = self._whole_name(index)
         if whole is not None and not whole.tags:
@@ -94,7 +241,7 @@ class NameFinder:
             return described
         return whole
 
-    def _whole_name(self, index: int) -> Match | None:
+    def _whole_name(self, index: int) -> Mention | None:
         """Return the longest whole name at a word; names before tags."""
         best: dict[Form, tuple[int, ...]] = {}
         for known in self._alike[self._tokens[index].text]:
@@ -117,10 +264,10 @@ class NameFinder:
         names = tuple(dict.fromkeys(form.name for form in forms if form.name))
         tags = () if names else tuple(dict.fromkeys(form.tag for form in forms if form.tag))
         if not tags:
-            return Match(best[forms[0]], names)
+            return Mention(best[forms[0]], names)
         names = tuple(place.name for place in self._places.with_tag(tags[0]))
         last = self._tokens[best[forms[0]][-1]].text
-        return Match(best[forms[0]], names, tags, is_plural=last != forms[0].words[-1])
+        return Mention(best[forms[0]], names, tags, is_plural=last != forms[0].words[-1])
 
     def _match_form(self, form: Form, index: int) -> tuple[int, ...]:
         """Return the positions of the words of a form from `index` on, () if they differ."""
@@ -140,7 +287,7 @@ class NameFinder:
             return False
         return self._tokens[at].text in words_of('articles')
 
-    def _noun(self, index: int) -> Match | None:
+    def _noun(self, index: int) -> Mention | None:
         """Return the places that a noun fits, as far as the words around it tell.
 
         The noun is one of the grammar's table, in any language, or a part of names or tags.
@@ -156,9 +303,9 @@ class NameFinder:
         if not chosen or ('regions.walls' in token.labels and len(chosen) > 1):
             return None
         names = tuple(place.name for place in chosen)
-        return noun._replace(tokens=tuple(sorted({*noun.tokens, *used})), names=names)
+        return replace(noun, tokens=tuple(sorted({*noun.tokens, *used})), names=names)
 
-    def _noun_of_table(self, index: int) -> Match | None:
+    def _noun_of_table(self, index: int) -> Mention | None:
         count, found = nouns().everywhere.longest(self._words, index)
         if not found:
             return None
@@ -167,16 +314,16 @@ class NameFinder:
         if not names:
             return None
         plural = all(noun.plural for noun in found)
-        return Match(tuple(range(index, index + count)), tuple(names), is_plural=plural)
+        return Mention(tuple(range(index, index + count)), tuple(names), is_plural=plural)
 
-    def _noun_of_names(self, index: int) -> Match | None:
+    def _noun_of_names(self, index: int) -> Mention | None:
         word = self._tokens[index].text
         if is_known(word):
             return None
         known = [self._index.places_with[name] for name in self._alike[word]]
         names = tuple(sorted(set().union(*known)))
         is_plural = stem(word) != word and word not in self._alike[word]
-        return Match((index,), names, is_plural=is_plural) if names else None
+        return Mention((index,), names, is_plural=is_plural) if names else None
 
     def _has_other_number(self, index: int) -> bool:
         """Return whether a letter or number follows that belongs to another name ('hall B')."""

@@ -9,16 +9,17 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
+import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 from shapely.errors import ShapelyError
 
-from llm_astar_planner.instructions.model.descriptions import orientation
-from llm_astar_planner.instructions.model.mentions import read
+from llm_astar_planner.instructions.model.mentions import read_sentence
+from llm_astar_planner.instructions.model.names import orientation
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')
@@ -48,7 +49,8 @@ S is north, south, east, west, left or right; north is up, y grows to the north,
 Leave out what is no wish for the route, such as reasons. Write each thing once. Without any \
 wish for the route: {"clauses": []}."""
 
-
+# On one line, with the letters of all languages, as models are shown it.
+to_json = partial(json.dumps, ensure_ascii=False)
 # What values of other types and polygons that are none raise.
 EXAMPLE_ERRORS = (
     ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError,
@@ -74,7 +76,7 @@ def load_examples(path: str | Path = EXAMPLES_FILE) -> Examples:
     try:
         places = places_from_polygons({entry['name']: entry for entry in loaded['places']})
         turns = tuple(
-            (str(example['text']), compact_json({'clauses': list(example['clauses'])}))
+            (str(example['text']), to_json({'clauses': list(example['clauses'])}))
             for example in loaded['examples']
         )
     except EXAMPLE_ERRORS as error:
@@ -104,46 +106,33 @@ def prompt_messages(text: str, places: Places, examples: Examples) -> tuple[Mess
 
 def mentioned_first(text: str, places: Places) -> Places:
     """Return MAX_PROMPT_PLACES places: those that a sentence may mean, then others."""
-    named = {name for mention in read(text, places).mentions for name in mention.names}
+    named = {name for mention in read_sentence(text, places).mentions for name in mention.names}
     ranked = sorted(places, key=lambda place: place.name not in named)
     return Places(ranked[:MAX_PROMPT_PLACES])
 
 
 def instruction_line(text: str) -> str:
     """Return the instruction as quoted data."""
-    return f'Instruction: {json.dumps(text, ensure_ascii=False)}'
-
-
-def compact_json(value: object) -> str:
-    """Return JSON on one line, as models are shown it."""
-    return json.dumps(value, ensure_ascii=False)
+    return f'Instruction: {to_json(text)}'
 
 
 def places_text(places: Places) -> str:
     """Return the list of places: name, aliases, kind, tags, where on the map."""
     if not len(places):
         return 'Places: none.'
-    box = bounds(places.places)
+    box = shapely.total_bounds([place.geometry for place in places])
     return '\n'.join(['Places:', *(place_line(place, box) for place in places)])
 
 
 def place_line(place: Place, box: Sequence[float]) -> str:
     """Return the line of a place; `box` is that of all places (x0, y0, x1, y1)."""
-    also = ', '.join(json.dumps(n, ensure_ascii=False) for n in place.aliases[:MAX_PROMPT_ALIASES])
-    name = json.dumps(place.name, ensure_ascii=False) + (f' (also {also})' if also else '')
+    also = ', '.join(to_json(n) for n in place.aliases[:MAX_PROMPT_ALIASES])
+    name = to_json(place.name) + (f' (also {also})' if also else '')
     x0, y0, x1, y1 = place.geometry.bounds
     kinds = dict.fromkeys(filter(None, [orientation(place), place.kind, *place.tags]))
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     where = compass_word(x, y, box)
     return f'- {name}: {", ".join(kinds)}; {where}, centre {x:.3g}, {y:.3g}'
-
-
-def bounds(places: Sequence[Place]) -> tuple[float, float, float, float]:
-    """Return the box around places (x0, y0, x1, y1)."""
-    boxes = [place.geometry.bounds for place in places]
-    low = [min(box[n] for box in boxes) for n in (0, 1)]
-    high = [max(box[n] for box in boxes) for n in (2, 3)]
-    return low[0], low[1], high[0], high[1]
 
 
 def compass_word(x: float, y: float, box: Sequence[float]) -> str:

@@ -6,13 +6,14 @@ import json
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path
 
 from rapidfuzz.distance import OSA
 
+from llm_astar_planner.instructions.grammar.words import Phrases
 from llm_astar_planner.instructions.specification import SIDES
 
 WORDS_FILE = Path(__file__).with_name('words.json')
@@ -80,32 +81,6 @@ def tokens_of(text: str) -> list[Token]:
     return found
 
 
-class PhraseBook:
-    """The phrases of one class; finds the longest at a place of a sentence."""
-
-    def __init__(self, phrases: Sequence[str]) -> None:
-        """Take phrases in plain form, words separated by spaces."""
-        self._by_first: dict[str, list[tuple[str, ...]]] = {}
-        for phrase in phrases:
-            words = tuple(token.text for token in raw_tokens(plain(phrase)))
-            if words:
-                self._by_first.setdefault(words[0], []).append(words)
-        for known in self._by_first.values():
-            known.sort(key=len, reverse=True)
-
-    def length_at(self, words: Sequence[str], index: int) -> int:
-        """Return how many words from `index` on are a phrase, 0 for none."""
-        for phrase in self._by_first.get(words[index], ()):
-            if tuple(words[index : index + len(phrase)]) == phrase:
-                return len(phrase)
-        return 0
-
-    def __iter__(self) -> Iterator[tuple[str, ...]]:
-        """Iterate over the phrases."""
-        for phrases in self._by_first.values():
-            yield from phrases
-
-
 def raw_tokens(flat: str) -> list[Token]:
     """Split a text in plain form; French elisions (l', d', qu') are words of their own."""
     found: list[Token] = []
@@ -124,7 +99,7 @@ def raw_tokens(flat: str) -> list[Token]:
 class Vocabulary:
     """The shipped words: phrases by class, units and number words by their value."""
 
-    classes: dict[str, PhraseBook]
+    classes: dict[str, Phrases[bool]]
     units: dict[str, float]
     numbers: dict[str, float]
     words: frozenset[str]
@@ -141,7 +116,7 @@ def vocabulary() -> Vocabulary:
     for group in ('kinds', 'regions', 'sides', 'compare', 'strong'):
         for name, value in loaded.get(group, {}).items():
             lists[f'{group}.{name}'] = value
-    classes = {name: PhraseBook(phrases_of(value)) for name, value in lists.items()}
+    classes = {name: phrases_of(value) for name, value in lists.items()}
     tables = {
         group: {
             ' '.join(token.text for token in raw_tokens(plain(phrase))): float(value)
@@ -150,11 +125,11 @@ def vocabulary() -> Vocabulary:
         }
         for group in ('units', 'numbers')
     }
-    known = {word for book in classes.values() for phrase in book for word in phrase}
+    known = set().union(*(phrases.words for phrases in classes.values()))
     known.update(word for table in tables.values() for phrase in table for word in phrase.split())
     correctable: dict[str, list[str]] = {}
     for name in _CORRECTED:
-        for word in sorted({phrase[0] for phrase in classes[name] if len(phrase) == 1}):
+        for word in sorted(classes[name].single_words):
             correctable.setdefault(word[0], []).append(word)
     return Vocabulary(
         classes,
@@ -165,15 +140,18 @@ def vocabulary() -> Vocabulary:
     )
 
 
-def phrases_of(lists: Sequence[str]) -> list[str]:
+def phrases_of(lists: Sequence[str]) -> Phrases[bool]:
     """Return the phrases of comma-separated lists."""
-    return [phrase for text in lists for phrase in text.split(', ')]
+    phrases: Phrases[bool] = Phrases()
+    for phrase in ', '.join(lists).split(', '):
+        phrases.add([token.text for token in raw_tokens(plain(phrase))], True)
+    return phrases
 
 
 @cache
 def words_of(name: str) -> frozenset[str]:
     """Return the single words of a class of the vocabulary."""
-    return frozenset(phrase[0] for phrase in vocabulary().classes[name] if len(phrase) == 1)
+    return vocabulary().classes[name].single_words
 
 
 def is_known(word: str) -> bool:
@@ -183,11 +161,10 @@ def is_known(word: str) -> bool:
 
 def label(tokens: Sequence[Token]) -> None:
     """Add to each token the classes of the vocabulary that it, or its phrase, belongs to."""
-    words = [token.text for token in tokens]
-    for name, book in vocabulary().classes.items():
+    for name, phrases in vocabulary().classes.items():
         index = 0
-        while index < len(words):
-            length = book.length_at(words, index)
+        while index < len(tokens):
+            length, _ = phrases.longest(tokens, index)
             for token in tokens[index : index + length]:
                 token.labels.add(name)
             index += max(1, length)
@@ -205,9 +182,8 @@ def correct(tokens: Sequence[Token], taken: set[int]) -> None:
         meant = nearest_word(token.text)
         if meant:
             token.text = meant
-            for name, book in vocabulary().classes.items():
-                if book.length_at([meant], 0):
-                    token.labels.add(name)
+            classes = vocabulary().classes.items()
+            token.labels |= {name for name, phrases in classes if meant in phrases.single_words}
 
 
 @lru_cache(maxsize=4096)

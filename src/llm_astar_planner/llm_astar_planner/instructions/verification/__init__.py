@@ -4,7 +4,7 @@ Nothing here knows how an instruction is enforced. Regions become shapely geomet
 polyline, and what the best path could do is found by searches of their own.
 """
 
-from llm_astar_planner.instructions.verification.polyline import PathError
+from llm_astar_planner.instructions.verification.geometry import PathError
 from llm_astar_planner.instructions.verification.verify import verify, visited_regions
 
 __all__ = ['PathError', 'verify', 'visited_regions']

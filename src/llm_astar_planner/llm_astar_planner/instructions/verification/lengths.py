@@ -8,18 +8,9 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.outcome import ClauseOutcome
-from llm_astar_planner.instructions.specification import (
-    SHOULD,
-    WALLS,
-    Along,
-    Avoid,
-    EndAt,
-    KeepDistance,
-    Region,
-    StayIn,
-)
-from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Spans, total
 from llm_astar_planner.instructions.verification.measurement import (
     NEGLIGIBLE,
     Measurement,
@@ -30,7 +21,6 @@ from llm_astar_planner.instructions.verification.measurement import (
     satisfied,
     violated,
 )
-from llm_astar_planner.instructions.verification.polyline import Spans, total
 from llm_astar_planner.lazy import ndimage
 
 # A distance may be short by this share or by these metres, whichever is more.
@@ -40,16 +30,16 @@ SHORT_METRES = 0.05
 REPORTED_BEYOND = 0.25
 
 
-def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
+def check_avoid(measurement: Measurement, clause: spec.Avoid, _: int) -> ClauseOutcome:
     """Measure the metres of a path in a region and its margin.
 
     A must allows none, even where start or goal lies inside, so that satisfied means clear of it;
-    a wish allows the least possible.
+    a `should` allows the least possible.
     """
     area = avoided_area(measurement, clause)
     if not area.has_size:
         return no_size(clause)
-    spans = measurement.path.spans_in(area)
+    spans = area.spans(measurement.path)
     metres = total(spans)
     ends_inside = bool(area.contains_inside(measurement.fixed_ends).any())
     if metres <= NEGLIGIBLE and not ends_inside:
@@ -58,7 +48,7 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
     least = measurement.reference.least_inside(area)
     detail = f'{length_text(metres)} inside, from {point_text(measurement.first_point(spans))}'
     impossible = False
-    if clause.strength != SHOULD:
+    if clause.strength != spec.SHOULD:
         reference = measurement.reference
         impossible = ends_inside or (
             reference.small_enough and reference.separates(reference.inside(area))
@@ -75,10 +65,10 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
     )
 
 
-def avoided_area(measurement: Measurement, clause: Avoid) -> Area:
+def avoided_area(measurement: Measurement, clause: spec.Avoid) -> Area:
     """Return the region to avoid with its margin, without its edge; it may have no size."""
     if is_walls(clause.region):
-        strip = Along(WALLS, clause.region.width + clause.margin)
+        strip = spec.Along(spec.WALLS, clause.region.width + clause.margin)
         return measurement.regions.resolve(strip).area.shrunk(EDGE)
     region = measurement.regions.resolve_avoided(clause.region).area
     if clause.margin > EDGE and region.has_size:
@@ -86,11 +76,11 @@ def avoided_area(measurement: Measurement, clause: Avoid) -> Area:
     return region.shrunk(EDGE)
 
 
-def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
-    """Measure the metres of a path outside of a region: a wish allows the least possible."""
+def check_stay_in(measurement: Measurement, clause: spec.StayIn, _: int) -> ClauseOutcome:
+    """Measure the metres of a path outside of a region: a `should` allows the least possible."""
     region = measurement.regions.resolve(clause.region).area
     area = region.grown(EDGE)
-    inside = measurement.path.spans_in(area) if region.has_size else np.empty((0, 2))
+    inside = area.spans(measurement.path) if region.has_size else np.empty((0, 2))
     metres = max(0.0, measurement.path.length - total(inside))
     if len(inside) and metres <= NEGLIGIBLE:
         return satisfied(clause, '0.0 m outside')
@@ -102,7 +92,7 @@ def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
     least = measurement.reference.least_inside(area, outside=True)
     detail = f'{length_text(metres)} outside, from {point_text(where)}'
     detail += '' if math.isnan(least) else f', {least_text(least)}'
-    if clause.strength == SHOULD:
+    if clause.strength == spec.SHOULD:
         if metres <= measurement.allowed(least):
             return satisfied(clause, detail, metres, least)
         return violated(clause, detail, metres, where, least)
@@ -119,7 +109,9 @@ def first_outside(measurement: Measurement, inside: Spans) -> Point:
     return measurement.start
 
 
-def check_keep_distance(measurement: Measurement, clause: KeepDistance) -> ClauseOutcome:
+def check_keep_distance(
+    measurement: Measurement, clause: spec.KeepDistance, _: int
+) -> ClauseOutcome:
     """Measure the least distance of a path to a region or to the walls.
 
     Where start or goal itself is nearer, the path up to where it first leaves the zone is not
@@ -144,24 +136,24 @@ def check_keep_distance(measurement: Measurement, clause: KeepDistance) -> Claus
     return check_zone(measurement, clause, area.grown(limit - EDGE))
 
 
-def kept_from(clause: KeepDistance) -> Region:
+def kept_from(clause: spec.KeepDistance) -> spec.Region:
     """Return what a distance is kept from; the walls are the strip of no width along them."""
-    return Along(WALLS, 0.0) if clause.region is None else clause.region
+    return spec.Along(spec.WALLS, 0.0) if clause.region is None else clause.region
 
 
-def is_walls(region: Region) -> TypeGuard[Along]:
+def is_walls(region: spec.Region) -> TypeGuard[spec.Along]:
     """Tell whether a region is a strip along the walls."""
-    return isinstance(region, Along) and region.place == WALLS
+    return isinstance(region, spec.Along) and region.place == spec.WALLS
 
 
-def check_zone(measurement: Measurement, clause: KeepDistance, zone: Area) -> ClauseOutcome:
+def check_zone(measurement: Measurement, clause: spec.KeepDistance, zone: Area) -> ClauseOutcome:
     """Judge a path that enters `zone`, all that is nearer than is allowed."""
-    spans = measurement.path.spans_in(zone)
+    spans = zone.spans(measurement.path)
     counts = [not is_end(measurement, span, clause.metres) for span in spans]
     middle = spans[np.array(counts, dtype=np.bool_)]
-    is_wish = clause.strength == SHOULD
-    counted = spans if is_wish else middle
-    if len(spans) and (is_wish or total(middle) <= NEGLIGIBLE):
+    is_preference = clause.strength == spec.SHOULD
+    counted = spans if is_preference else middle
+    if len(spans) and (is_preference or total(middle) <= NEGLIGIBLE):
         least = measurement.reference.least_inside(zone)
         metres = total(spans)
         if metres <= measurement.allowed(least):
@@ -169,7 +161,7 @@ def check_zone(measurement: Measurement, clause: KeepDistance, zone: Area) -> Cl
             return satisfied(clause, detail, metres, least)
         counted = spans
     nearest, where = nearest_in(measurement, clause, counted)
-    impossible = not is_wish and too_narrow(measurement, zone)
+    impossible = not is_preference and too_narrow(measurement, zone)
     detail = f'least distance {length_text(nearest)} of {clause.metres:g} m'
     detail += f', at {point_text(where)}'
     return violated(clause, detail, clause.metres - nearest, where, impossible=impossible)
@@ -187,7 +179,7 @@ def is_end(measurement: Measurement, span: NDArray[np.float64], metres: float) -
 
 
 def nearest_in(
-    measurement: Measurement, clause: KeepDistance, spans: Spans
+    measurement: Measurement, clause: spec.KeepDistance, spans: Spans
 ) -> tuple[float, Point]:
     """Return the least distance of stretches of a path, and the point there."""
     found = math.inf, measurement.start
@@ -218,7 +210,7 @@ def too_narrow(measurement: Measurement, zone: Area) -> bool:
     return reference.separates(near & ~np.isin(patches, own[own > 0]))
 
 
-def check_end_at(measurement: Measurement, clause: EndAt) -> ClauseOutcome:
+def check_end_at(measurement: Measurement, clause: spec.EndAt, _: int) -> ClauseOutcome:
     """Measure how far the last point of a path is from a region."""
     region = measurement.regions.resolve(clause.region)
     if not region.area.has_size:

@@ -9,8 +9,7 @@ from functools import cached_property
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Clause, EndAt, Specification
-from llm_astar_planner.instructions.verification.area import Area
-from llm_astar_planner.instructions.verification.polyline import Polyline, Spans
+from llm_astar_planner.instructions.verification.geometry import Area, Polyline, Spans
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.regions import RegionError, Regions
 from llm_astar_planner.instructions.verification.walls import Walls

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search._kernels import reference as kernels
@@ -83,14 +83,8 @@ class Reference:
 
     def reach(self, removed: Mask, line: NDArray[np.float64] = NO_LINE) -> NDArray[np.uint8]:
         """Return what can be reached from the start; see the kernel."""
-        return self.reach_from(self._route.start, removed, line)
-
-    def reach_from(
-        self, cell: tuple[int, int], removed: Mask, line: NDArray[np.float64] = NO_LINE
-    ) -> NDArray[np.uint8]:
-        """Return what can be reached from a cell; see the kernel."""
-        cutting = self._route.costmap.config.corner_cutting
-        reached: NDArray[np.uint8] = kernels.reach(self.blocked, cutting, removed, line, *cell)
+        cutting, start = self._route.costmap.config.corner_cutting, self._route.start
+        reached: NDArray[np.uint8] = kernels.reach(self.blocked, cutting, removed, line, *start)
         return reached
 
     def separates(self, removed: Mask) -> bool:

@@ -13,24 +13,9 @@ from llm_astar_msgs_adapter.maps.places import Place
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    AVOID_RADIUS,
-    OBJECT_REACH,
-    ROUTE_SIDES,
-    VISIT_DEPTH,
-    VISIT_RADIUS,
-    WALLS,
-    Along,
-    Between,
-    Box,
-    Disc,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
-from llm_astar_planner.instructions.verification.area import (
+from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
     NOTHING,
     QUARTER_SIDES,
@@ -57,7 +42,7 @@ class RegionError(LlmAstarError, ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class RegionPart:
     """A part of the map that can be visited: a place, a disc, a box, ...
 
     `width` is the metres across it, which say how deep a visit has to go. `reach`, if above 0, is
@@ -77,7 +62,7 @@ class Part:
             return self.area.grown(self.reach + EDGE)
         if len(self.area.discs):
             return Area(self.cell, self.area.discs + (0.0, 0.0, EDGE))
-        depth = min(VISIT_DEPTH, self.width / 4.0)
+        depth = min(spec.VISIT_DEPTH, self.width / 4.0)
         deep = self.area.shrunk(max(0.0, depth - EDGE))
         # A thin part of a wide rectangle, a ring for instance, may be nowhere so deep.
         while not deep.has_size and depth > EDGE:
@@ -99,27 +84,21 @@ class Part:
 class Resolved:
     """A region on a map: its parts, of which a visit takes any one."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[RegionPart, ...]
 
     @cached_property
     def area(self) -> Area:
         """All of it."""
-        if len(self.parts) == 1:
-            return self.parts[0].area
         return together(part.area for part in self.parts)
 
     @cached_property
     def visited(self) -> Area:
         """What a path has to touch to have visited the region."""
-        if len(self.parts) == 1:
-            return self.parts[0].visited
         return together(part.visited for part in self.parts)
 
     @cached_property
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the region."""
-        if len(self.parts) == 1:
-            return self.parts[0].ends
         return together(part.ends for part in self.parts)
 
     @property
@@ -141,34 +120,34 @@ class Regions:
         # The outline of the whole grid in the map's frame.
         self.map_outline = shapely.Polygon(grid_map.grid_to_world(corners))
 
-    def resolve(self, region: Region, radius: float = VISIT_RADIUS) -> Resolved:
+    def resolve(self, region: spec.Region, radius: float = spec.VISIT_RADIUS) -> Resolved:
         """Return where a region lies. `radius` is that of a point without one.
 
         Raises RegionError where a name or a tag does not exist, or the region has no meaning.
         """
         match region:
-            case NamedPlace(name):
+            case spec.NamedPlace(name):
                 return Resolved((self.place_part(self.place(name)),))
-            case Tagged(tag):
+            case spec.Tagged(tag):
                 places = self._route.places.with_tag(tag)
                 if not places:
                     raise RegionError(f'there is no place of the kind or tag {tag!r}')
                 return Resolved(tuple(self.place_part(place) for place in places))
-            case Disc(x, y, given):
+            case spec.Disc(x, y, given):
                 return Resolved((self.disc_part(x, y, given or radius),))
-            case Box():
+            case spec.Box():
                 return Resolved((self.open_part(self.box_polygon(region)),))
-            case Half():
+            case spec.Half():
                 return Resolved((self.half_part(region),))
-            case Between(first, second):
+            case spec.Between(first, second):
                 return Resolved((self.between_part(first, second),))
-            case Along(place, width):
+            case spec.Along(place, width):
                 return Resolved((self.along_part(place, width),))
         raise TypeError(type(region).__name__)
 
-    def resolve_avoided(self, region: Region) -> Resolved:
+    def resolve_avoided(self, region: spec.Region) -> Resolved:
         """Return where a region to keep out of lies."""
-        return self.resolve(region, AVOID_RADIUS)
+        return self.resolve(region, spec.AVOID_RADIUS)
 
     def place(self, name: str) -> Place:
         """Return the place of a name. Raises RegionError if there is none."""
@@ -177,18 +156,20 @@ class Regions:
             raise RegionError(f'there is no place named {name!r}')
         return place
 
-    def place_part(self, place: Place) -> Part:
+    def place_part(self, place: Place) -> RegionPart:
         """Return a place; a point is a disc of VISIT_RADIUS."""
         shape = shapely.force_2d(place.geometry)
         if shape.geom_type == 'Point' and not shape.is_empty:
-            part = self.disc_part(shape.x, shape.y, VISIT_RADIUS)
+            part = self.disc_part(shape.x, shape.y, spec.VISIT_RADIUS)
             if place.is_object:
-                return Part(part.area, reach=OBJECT_REACH - VISIT_RADIUS)
+                return RegionPart(part.area, reach=spec.OBJECT_REACH - spec.VISIT_RADIUS)
             return part
         area = polygon_area(shape)
-        return Part(area, width_of(area.polygon), OBJECT_REACH if place.is_object else 0.0)
+        return RegionPart(
+            area, width_of(area.polygon), spec.OBJECT_REACH if place.is_object else 0.0
+        )
 
-    def disc_part(self, x: float, y: float, radius: float) -> Part:
+    def disc_part(self, x: float, y: float, radius: float) -> RegionPart:
         """Return a disc, and the inside of the cell that holds its centre."""
         grid_map = self._route.costmap.grid_map
         column, row = grid_map.world_to_cell(x, y)
@@ -197,14 +178,14 @@ class Regions:
             half = 0.5 - EDGE
             corners = shapely.box(column - half, row - half, column + half, row + half)
             cell = shapely.transform(corners, grid_map.grid_to_world)
-        return Part(disc_area(x, y, radius), 2.0 * radius, cell=cell)
+        return RegionPart(disc_area(x, y, radius), 2.0 * radius, cell=cell)
 
-    def open_part(self, polygon: BaseGeometry) -> Part:
+    def open_part(self, polygon: BaseGeometry) -> RegionPart:
         """Return a polygon that may reach beyond the map; its width is that on the map."""
         on_map = polygons_of(shapely.intersection(polygon, self.map_outline))
-        return Part(polygon_area(polygon), width_of(on_map))
+        return RegionPart(polygon_area(polygon), width_of(on_map))
 
-    def box_polygon(self, box: Box) -> BaseGeometry:
+    def box_polygon(self, box: spec.Box) -> BaseGeometry:
         """Return a box with its open sides beyond the map; empty if its sides are in no order."""
         low_x, low_y, high_x, high_y = shapely.bounds(self.map_outline)
         finite = [side for side in (box.x0, box.x1, box.y0, box.y1) if math.isfinite(side)]
@@ -214,27 +195,27 @@ class Regions:
         y0, y1 = max(box.y0, low), min(box.y1, high)
         return shapely.box(x0, y0, x1, y1) if x0 < x1 and y0 < y1 else NOTHING
 
-    def half_part(self, half: Half) -> Part:
+    def half_part(self, half: spec.Half) -> RegionPart:
         """Return a half of the map or of a place."""
         whole = self.place_part(self.place(half.of)).area.outline if half.of else self.map_outline
         if whole.is_empty:
-            return Part(polygon_area(NOTHING))
+            return RegionPart(polygon_area(NOTHING))
         x0, y0, x1, y1 = shapely.bounds(whole)
         middle = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0])
-        if half.side in ROUTE_SIDES and not half.of:
+        if half.side in spec.ROUTE_SIDES and not half.of:
             middle = np.array(self._route.position(self._route.start))
         plane = self.half_plane(middle, self.direction(half.side))
         if not half.of:
             return self.open_part(plane)
         area = polygon_area(shapely.intersection(whole, plane))
-        return Part(area, width_of(area.polygon))
+        return RegionPart(area, width_of(area.polygon))
 
     def direction(self, side: str) -> NDArray[np.float64]:
         """Return the direction of a side, of length 1: the compass's or the direct way's.
 
         Raises RegionError for left and right where start and goal are one cell.
         """
-        if side not in ROUTE_SIDES:
+        if side not in spec.ROUTE_SIDES:
             return np.array(COMPASS_DIRECTIONS[side])
         start = np.array(self._route.position(self._route.start))
         way = np.array(self._route.position(self._route.goal)) - start
@@ -254,22 +235,22 @@ class Regions:
         corners = [origin - across, origin + across, origin + across + ahead]
         return shapely.Polygon([*corners, origin - across + ahead])
 
-    def between_part(self, first: str, second: str) -> Part:
+    def between_part(self, first: str, second: str) -> RegionPart:
         """Return the convex hull of two places without them."""
         shapes = [self.place_part(self.place(name)).area.outline for name in (first, second)]
         both = shapely.union_all(shapes)
         area = polygon_area(shapely.difference(shapely.convex_hull(both), both))
-        return Part(area, width_of(area.polygon))
+        return RegionPart(area, width_of(area.polygon))
 
-    def along_part(self, place: str, width: float) -> Part:
+    def along_part(self, place: str, width: float) -> RegionPart:
         """Return the strip around a place, or all that is near a wall."""
-        if place == WALLS:
+        if place == spec.WALLS:
             if not self._walls.exist:
                 raise RegionError('the map has no walls')
-            return Part(self._walls.zone(width), width)
+            return RegionPart(self._walls.zone(width), width)
         inner = self.place_part(self.place(place)).area.outline
         outer = shapely.buffer(inner, width, quad_segs=QUARTER_SIDES)
-        return Part(polygon_area(shapely.difference(outer, inner)), width)
+        return RegionPart(polygon_area(shapely.difference(outer, inner)), width)
 
 
 def width_of(polygon: BaseGeometry) -> float:

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    Avoid,
-    Before,
-    Clause,
-    EndAt,
-    KeepDistance,
-    Pass,
-    Specification,
-    StayIn,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.lengths import (
     check_avoid,
     check_end_at,
@@ -28,18 +19,17 @@ from llm_astar_planner.instructions.verification.lengths import (
     check_stay_in,
 )
 from llm_astar_planner.instructions.verification.measurement import Measurement
-from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.sides import check_pass
 from llm_astar_planner.instructions.verification.visits import (
     check_before,
+    check_pass,
     check_visit,
     visited_regions_of,
 )
 
 
 def verify(
-    specification: Specification, points: ArrayLike, route: Route, deadline: float = math.inf
+    specification: spec.Specification, points: ArrayLike, route: Route, deadline: float = math.inf
 ) -> tuple[ClauseOutcome, ...]:
     """Hold a path against a specification: the outcome of each clause, in their order.
 
@@ -57,7 +47,7 @@ def verify(
 
 
 def visited_regions(
-    specification: Specification, points: ArrayLike, route: Route
+    specification: spec.Specification, points: ArrayLike, route: Route
 ) -> frozenset[tuple[int, int]]:
     """Return which regions a path driven so far, [n, 2] metres, n > 0, has visited in their turn.
 
@@ -67,10 +57,10 @@ def visited_regions(
     return visited_regions_of(Measurement(specification, polyline(points), route))
 
 
-def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
+def outcome_of(measurement: Measurement, clause: spec.Clause, index: int) -> ClauseOutcome:
     """Judge one clause; what is guessed or does not exist is never satisfied."""
     try:
-        outcome = checked(measurement, clause, index)
+        outcome = CHECKS[type(clause)](measurement, clause, index)
     except RegionError as problem:
         return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, str(problem))
     if clause.guessed and outcome.status is not ClauseStatus.NOT_UNDERSTOOD:
@@ -78,23 +68,19 @@ def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOu
     return outcome
 
 
-def checked(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
-    """Judge one clause by what was measured. Raises RegionError if a region does not exist."""
-    match clause:
-        case Avoid():
-            return check_avoid(measurement, clause)
-        case Visit():
-            return check_visit(measurement, clause, index)
-        case Before():
-            return check_before(measurement, clause, index)
-        case StayIn():
-            return check_stay_in(measurement, clause)
-        case Pass():
-            return check_pass(measurement, clause, index)
-        case KeepDistance():
-            return check_keep_distance(measurement, clause)
-        case EndAt():
-            return check_end_at(measurement, clause)
-        case Unknown():
-            return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
-    raise TypeError(type(clause).__name__)
+def not_understood(_: Measurement, clause: spec.Unknown, __: int) -> ClauseOutcome:
+    """Claim nothing of words that were not understood."""
+    return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
+
+
+# Each judges a clause, the `index`th; RegionError if a region does not exist.
+CHECKS: dict[type[spec.Clause], Callable[..., ClauseOutcome]] = {
+    spec.Avoid: check_avoid,
+    spec.Visit: check_visit,
+    spec.Before: check_before,
+    spec.StayIn: check_stay_in,
+    spec.Pass: check_pass,
+    spec.KeepDistance: check_keep_distance,
+    spec.EndAt: check_end_at,
+    spec.Unknown: not_understood,
+}

@@ -5,14 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.specification import Before, Clause, Pass, Visit
-from llm_astar_planner.instructions.verification.area import EDGE
+from llm_astar_planner.instructions.verification.geometry import (
+    EDGE,
+    Area,
+    Polyline,
+    Spans,
+    first_from,
+    total,
+)
 from llm_astar_planner.instructions.verification.lengths import unreachable_reason
 from llm_astar_planner.instructions.verification.measurement import (
+    NEGLIGIBLE,
     Measurement,
     Point,
     length_text,
@@ -21,10 +32,106 @@ from llm_astar_planner.instructions.verification.measurement import (
     satisfied,
     violated,
 )
-from llm_astar_planner.instructions.verification.polyline import Spans, first_from, total
 from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import RegionError, Resolved
-from llm_astar_planner.instructions.verification.sides import has_passed
+
+Vector = NDArray[np.float64]
+
+
+def check_pass(measurement: Measurement, clause: Pass, index: int) -> ClauseOutcome:
+    """Judge where a path crosses the rays from an object's centre to the side and its opposite.
+
+    Region 0 of the clause counts as visited once the ray to the side was crossed.
+    """
+    region = measurement.regions.resolve(clause.region).area
+    if region.wall_distance > 0.0 or not region.has_size:
+        return no_size(clause)
+    ahead = measurement.regions.direction(clause.side)
+    centre = centre_of(region)
+    inside = region.shrunk(EDGE).spans(measurement.path)
+    right = crossings(measurement.path, centre, ahead, touching=False)
+    wrong = crossings(measurement.path, centre, -ahead, touching=True)
+    passed = (index, 0) in measurement.route.visited
+    metres = total(inside)
+    where = measurement.start
+    if metres > NEGLIGIBLE:
+        where = measurement.first_point(inside)
+        detail = f'{length_text(metres)} through it, from {point_text(where)}'
+    elif wrong:
+        where = measurement.path.point(wrong[0])
+        detail = f'passed on the other side, at {point_text(where)}'
+    elif right:
+        return satisfied(clause, f'passed at {point_text(measurement.path.point(right[0]))}')
+    elif passed:
+        return satisfied(clause, 'passed before')
+    else:
+        detail = 'not passed on this side'
+    impossible = not passed and cannot_pass(measurement, region, centre, ahead)
+    return violated(clause, detail, metres, where, impossible=impossible)
+
+
+def has_passed(measurement: Measurement, clause: Pass) -> bool:
+    """Tell whether a path crosses the ray to the side. Raises RegionError."""
+    centre = centre_of(measurement.regions.resolve(clause.region).area)
+    ahead = measurement.regions.direction(clause.side)
+    return bool(crossings(measurement.path, centre, ahead, touching=False))
+
+
+def centre_of(region: Area) -> Vector:
+    """Return the centre of mass (x, y) of a region."""
+    centre: Vector = shapely.get_coordinates(shapely.centroid(region.outline))[0]
+    return centre
+
+
+def crossings(path: Polyline, origin: Vector, ahead: Vector, *, touching: bool) -> list[float]:
+    """Return the places where a path crosses a ray, from one side of it to the other.
+
+    With `touching` also where it comes to the ray and leaves it on the same side, which is no
+    crossing. A path that runs along the ray's line between leaving its two sides crosses where
+    all of that stretch is on the ray, or, with `touching`, where any of it is. Where the path
+    begins or ends on the ray it neither crosses nor touches it.
+    """
+    off = path.corners - origin
+    across = ahead[0] * off[:, 1] - ahead[1] * off[:, 0]
+    along = off @ ahead
+    beside = np.flatnonzero(np.abs(across) > EDGE)
+    found = []
+    for before, after in pairwise(beside):
+        is_change = across[before] * across[after] < 0.0
+        if after > before + 1:
+            on_ray = along[before + 1 : after] > 0.0
+            met = on_ray.any() if touching else is_change and on_ray.all()
+            place = path.at[before + 1]
+        elif is_change:
+            share = across[before] / (across[before] - across[after])
+            met = along[before] + share * (along[after] - along[before]) > 0.0
+            place = path.at[before] + share * (path.at[after] - path.at[before])
+        else:
+            continue
+        if met:
+            found.append(float(place))
+    return found
+
+
+def cannot_pass(measurement: Measurement, region: Area, centre: Vector, ahead: Vector) -> bool:
+    """Tell whether no path passes the object on the side.
+
+    Every one crosses the object or the ray to the opposite side, or none the ray to the side.
+    """
+    reference = measurement.reference
+    if not reference.small_enough:
+        return False
+    grid_map = measurement.route.costmap.grid_map
+    origin, beyond = grid_map.world_to_grid([centre, centre - ahead])
+    step = beyond - origin
+    line = np.concatenate((origin, step / np.hypot(*step)))
+    reached = reference.reach(reference.inside(region.shrunk(EDGE)), line) > 0
+    if not (reached & reference.goal_mask).any():
+        return True
+    far = centre + ahead * measurement.regions.map_outline.length
+    ray = shapely.LineString([centre, far])
+    return not (reached & reference.near(ray)).any()
+
 
 BEFORE_THE_PATH = -math.inf
 
@@ -78,7 +185,7 @@ def attempts_at(
             region = measurement.regions.resolve(wanted)
         except RegionError:
             continue
-        spans = measurement.path.spans_in(region.visited)
+        spans = region.visited.spans(measurement.path)
         place = first_from(spans, turn)
         if (index, number) in measurement.route.visited:
             place = BEFORE_THE_PATH
@@ -128,11 +235,11 @@ def check_before(measurement: Measurement, clause: Before, index: int) -> Clause
     if not (first.area.has_size and second.area.has_size):
         return no_size(clause)
     entered = second.visited if second.is_object else second.area.shrunk(EDGE)
-    spans = measurement.path.spans_in(entered)
+    spans = entered.spans(measurement.path)
     if not len(spans):
         return satisfied(clause, 'the second is not entered')
     entry = float(spans[0, 0])
-    place = first_from(measurement.path.spans_in(first.visited), 0.0)
+    place = first_from(first.visited.spans(measurement.path), 0.0)
     if (index, 0) in measurement.route.visited:
         return satisfied(clause, 'the first was visited before')
     where = measurement.path.point(entry)
@@ -191,7 +298,7 @@ def is_behind(measurement: Measurement, clause: Clause) -> bool:
             return has_passed(measurement, clause)
         if isinstance(clause, Before):
             first = measurement.regions.resolve(clause.first)
-            return bool(len(measurement.path.spans_in(first.visited)))
+            return bool(len(first.visited.spans(measurement.path)))
     except RegionError:
         pass
     return False

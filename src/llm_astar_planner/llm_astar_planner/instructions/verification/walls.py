@@ -14,8 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.verification.area import EDGE, NOTHING, Area
-from llm_astar_planner.instructions.verification.polyline import Polyline, polyline
+from llm_astar_planner.instructions.verification.geometry import (
+    EDGE,
+    NOTHING,
+    Area,
+    Polyline,
+    Spans,
+    joined,
+    polyline,
+)
 from llm_astar_planner.lazy import ndimage
 
 # Cells. A path is looked at in pieces of this length, so that few cells are near each.
@@ -70,7 +77,7 @@ class Walls:
             found.append(piece.place + places)
         return np.concatenate(found)
 
-    def pieces(self, path: Polyline, reach: float) -> Iterator[Piece]:
+    def pieces(self, path: Polyline, reach: float) -> Iterator[StraightPiece]:
         """Cut a path into pieces; yield those with lethal cells within `reach` metres, or so."""
         corners = self._grid_map.world_to_grid(path.corners)
         around = reach / self._grid_map.resolution + 1.0
@@ -79,7 +86,7 @@ class Walls:
                 np.minimum(begin, end) - around, np.maximum(begin, end) + around
             )
             if len(xs):
-                yield Piece(begin, end, place, np.column_stack((xs, ys)))
+                yield StraightPiece(begin, end, place, np.column_stack((xs, ys)))
 
     def _cells_between(
         self, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -130,7 +137,7 @@ class Walls:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class StraightPiece:
     """A straight piece of a path, `begin` to `end` in cells, with lethal cells near it.
 
     `place` is where on the path it begins, metres; `squares` are the cells (x, y), [n, 2].
@@ -237,9 +244,9 @@ class WallZone(Area):
         """Return all points that are `by` metres nearer to the walls."""
         return self.walls.zone(self.metres - by)
 
-    def spans_of(self, path: Polyline) -> NDArray[np.float64]:
+    def spans(self, path: Polyline) -> Spans:
         """Return where a path lies in it."""
-        return self.walls.spans(path, self.metres)
+        return joined(self.walls.spans(path, self.metres))
 
     def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it and not on its edge."""

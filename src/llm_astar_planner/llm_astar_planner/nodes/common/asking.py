@@ -1,12 +1,15 @@
-"""Calls services whose response may get lost."""
+"""Calls services of other nodes, whose response may get lost."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 from typing import Any
 
+from rcl_interfaces.srv import SetParameters
 from rclpy.client import Client
+from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 # Seconds without a response after which a service is asked again; twice as long each time.
@@ -34,3 +37,9 @@ def ask(client: Client, request: Any, seconds: float, ask_again: float = ASK_AGA
     finally:
         for future in asked:
             client.remove_pending_request(future)
+
+
+def setting(values: Mapping[str, Any]) -> SetParameters.Request:
+    """Return the request that sets parameters."""
+    parameters = [Parameter(name, value=value) for name, value in values.items()]
+    return SetParameters.Request(parameters=[one.to_parameter_msg() for one in parameters])

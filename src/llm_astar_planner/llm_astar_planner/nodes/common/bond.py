@@ -12,12 +12,12 @@ import time
 import uuid
 
 from builtin_interfaces.msg import Time
-from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from std_msgs.msg import Header
 
 from llm_astar_planner.nodes.common.qos import BOND, BOND_HEARTBEATS
-from llm_astar_planner.nodes.common.spin import side_node
+from llm_astar_planner.nodes.common.spin import RCLError, side_node
 
 try:
     from bond.msg import Status

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from rclpy.callback_groups import CallbackGroup
+from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -13,6 +14,8 @@ from rclpy.qos import QoSProfile
 from rclpy.service import Service
 
 from llm_astar_planner.nodes.common.qos import CALLS
+
+_T = TypeVar('_T')
 
 
 class Entities:
@@ -25,9 +28,7 @@ class Entities:
 
     def publisher(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
         """Create a publisher."""
-        made = self.node.create_publisher(kind, name, qos)
-        self._undo.append(lambda: self.node.destroy_publisher(made))
-        return made
+        return self._keep(self.node.create_publisher(kind, name, qos), self.node.destroy_publisher)
 
     def subscription(
         self,
@@ -39,7 +40,7 @@ class Entities:
     ) -> None:
         """Create a subscription."""
         made = self.node.create_subscription(kind, name, callback, qos, callback_group=group)
-        self._undo.append(lambda: self.node.destroy_subscription(made))
+        self._keep(made, self.node.destroy_subscription)
 
     def service(
         self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
@@ -48,8 +49,7 @@ class Entities:
         made = self.node.create_service(
             kind, name, callback, qos_profile=CALLS, callback_group=group
         )
-        self._undo.append(lambda: self.node.destroy_service(made))
-        return made
+        return self._keep(made, self.node.destroy_service)
 
     def timer(self, seconds: float, callback: Callable[[], None], group: CallbackGroup) -> None:
         """Create a timer of a steady clock.
@@ -58,7 +58,11 @@ class Entities:
         """
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         made = self.node.create_timer(seconds, callback, callback_group=group, clock=steady)
-        self._undo.append(lambda: self.node.destroy_timer(made))
+        self._keep(made, self.node.destroy_timer)
+
+    def _keep(self, made: _T, destroy: Callable[[_T], Any]) -> _T:
+        self._undo.append(lambda: destroy(made))
+        return made
 
     def on_close(self, undo: Callable[[], Any]) -> None:
         """Call `undo` in `close`, in its turn."""
@@ -68,3 +72,33 @@ class Entities:
         """Destroy everything, in reverse order of creation."""
         while self._undo:
             self._undo.pop()()
+
+
+class LimitedCallbackGroup(ReentrantCallbackGroup):
+    """Lets at most so many callbacks run at a time; more wait in the middleware.
+
+    So a flood of one kind leaves threads of the executor for all the others.
+    """
+
+    def __init__(self, limit: int) -> None:
+        """Take how many may run at a time."""
+        super().__init__()
+        self._limit = limit
+        self._lock = threading.Lock()
+        self._running = 0
+
+    def can_execute(self, _: Any) -> bool:  # noqa: ANN401 - rclpy's own
+        """Tell whether another callback may run now."""
+        return self._running < self._limit
+
+    def beginning_execution(self, _: Any) -> bool:  # noqa: ANN401 - rclpy's own
+        """Let a callback run if another one may."""
+        with self._lock:
+            may_run = self._running < self._limit
+            self._running += may_run
+            return may_run
+
+    def ending_execution(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
+        """Take note of a callback that has ended."""
+        with self._lock:
+            self._running -= 1

@@ -37,20 +37,18 @@ class MapSubscription:
     def __init__(
         self,
         entities: Entities,
-        on_map: Callable[[GridMap], None],
+        on_map: Callable[[GridMap, float], None],
         parent: Node | None = None,
-        on_arrival: Callable[[float], None] | None = None,
     ) -> None:
         """Subscribe; `on_map` is called with each new map, one at a time.
 
-        `parent`, the node itself by default, remaps the names and logs. `on_arrival` is called
-        before it, with the seconds since the message was sent, 0 where that is not known.
+        It also gets the seconds since the message was sent, 0 where that is not known. `parent`,
+        the node itself by default, remaps the names and logs.
         """
         parent = parent or entities.node
         self._logger = parent.get_logger()
         self._clock = parent.get_clock()
         self._on_map = on_map
-        self._on_arrival = on_arrival
         self._grid_map: GridMap | None = None
         self._time = 0
         # An update changes the map before it, so messages are handled in order.
@@ -82,9 +80,7 @@ class MapSubscription:
             self._logger.error(f'{what} refused, {kept}: {name}{error}')
             return False
         self._grid_map = grid_map
-        if self._on_arrival is not None:
-            self._on_arrival(self._transit(message))
-        self._on_map(grid_map)
+        self._on_map(grid_map, self._transit(message))
         return True
 
     def _transit(self, message: Any) -> float:  # noqa: ANN401 - map_msgs may not be there

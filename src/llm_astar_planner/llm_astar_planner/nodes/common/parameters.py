@@ -17,8 +17,10 @@ from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
 from llm_astar_planner.planning.parameter_file import WILDCARDS, check_sections, read_sections
-from llm_astar_planner.planning.parameters import NODES, OTHERS, check_names
+from llm_astar_planner.planning.parameters import NODES, OTHERS, ROS_NAMES, check_names
 
+# What a node with Parameters is made with.
+OVERRIDES = {'automatically_declare_parameters_from_overrides': True}
 # Given the values a change would lead to, returns what is wrong with them, None for nothing.
 Check = Callable[[dict[str, Any]], str | None]
 
@@ -34,13 +36,13 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
     elif parameter.zero:
         descriptor.additional_constraints = f'{parameter.limits}: {parameter.zero}'
     elif parameter.between is not None:
-        least, most = parameter.between
         if isinstance(parameter.default, float):
-            bounds = FloatingPointRange(from_value=float(least), to_value=float(most))
+            least, most = map(float, parameter.between)
+            bounds = FloatingPointRange(from_value=least, to_value=most)
             descriptor.floating_point_range = [bounds]
         else:
-            limits = IntegerRange(from_value=int(least), to_value=int(most))
-            descriptor.integer_range = [limits]
+            lowest, highest = map(int, parameter.between)
+            descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=highest)]
     return descriptor
 
 
@@ -50,15 +52,21 @@ class Parameters:
     def __init__(self, node: Node, table: str, check: Check | None = None) -> None:
         """Declare the parameters that NODES lists under `table`, and those of OTHERS.
 
+        The node has declared all overrides, which is how rclpy shows those that nobody knows.
         Raises ParameterError for an unknown name or an impossible value given at start,
         PluginError for a plug-in that cannot be imported.
         """
         self._node = node
         self._table = {parameter.name: parameter for parameter in NODES[table]}
-        self._others = {other.name: other for other in OTHERS.get(table, ())}
+        self._others = OTHERS.get(table, {})
         self._check = check
-        # rclpy shows overrides that nobody declares in no other way.
-        given = {name: override.value for name, override in node._parameter_overrides.items()}
+        given = {
+            name: node.get_parameter(name).value
+            for name in node.get_parameters_by_prefix('')
+            if name.partition('.')[0] not in ROS_NAMES
+        }
+        for name in given:
+            node.undeclare_parameter(name)
         for_any_node: set[str] = set()
         for path in parameter_files(sys.argv):
             sections = read_sections(path)
@@ -92,19 +100,12 @@ class Parameters:
 
     def _declare(self, given: dict[str, Any]) -> None:
         defaults = {name: parameter.default for name, parameter in self._table.items()}
-        for name, other in self._others.items():
-            what = f'Deprecated: {other.advice}' if other.advice else f'See {other.replacement}'
-            descriptor = ParameterDescriptor(description=what)
-            self._node.declare_parameter(name, other.default, descriptor)
-            if name in given:
-                self._warn(name)
-                defaults |= other.translate(given[name])
+        for name, ours in self._others.items():
+            descriptor = ParameterDescriptor(description=f'See {ours}')
+            self._node.declare_parameter(name, defaults[ours], descriptor)
+            defaults[ours] = given.get(name, defaults[ours])
         for name, parameter in self._table.items():
             self._node.declare_parameter(name, defaults[name], descriptor_of(parameter))
-
-    def _warn(self, name: str) -> None:
-        for warning in self._others[name].warnings:
-            self._node.get_logger().warning(warning)
 
     def _problem(self, values: dict[str, Any]) -> str | None:
         for name, parameter in self._table.items():
@@ -114,9 +115,6 @@ class Parameters:
         return self._check(values) if self._check else None
 
     def _on_set(self, changed: list[Any]) -> SetParametersResult:
-        for change in changed:
-            if change.name in self._others:
-                self._warn(change.name)
         known = {change.name: change.value for change in changed if change.name in self._table}
         problem = self._problem(self.values() | known) if known else None
         return SetParametersResult(successful=problem is None, reason=problem or '')

@@ -16,16 +16,26 @@ from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
-from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError
 from rclpy.context import Context
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import (
+    InvalidHandle,
+    InvalidNamespaceException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    InvalidTopicNameException,
+)
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_namespace import validate_namespace
+from rclpy.validate_topic_name import validate_topic_name
 
-from llm_astar_planner.nodes.common.memory import limit_heaps
+from llm_astar_planner.nodes.common.process import limit_heaps
 
+RCLError = rclpy_implementation.RCLError
+UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 # What a user can correct at start: printed as one line, never as a traceback.
 USER_ERRORS = (LlmAstarError, InvalidParameterTypeException, InvalidParameterValueException)
 
@@ -68,19 +78,16 @@ def spin_once(executor: Executor, context: Context) -> None:
 
 
 class SpinThread:
-    """Spins a node in a thread of its own, from `start` to `close`."""
+    """Spins a node in a thread of its own, until `close`."""
 
     def __init__(self, node: Node) -> None:
-        """Take a node that nobody else spins."""
+        """Start to spin a node that nobody else spins."""
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._stopped = threading.Event()
         self._thread = threading.Thread(
             target=spin, args=(self._executor, node.context, self._stopped), daemon=True
         )
-
-    def start(self) -> None:
-        """Start to spin."""
         self._thread.start()
 
     def close(self) -> None:
@@ -91,7 +98,7 @@ class SpinThread:
         self._executor.shutdown()
 
 
-def side_node(parent: Node, name: str) -> Node:
+def side_node(parent: Node, name: str, **options: Any) -> Node:  # noqa: ANN401 - create_node's
     """Make a hidden node beside `parent`, for a SpinThread: what `parent` does cannot delay it.
 
     Names are remapped by the parent: a `__node` remap given here would rename both alike.
@@ -103,6 +110,7 @@ def side_node(parent: Node, name: str) -> Node:
         start_parameter_services=False,
         enable_rosout=False,
         use_global_arguments=False,
+        **options,
     )
 
 
@@ -198,7 +206,8 @@ def run_node(
         message = user_message(error)
         if message is None:
             raise
-        return fail(message)
+        sys.stderr.write(f'error: {printable(message)}\n')
+        return 2
     finally:
         # A second Ctrl-C must not interrupt the exit that the first one started.
         for number in ENDING:
@@ -239,15 +248,25 @@ def end_threads(executor: Executor | None) -> None:
         pool.shutdown(wait=False, cancel_futures=True)
 
 
-def fail(message: str) -> int:
-    """Print why a node cannot start; return its exit code."""
-    sys.stderr.write(f'error: {printable(message)}\n')
-    return 2
-
-
 def reduce_latency() -> None:
     """Keep the interpreter itself from delaying cancel requests."""
     sys.setswitchinterval(SWITCH_SECONDS)
     # Objects of imported modules are never freed. Scanning them in each full collection would
     # stop every thread for 0.1 to 0.2 s.
     gc.freeze()
+
+
+class NodeNameError(LlmAstarError, ValueError):
+    """A namespace or a node name that ROS does not allow."""
+
+
+def check_names(namespace: str, *nodes: str) -> str:
+    """Return a namespace with its leading slash. Raises NodeNameError for a name ROS forbids."""
+    namespace = f'/{namespace.strip("/")}'
+    try:
+        validate_namespace(namespace)
+        for name in nodes:
+            validate_topic_name(name)
+    except (InvalidNamespaceException, InvalidTopicNameException) as error:
+        raise NodeNameError(' '.join(str(error).split())) from None
+    return namespace

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-import rclpy
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
 from numpy.typing import NDArray
-from rclpy.node import Node
 from rclpy.time import Time
 
-from llm_astar_planner.nodes.common.spin import SpinThread
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.search.stop import POLL_PERIOD_S
 
 try:
@@ -43,18 +42,11 @@ class FrameError(LlmAstarError, RuntimeError):
     """A pose that cannot be transformed into the map's frame; the message says which and why."""
 
 
-class Buffer(Protocol):
-    """The part of tf2_ros.Buffer that is used here."""
-
-    def lookup_transform(self, target_frame: str, source_frame: str, time: Time) -> Any:  # noqa: ANN401 - a TransformStamped
-        """Return the transform from source to target; raises if it is not known."""
-
-
 class Frames:
     """Transforms poses of other frames, and the pose of the robot, into the map's frame."""
 
-    def __init__(self, buffer: Buffer | None) -> None:
-        """Take tf2's buffer, None if tf2 is not installed."""
+    def __init__(self, buffer: Any) -> None:  # noqa: ANN401 - tf2 may not be installed
+        """Take tf2's buffer (its `lookup_transform`), None if tf2 is not installed."""
         self._buffer = buffer
 
     def locate(
@@ -111,34 +103,24 @@ class Frames:
             time.sleep(POLL_PERIOD_S)
 
 
-class TransformListener:
-    """Fills a buffer from `/tf` and `/tf_static`, with a node and a thread of its own.
+def listen(entities: Entities) -> Frames:
+    """Return the transforms of `/tf` and `/tf_static`, none without tf2_ros.
 
-    Hundreds of transforms may arrive in a second, and they must not wait for plans.
+    They have a node and a thread of their own, since hundreds of them may arrive in a second, and
+    must not wait for plans.
     """
-
-    def __init__(self, parent: Node) -> None:
-        """Start to listen, in the context of `parent`. Needs tf2_ros."""
-        # Of the parent's remaps only those of the topics: __node would give both the same name.
-        topics = {name: parent.resolve_topic_name(name) for name in ('/tf', '/tf_static')}
-        remaps = [word for name, to in topics.items() for word in ('-r', f'{name}:={to}')]
-        self._node = rclpy.create_node(
-            f'_{parent.get_name()}_transforms',
-            namespace=parent.get_namespace(),
-            context=parent.context,
-            cli_args=['--ros-args', *remaps],
-            parameter_overrides=[parent.get_parameter('use_sim_time')],
-            start_parameter_services=False,
-            enable_rosout=False,
-            use_global_arguments=False,
-        )
-        self.buffer = tf2_ros.Buffer(node=self._node)
-        self._listener = tf2_ros.TransformListener(self.buffer, self._node)
-        self._thread = SpinThread(self._node)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._thread.close()
-        self._listener.unregister()
-        self._node.destroy_node()
+    if not HAS_TF2:
+        return Frames(None)
+    parent = entities.node
+    # Of the parent's remaps only those of the topics: __node would give both the same name.
+    topics = {name: parent.resolve_topic_name(name) for name in ('/tf', '/tf_static')}
+    remaps = [word for name, to in topics.items() for word in ('-r', f'{name}:={to}')]
+    clock = parent.get_parameter('use_sim_time')
+    node = side_node(
+        parent, 'transforms', cli_args=['--ros-args', *remaps], parameter_overrides=[clock]
+    )
+    entities.on_close(node.destroy_node)
+    buffer = tf2_ros.Buffer(node=node)
+    entities.on_close(tf2_ros.TransformListener(buffer, node).unregister)
+    entities.on_close(SpinThread(node).close)
+    return Frames(buffer)

@@ -23,6 +23,10 @@ SAME_PLACE, RETRY_SECONDS = 0.25, 5.0
 # so that a flood of retries leaves threads for other callers.
 MAX_FAILURES, MAX_WAITING = 32, 4
 NO_MAP = 'no map has arrived yet'
+# What is warned of where no map came in time: the first, a newer one, and the newest.
+FIRST = '{problem}, after {seconds:.2f} s'
+NEWER = 'no newer map was ready after {seconds:.2f} s: the last one is used'
+NEWEST = 'the newest map was not ready after {seconds:.2f} s: the last one is used'
 
 
 class Failure(NamedTuple):
@@ -101,46 +105,37 @@ class CostmapWait:
         so; another one that maps have stopped coming. Raises what `may_wait` raises.
         """
         maps, timeout = self._maps, self._timeout()
-        waited = NOT_WAITED
+        waited, is_due = NOT_WAITED, timeout > 0.0 and maps.arrivals.is_due(timeout)
         if maps.newest is None:
-            waited = self.wait_for_first(begin, timeout, may_wait)
-        elif is_retry and self.is_worthwhile(timeout) and self._waiting.acquire(blocking=False):
+            waited = self.wait_for(FIRST, begin, timeout, may_wait, newer_than=-math.inf)
+        elif is_retry and is_due and self._waiting.acquire(blocking=False):
+            # Not once none is expected any more.
+            limit = min(timeout, maps.arrivals.latest - self._clock())
             try:
-                waited = self.wait_for_newer(begin, timeout, may_wait)
+                waited = self.wait_for(NEWER, begin, limit, may_wait, newer_than=begin)
             finally:
                 self._waiting.release()
         elif maps.is_preparing:
             limit = min(timeout, MAP_SHARE * planning_time)
-            waited = self.wait_for_newest(begin, limit, may_wait)
+            waited = self.wait_for(NEWEST, begin, limit, may_wait)._replace(extra=0.0)
         return waited._replace(warnings=(*waited.warnings, *maps.arrivals.warnings()))
 
-    def is_worthwhile(self, timeout: float) -> bool:
-        """Tell whether a newer map can be expected within so many seconds."""
-        return timeout > 0.0 and self._maps.arrivals.is_due(timeout)
-
-    def wait_for_first(self, begin: float, timeout: float, may_wait: Callable[[], bool]) -> Waited:
-        """Wait until there is a map at all."""
-        if self._maps.wait(timeout, may_wait, newer_than=-math.inf):
-            seconds = self._clock() - begin
+    def wait_for(
+        self,
+        warning: str,
+        begin: float,
+        limit: float,
+        may_wait: Callable[[], bool],
+        newer_than: float | None = None,
+    ) -> Waited:
+        """Wait for up to `limit` seconds as `MapManager.wait` does; warn if that was in vain."""
+        is_ready = self._maps.wait(limit, may_wait, newer_than=newer_than)
+        seconds = self._clock() - begin
+        if is_ready:
             return Waited(seconds, seconds)
-        seconds = self._clock() - begin
         problem = 'the first map is not ready yet' if self._maps.is_preparing else NO_MAP
-        return Waited(seconds, seconds, (f'{problem}, after {seconds:.2f} s',))
-
-    def wait_for_newer(self, begin: float, timeout: float, may_wait: Callable[[], bool]) -> Waited:
-        """Wait for a map newer than the request, but not once none is expected any more."""
-        limit = min(timeout, self._maps.arrivals.latest - self._clock())
-        is_newer = self._maps.wait(limit, may_wait, newer_than=begin)
-        seconds = self._clock() - begin
-        warning = f'no newer map was ready after {seconds:.2f} s: the last one is used'
-        return Waited(seconds, seconds, () if is_newer else (warning,))
-
-    def wait_for_newest(self, begin: float, limit: float, may_wait: Callable[[], bool]) -> Waited:
-        """Wait until the newest map that has arrived is ready."""
-        is_ready = self._maps.wait(limit, may_wait)
-        seconds = self._clock() - begin
-        warning = f'the newest map was not ready after {seconds:.2f} s: the last one is used'
-        return Waited(seconds, 0.0, () if is_ready else (warning,))
+        said = warning.format(problem=problem, seconds=seconds)
+        return Waited(seconds, seconds, (said,))
 
 
 def is_recent(failure: Failure, now: float) -> bool:

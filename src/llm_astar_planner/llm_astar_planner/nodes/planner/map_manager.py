@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import statistics
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -13,9 +15,8 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.memory import return_freed_memory
-from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
-from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
+from llm_astar_planner.nodes.common.process import return_freed_memory
+from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.landmarks import LandmarkManager
@@ -24,6 +25,16 @@ from llm_astar_planner.search.landmarks import LandmarkManager
 LONGEST_PREPARATION = 120.0
 # Seconds between two looks at whether a plan may still wait for its map.
 POLL_SECONDS = 0.01
+# A costmap changes every second: that it is planned on is logged once in so many seconds.
+QUIET_SECONDS = 10.0
+
+# How many of the last intervals are kept; from how many on another message is expected, and from
+# how many on one that does not come is worth a warning.
+KEPT, FEWEST, REGULAR = 8, 2, 4
+# Another message is expected for so many of the usual intervals, and for this many seconds: a
+# costmap that is cleared may take longer than usual. Regular are intervals up to as many times
+# the usual one.
+LATE_PERIODS, LATE_SECONDS = 3.0, 2.0
 
 
 class PlanningMap(NamedTuple):
@@ -38,7 +49,7 @@ class MapManager:
 
     Maps are prepared on a thread of their own, only the newest one: maps, updates and changes of
     rules that arrive meanwhile are prepared together in the next round. A map that is refused
-    changes nothing. Who receives the messages notes them in `arrivals`.
+    changes nothing. `arrivals` notes when they came.
     """
 
     def __init__(
@@ -105,18 +116,18 @@ class MapManager:
         """Return what the landmarks cost and how often plans had them, for /diagnostics."""
         return self._landmarks.statistics()
 
-    def take(self, grid_map: GridMap) -> None:
+    def take(self, grid_map: GridMap, transit: float | None = 0.0) -> None:
         """Plan on this map as soon as it is ready.
 
-        It is as old as the last message noted in `arrivals`, and new if none was.
+        It was sent `transit` seconds ago; None for the last one with other zones, which is as old
+        as that.
         """
-        noted = self.arrivals.last
+        if transit is not None:
+            self.arrivals.note(transit)
         with self._changed:
-            self._arrived = noted if math.isfinite(noted) else time.monotonic()
+            self._arrived = self.arrivals.last
             self._grid_map = grid_map
-            self._requested += 1
-            self.is_preparing = True
-            self._changed.notify_all()
+            self._request()
 
     def wait(
         self, seconds: float, may_wait: Callable[[], bool], newer_than: float | None = None
@@ -145,13 +156,16 @@ class MapManager:
     def refresh(self) -> None:
         """Have the planner follow changed rules; return when it does."""
         with self._changed:
-            self._requested += 1
-            self.is_preparing = True
-            number = self._requested
-            self._changed.notify_all()
+            number = self._request()
             self._changed.wait_for(
                 lambda: self._closing or self._prepared >= number, LONGEST_PREPARATION
             )
+
+    def _request(self) -> int:
+        self._requested += 1
+        self.is_preparing = True
+        self._changed.notify_all()
+        return self._requested
 
     def close(self) -> None:
         """Stop, the measuring of landmarks too."""
@@ -181,7 +195,7 @@ class MapManager:
             number, grid_map, arrived = self._requested, self._grid_map, self._arrived
         before = self.planner
         if grid_map is not None and self._compiler is not None:
-            self._compiler.wait(Compiled.USUAL, lambda: not self._closing)
+            self._compiler.wait(lambda: not self._closing)
         planner = self.make_planner(grid_map, before)
         with self._changed:
             if planner is not None:
@@ -190,6 +204,8 @@ class MapManager:
             self.is_preparing = self._requested > number
             self._changed.notify_all()
         if planner is not None and planner is not before:
+            message = f'planning on {self.name}'
+            self._logger.info(message, throttle_duration_sec=QUIET_SECONDS)
             self._on_planner(planner)
 
     def make_planner(self, grid_map: GridMap | None, before: Planner | None) -> Planner | None:
@@ -207,3 +223,53 @@ class MapManager:
             problem = f'{type(error).__name__}: {error}'
             self._logger.error(f'map refused, {self.name} stays: {problem}')
             return None
+
+
+class MapArrivals:
+    """Notes when messages with a map or an update arrived, equal ones included.
+
+    All times are monotonic seconds. `last` is when the last one was made, `period` the usual
+    interval. The next one is expected until `latest`; it is overdue after `overdue_at`, if they
+    came at regular times. Each is infinite where it is not known.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Start without any; `clock` tells the time."""
+        self.last = -math.inf
+        self.period = math.inf
+        self.overdue_at = math.inf
+        self._soonest = self.latest = math.inf
+        self._clock = clock
+        self._intervals: deque[float] = deque(maxlen=KEPT)
+
+    def note(self, transit: float = 0.0) -> None:
+        """Note a message that has just arrived, `transit` seconds after it was made."""
+        before, self.last = self.last, max(self.last, self._clock() - transit)
+        if math.isfinite(before):
+            self._intervals.append(self.last - before)
+        count = len(self._intervals)
+        if count < FEWEST:
+            return
+        self.period = statistics.median(self._intervals)
+        self._soonest = self.last + min(self._intervals)
+        self.latest = self.last + max(LATE_PERIODS * self.period, LATE_SECONDS)
+        is_regular = count >= REGULAR and max(self._intervals) <= LATE_PERIODS * self.period
+        self.overdue_at = self.latest if is_regular else math.inf
+
+    def is_due(self, seconds: float) -> bool:
+        """Tell whether another message can be expected within so many seconds.
+
+        False for a map that is published once, and for a publisher that has stopped.
+        """
+        now = self._clock()
+        return self._soonest <= now + seconds and now <= self.latest < math.inf
+
+    def warnings(self) -> tuple[str, ...]:
+        """Say that the next message is overdue; empty if it is not."""
+        now = self._clock()
+        if now <= self.overdue_at:
+            return ()
+        return (
+            f'no map or update has come for {now - self.last:.1f} s; '
+            f'before, one came every {self.period:.2f} s',
+        )

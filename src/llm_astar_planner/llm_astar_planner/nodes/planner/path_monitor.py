@@ -96,6 +96,12 @@ class PathMonitor:
             self._to_check = (planner, token, change)
             self._changed.notify()
 
+    def check_again(self, change: str) -> None:
+        """Check the path on the newest map, if there is one, since something else has changed."""
+        newest = self._maps.newest
+        if newest is not None:
+            self.check(newest.planner, change)
+
     def close(self) -> None:
         """Stop."""
         self._replans.cancel('the node ends')

@@ -10,20 +10,16 @@ import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError
 from llm_astar_msgs_adapter.messages.fields import yaws_of
+from nav_msgs.msg import Path
 from numpy.typing import NDArray
-from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
-from llm_astar_planner.nodes.common.compact_path import (
-    CompactPath,
-    compact_path,
-    compact_service,
-)
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
+from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
+from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_validator import (
     NO_LIMIT,
     CollisionChecker,
@@ -57,21 +53,24 @@ class PathValidityService:
 
     def __init__(
         self,
+        entities: Entities,
+        settings: Parameters,
         frames: Frames,
-        base_frame: Callable[[], str],
         newest: Callable[[], tuple[Costmap, CollisionChecker] | None],
-        logger: RcutilsLogger,
-        footprint: Callable[[], Footprint | None] = lambda: None,
+        footprint: RobotFootprint,
     ) -> None:
-        """Take the transforms, the name of the robot's frame, the map, and the robot's polygon.
+        """Serve `is_path_valid` if nav2_msgs is installed, on what `newest` returns.
 
         Where there is no polygon, the robot is a disc of the costmap's radius.
         """
+        self._settings = settings
         self._frames = frames
-        self._base_frame = base_frame
         self._newest = newest
-        self._logger = logger
+        self._logger = entities.node.get_logger()
         self._footprint = footprint
+        if IsPathValid is not None:
+            checks = LimitedCallbackGroup(MAX_CHECKS)
+            entities.service(IsPathValid, 'is_path_valid', self.fill, checks)
 
     def fill(self, request: Any, response: Any) -> Any:  # noqa: ANN401 - IsPathValid's
         """Fill the response, checking from the pose nearest to the robot on, if that is known.
@@ -101,15 +100,14 @@ class PathValidityService:
         newest = self._newest()
         if newest is None:
             raise ValidityError('no map has arrived yet')
-        path = compact_path(request.path)
-        if not len(path.values):
+        if not request.path.poses:
             raise ValidityError('the path is empty')
         if getattr(request, 'layer_name', ''):
             raise ValidityError(
                 f'layer {request.layer_name[:100]!r} is not known, only the costmap is'
             )
         costmap, checker = newest
-        poses = self.poses(path, costmap.grid_map.frame_id)
+        poses = self.poses(request.path, costmap.grid_map.frame_id)
         first = self.first_index(poses, costmap.grid_map.frame_id)
         last = last_index(poses, first, getattr(request, 'max_lookahead_distance', 0.0))
         ahead = poses[first:last]
@@ -120,7 +118,7 @@ class PathValidityService:
             checker = point_checker(costmap)
         cells = costmap.grid_map.world_to_cells(ahead[:, :2])
         invalid = invalid_poses(cells, checker, allow_unknown=allow_unknown, cost_limit=limit)
-        footprint = own or self._footprint()
+        footprint = own or self._footprint.current
         if footprint is not None:
             allowed = allow_unknown and costmap.config.allow_unknown
             body = FootprintChecker(costmap, footprint, allow_unknown=allowed)
@@ -128,14 +126,19 @@ class PathValidityService:
         indices = np.flatnonzero(invalid) + first
         return indices[:1] if getattr(request, 'stop_at_first_collision', False) else indices
 
-    def poses(self, path: CompactPath, frame_id: str) -> NDArray[np.float64]:
+    def poses(self, path: Path, frame_id: str) -> NDArray[np.float64]:
         """Return a path's poses (x, y, yaw) [n, 3] in metres and radians, in the map's frame.
 
         Each frame that they are in is transformed once, by the newest transform. Raises
         FrameError, GridMapError.
         """
-        names = [name or path.frame_id for name in path.frames]
-        poses = np.column_stack([path.values[:, :2], yaws_of(path.values[:, 3:])])
+        names = [pose.header.frame_id or path.header.frame_id for pose in path.poses]
+        values = [
+            (at.x, at.y, turn.x, turn.y, turn.z, turn.w)
+            for at, turn in ((one.pose.position, one.pose.orientation) for one in path.poses)
+        ]
+        array = np.array(values, dtype=np.float64)
+        poses = np.column_stack([array[:, :2], yaws_of(array[:, 2:])])
         for name in set(names):
             if name in ('', frame_id):
                 continue
@@ -147,7 +150,7 @@ class PathValidityService:
     def first_index(self, poses: NDArray[np.float64], frame_id: str) -> int:
         """Return the index of the pose [n, 3] nearest to the robot, 0 if that is not known."""
         try:
-            robot = self._frames.robot(self._base_frame(), frame_id)
+            robot = self._frames.robot(self._settings['robot_base_frame'], frame_id)
         except (FrameError, GridMapError):
             return 0
         return nearest_pose(poses[:, :2], robot.x, robot.y)
@@ -191,11 +194,3 @@ def occupancy_limit(max_cost: int) -> int:
     if max_cost <= MOST_COST:
         return 1 + 97 * (max_cost - 1) // 251
     return max_cost - INSCRIBED + 99 if max_cost <= LETHAL else NO_LIMIT
-
-
-def serve_path_validity(entities: Entities, validity: PathValidityService) -> None:
-    """Serve `is_path_valid` if nav2_msgs is installed."""
-    if IsPathValid is not None:
-        checks = LimitedCallbackGroup(MAX_CHECKS)
-        kind = compact_service(IsPathValid)
-        entities.service(kind, 'is_path_valid', validity.fill, checks)

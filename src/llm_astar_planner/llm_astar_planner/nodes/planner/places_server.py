@@ -13,17 +13,15 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
-from llm_astar_msgs_adapter.messages.place_markers import places_to_markers
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_problems
+from llm_astar_msgs_adapter.messages.markers import places_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from llm_astar_planner.instructions.place_goal import goal_cell
-from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
+from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import LATCHED
@@ -34,20 +32,38 @@ from llm_astar_planner.resources import find_file
 PARAMETER = 'places_file'
 
 
-class PlacesParameter:
-    """The places of the file that the parameter `places_file` names.
+def load(name: str) -> Places:
+    """Return the places of a file, none for ''. Raises PlacesError or OSError."""
+    return load_places(Path(find_file(name, 'maps'))) if name else NO_PLACES
+
+
+class PlacesServer:
+    """Publishes the places of the parameter `places_file`, and finds the goal that a name means.
 
     A file that is refused keeps the last places. To read a changed file again, set its name again.
     """
 
     def __init__(self, entities: Entities, settings: Parameters) -> None:
-        """Load the file. Raises PlacesError or FileNotFoundError."""
+        """Publish the places; their goals follow when there is a map.
+
+        Raises PlacesError or FileNotFoundError.
+        """
+        self._node = node = entities.node
         self._settings = settings
         name = settings[PARAMETER]
         self._loaded = {name: load(name)}
-        node = entities.node
         node.add_on_set_parameters_callback(self.on_set)
         entities.on_close(lambda: node.remove_on_set_parameters_callback(self.on_set))
+        self._published: Places | None = None
+        self._planner: Planner | None = None
+        self._checked: Hashable = None
+        self._is_queued = False
+        self._markers = entities.publisher(MarkerArray, '~/places', LATCHED)
+        self._geojson = entities.publisher(String, '~/places_geojson', LATCHED)
+        # Of its own, since a large map with many places takes seconds.
+        self._thread = ThreadPoolExecutor(1, 'places')
+        entities.on_close(lambda: self._thread.shutdown(cancel_futures=True))
+        self.refresh()
 
     @property
     def places(self) -> Places:
@@ -66,35 +82,6 @@ class PlacesParameter:
                 before = self._settings[PARAMETER]
                 self._loaded = {before: self._loaded[before], change.value: places}
         return SetParametersResult(successful=True)
-
-
-def load(name: str) -> Places:
-    """Return the places of a file, none for ''. Raises PlacesError or OSError."""
-    return load_places(Path(find_file(name, 'maps'))) if name else NO_PLACES
-
-
-class PlacesServer:
-    """Publishes the places, and finds the goal that a name means."""
-
-    def __init__(self, entities: Entities, parameter: PlacesParameter) -> None:
-        """Publish the places; their goals follow when there is a map."""
-        self._node = entities.node
-        self._parameter = parameter
-        self._published: Places | None = None
-        self._planner: Planner | None = None
-        self._checked: Hashable = None
-        self._is_queued = False
-        self._markers = entities.publisher(MarkerArray, '~/places', LATCHED)
-        self._geojson = entities.publisher(String, '~/places_geojson', LATCHED)
-        # Of its own, since a large map with many places takes seconds.
-        self._thread = ThreadPoolExecutor(1, 'places')
-        entities.on_close(lambda: self._thread.shutdown(cancel_futures=True))
-        self.refresh()
-
-    @property
-    def places(self) -> Places:
-        """The places of the map."""
-        return self._parameter.places
 
     def refresh(self) -> None:
         """Publish the places if they have changed."""

@@ -6,10 +6,8 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Path
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
@@ -17,12 +15,18 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.nodes.planner.goal_server import CALLERS, GoalServer
-from llm_astar_planner.nodes.planner.goals import CancellationToken, PlanGoal, PlanResponse
+from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
+from llm_astar_planner.nodes.common.spin import RCLError, run_node
+from llm_astar_planner.nodes.planner.goals import (
+    CALLERS,
+    CancellationToken,
+    PlanGoal,
+    PlanResponse,
+    refusal,
+    serve_goals,
+)
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.planning.types import ResultCode
 
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.planner.planner_server import PlannerServer
@@ -49,14 +53,14 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._lock = threading.RLock()
         self._is_leaving = False
         self._started = threading.Event()
-        Node.__init__(self, NAME, **node_options)
+        Node.__init__(self, NAME, **OVERRIDES, **node_options)
         if hasattr(self.context, 'untrack_node'):
             # Kilted's contexts destroy their nodes, holding a lock that this node's threads need.
             self.context.untrack_node(self)
         # Setting a parameter may take as long as a large map does; a manager waits two seconds.
         LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self.on_change_state
+        (service,) = (one for one in self.services if one.srv_type is ChangeState)
+        self._change_state, service.callback = service.callback, self.on_change_state
         self._settings = Parameters(self, NAME)
         if not self._settings['autostart']:
             self._started.set()
@@ -73,7 +77,9 @@ class PlannerNode(LifecycleNodeMixin, Node):
     @property
     def is_active(self) -> bool:
         """Whether goals are taken: by an active node, and by one that is about to be."""
-        return not self._started.is_set() or (self._server is not None and self._server.is_active)
+        return not self._started.is_set() or (
+            self._server is not None and self._server.handler.is_active
+        )
 
     def answer_goal(
         self,
@@ -84,11 +90,11 @@ class PlannerNode(LifecycleNodeMixin, Node):
         """Plan, publish and watch the path; never raises. See RequestHandler.answer."""
         self._started.wait()
         server = self._server
-        if server is not None:
-            return server.answer_goal(goal, token, on_better)
-        not_drawn = np.zeros((0, 0), dtype=np.bool_)
-        plan = Plan(ResultCode.UNKNOWN, NOT_CONFIGURED, '', (0, 0), (0, 0), not_drawn)
-        return PlanResponse(goal, plan, Path())
+        if server is None:
+            return PlanResponse(goal, refusal(ResultCode.UNKNOWN, NOT_CONFIGURED), Path())
+        response = server.handler.answer(goal, token, on_better)
+        server.monitor.watch(response)
+        return response
 
     def start(self) -> None:
         """Configure and activate. Raises ParameterError if that fails."""
@@ -127,7 +133,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         """Join the graph: at first what clients wait for, then what takes long to import."""
         with self._lock:
             self._goals = Entities(self)
-            GoalServer(self._goals, self, self._settings['introspection_mode'])
+            serve_goals(self._goals, self, self._settings['introspection_mode'])
         from llm_astar_planner.nodes.planner.planner_server import (  # noqa: PLC0415
             PlannerServer,
         )

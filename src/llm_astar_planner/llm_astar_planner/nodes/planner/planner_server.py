@@ -5,8 +5,7 @@ Importing them takes a second, so planner_node does it after its first services 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -16,42 +15,39 @@ from rclpy.node import Node
 from scipy import ndimage  # noqa: F401
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.place_names import PlaceGoalError
+from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.bond import Bond, make_bond
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
-from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
-from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
+from llm_astar_planner.nodes.common.tf import listen
 from llm_astar_planner.nodes.planner.goals import (
-    CancellationToken,
     PlanGoal,
-    PlanResponse,
     PreemptingGoalSlot,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
-from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
+from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.path_validity import (
     PathValidityService,
-    serve_path_validity,
 )
-from llm_astar_planner.nodes.planner.places_server import PlacesParameter, PlacesServer
-from llm_astar_planner.nodes.planner.publishers import PlanPublisher
+from llm_astar_planner.nodes.planner.places_server import PlacesServer
+from llm_astar_planner.nodes.planner.publishers import DiagnosticsPublisher, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
-from llm_astar_planner.nodes.planner.shape_server import ShapeServer
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
-from llm_astar_planner.nodes.planner.zone_server import ZoneServer
-from llm_astar_planner.planning.kernel_compiler import KernelCompiler
+from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
+from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
+
+if TYPE_CHECKING:
+    from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 
 
 class PlannerServer:
@@ -61,7 +57,7 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: Node, settings: Parameters) -> None:
+    def __init__(self, node: PlannerNode, settings: Parameters) -> None:
         """Join the graph, not active yet."""
         self._node = node
         self._settings = settings
@@ -70,14 +66,15 @@ class PlannerServer:
         self._bond: Bond | None = None
         self._initial_pose: PoseStamped | None = None
         self._cache: CachedWaypointSource | None = None
-        self._places = PlacesServer(entities, PlacesParameter(entities, settings))
+        self._places = PlacesServer(entities, settings)
         self._instructions = InstructionServer(
             entities, settings, lambda: self._places.places, self.on_understood
         )
-        self._client = self.make_client()
+        name = settings['llm_client']
+        self._client = WaypointClient(entities, name, self.on_client_change) if name else None
         self._cache = CachedWaypointSource(self._client) if self._client else None
         compiler = self.make_compiler()
-        frames = self.make_frames()
+        frames = listen(entities)
         self._maps = MapManager(
             node.get_logger(),
             lambda: costmap_config(settings.values()),
@@ -90,7 +87,7 @@ class PlannerServer:
         self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
         replans = PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities)
-        self._handler = RequestHandler(
+        self.handler = RequestHandler(
             node,
             settings,
             self._maps,
@@ -100,11 +97,11 @@ class PlannerServer:
             replans=replans,
             instructions=self._instructions,
         )
-        self._monitor = PathMonitor(
+        self.monitor = PathMonitor(
             node,
             settings,
             self._maps,
-            self._handler,
+            self.handler,
             replans=replans,
             cache=self._cache,
             footprint=self._footprint,
@@ -113,32 +110,21 @@ class PlannerServer:
         # Last of all: the executor may call back at once.
         self._instructions.start()
         self.subscribe()
-        validity = PathValidityService(
-            frames,
-            lambda: str(settings['robot_base_frame']),
-            self._maps.newest_arrived,
-            node.get_logger(),
-            lambda: self._footprint.current,
-        )
-        serve_path_validity(entities, validity)
+        newest = self._maps.newest_arrived
+        PathValidityService(entities, settings, frames, newest, self._footprint)
         self._footprint.subscribe()
         self.subscribe_to_maps(side)
 
-    @property
-    def is_active(self) -> bool:
-        """Whether goals are answered."""
-        return self._handler.is_active
-
     def activate(self) -> None:
         """Answer goals from now on, bound to a lifecycle manager."""
-        self._handler.activate()
+        self.handler.activate()
         self._bond = make_bond(self._node, self._settings['bond_heartbeat_period'])
 
     def deactivate(self) -> None:
         """Refuse goals from now on; cancel what is being planned."""
-        self._handler.deactivate('the node was deactivated')
+        self.handler.deactivate('the node was deactivated')
         # The path must not be replanned when the node is activated again.
-        self._monitor.forget()
+        self.monitor.forget()
         if self._bond is not None:
             self._bond.close()
             self._bond = None
@@ -147,26 +133,15 @@ class PlannerServer:
         """Cancel what is being planned, and leave the graph."""
         self.deactivate()
         self._maps.close()
-        self._monitor.close()
+        self.monitor.close()
         self._entities.close()
-
-    def answer_goal(
-        self,
-        goal: PlanGoal,
-        token: CancellationToken | None = None,
-        on_better: Callable[[], None] | None = None,
-    ) -> PlanResponse:
-        """Plan, publish and watch the path; never raises. See RequestHandler.answer."""
-        response = self._handler.answer(goal, token, on_better)
-        self._monitor.watch(response)
-        return response
 
     def on_goal_pose(self, message: PoseStamped) -> None:
         """Plan to the goal that was set in RViz; a newer one preempts it."""
         token = self._goals.begin('a newer goal came')
         goal = PlanGoal((message,), fallback_start=self._initial_pose)
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
-        self._node.executor.create_task(self.answer_goal, goal, token)
+        self._node.executor.create_task(self._node.answer_goal, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
@@ -193,23 +168,18 @@ class PlannerServer:
         """Check the last path on a new map."""
         if not self._node.context.ok():  # the process ends
             return
-        message = f'planning on {self._maps.name}'
-        self._node.get_logger().info(message, throttle_duration_sec=QUIET_SECONDS)
         self._diagnostics.publish()
         self._places.on_planner(planner)
-        self._monitor.check(planner)
-
-    def on_understood(self) -> None:
-        """Replan the last path if new maps do, as something else is asked of it now."""
-        planner = self._maps.planner
-        if planner is not None and self._settings['replan_on_map']:
-            self._monitor.check(planner, 'the instruction has changed')
+        self.monitor.check(planner)
 
     def on_footprint(self) -> None:
         """Check the last path with another footprint."""
-        planner = self._maps.planner
-        if planner is not None:
-            self._monitor.check(planner, 'the footprint has changed')
+        self.monitor.check_again('the footprint has changed')
+
+    def on_understood(self) -> None:
+        """Replan the last path if new maps do, as something else is asked of it now."""
+        if self._settings['replan_on_map']:
+            self.monitor.check_again('the instruction has changed')
 
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
@@ -217,34 +187,16 @@ class PlannerServer:
         compiler = KernelCompiler(
             costmap_config(settings),
             PlanRequest((0, 0), (0, 0), **request_fields(settings)),
-            lambda: self._client is not None and self._client.ready,
             self._node.get_logger().info,
         )
         self._entities.on_close(compiler.close)
         return compiler
-
-    def make_client(self) -> WaypointClient | None:
-        """Return the client of the waypoint node, None if no node is to be asked."""
-        name = self._settings['llm_client']
-        if not name:
-            return None
-        client = WaypointClient(self._node, name, self.on_client_change)
-        self._entities.on_close(client.close)
-        return client
 
     def on_client_change(self) -> None:
         """Drop the client's answers: it may answer differently from now on."""
         self._instructions.on_client_change()
         if self._cache is not None:
             self._cache.clear()
-
-    def make_frames(self) -> Frames:
-        """Return the transforms, empty without tf2_ros."""
-        if not HAS_TF2:
-            return Frames(None)
-        listener = TransformListener(self._node)
-        self._entities.on_close(listener.close)
-        return Frames(listener.buffer)
 
     def subscribe(self) -> None:
         """Subscribe."""
@@ -266,23 +218,20 @@ class PlannerServer:
 
         Requests that came later must not overtake them.
         """
-        thread = SpinThread(node)
-        self._entities.on_close(thread.close)
-        ShapeServer(node, self._node, self._zones)
         topic = self._settings['filter_info_topic']
-        MaskSubscription(node, self._node, topic, self._zones.set_masks)
-        MapSubscription(Entities(node), self._zones.take, self._node, self._maps.arrivals.note)
-        thread.start()
+        MaskSubscription(node, self._node, topic, lambda masks: self._zones.use(masks=masks))
+        MapSubscription(Entities(node), self._zones.take, self._node)
+        self._entities.on_close(SpinThread(node).close)
 
     def state(self) -> tuple[bool, str, dict[str, Any]]:
         """Return what /diagnostics says."""
         planner, age = self._maps.planner, self._maps.age
         values = {
-            'active': self.is_active,
+            'active': self.handler.is_active,
             'map_digest': planner.grid_map.digest if planner else None,
             'map_age': None if age is None else round(age, 3),
             'llm_client_ready': self._client is not None and self._client.ready,
-            'last_path': self._monitor.state,
+            'last_path': self.monitor.state,
             **self._footprint.values(),
             **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
             **self._instructions.values(),
@@ -290,6 +239,6 @@ class PlannerServer:
             **self._publisher.statistics.values(),
         }
         overdue = self._maps.arrivals.warnings()
-        is_well = planner is not None and self.is_active and not overdue
-        state = 'planning' if self.is_active else 'not active'
+        is_well = planner is not None and self.handler.is_active and not overdue
+        state = 'planning' if self.handler.is_active else 'not active'
         return is_well, '; '.join((f'{state} on {self._maps.name}', *overdue)), values

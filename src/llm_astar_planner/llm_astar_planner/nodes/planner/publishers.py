@@ -1,4 +1,4 @@
-"""Publishes paths, reports and markers."""
+"""Publishes paths, reports, markers, and the state of the planner."""
 
 from __future__ import annotations
 
@@ -7,27 +7,36 @@ import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
-from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
+from llm_astar_msgs_adapter.messages.writing import (
+    path_to_message,
+    report_to_message,
+    status_to_message,
+)
 from nav_msgs.msg import GridCells, Path
 from numpy.typing import ArrayLike, NDArray
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
+from llm_astar_planner.nodes.common.spin import RCLError
+from llm_astar_planner.nodes.planner.goals import PlanResponse
+from llm_astar_planner.planning.endpoints import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.footprint_search import FootprintSearch
-from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.types import (
+    Plan,
+    PlanRequest,
+    ResultCode,
+    finite_or_none,
+    plan_report,
+)
 from llm_astar_planner.search.any_angle import interpolate, turning_points
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
@@ -36,6 +45,10 @@ LONGEST_WAIT = 1.0
 # Seconds to write a pose, publish it and send it as the answer.
 POSE_SECONDS = 20e-6
 LEAST_SECONDS = 0.001
+
+PERIOD_S = 1.0
+# Of the last plan, besides its code.
+LAST = ('guided_by', 'ratio', 'source_status', 'source_detail')
 
 
 class PathWriter:
@@ -101,7 +114,7 @@ class PathWriter:
         if self._fits is not None:
             exact = ends_that_fit(cells, exact, self._planner.checker, self._fits)
         places = grid_map.grid_to_world(with_exact_ends(cells, *exact, self._planner.checker))
-        begins, arrives = (end is not None for end in exact)
+        begins, arrives = exact[0] is not None, exact[1] is not None
         if arrives:
             places[-1] = ends[1]
         if begins:
@@ -164,37 +177,21 @@ class PlanPublisher:
         if is_new:
             self._plan.publish(path)
 
-    def publish_report(
-        self,
-        plan: Plan,
-        planner: Planner | None,
-        map_age: float | None,
-        stamp: Time,
-        *,
-        is_cancelled: bool = False,
-    ) -> None:
-        """Count, publish and log a plan made on a map of this age, in seconds.
+    def publish_report(self, response: PlanResponse, stamp: Time, *, is_cancelled: bool) -> None:
+        """Count, publish and log the plan of a response.
 
-        `planner` is None if it never came to planning. A failure that was somebody's wish is
-        logged at debug level: on a map that changes at 5 Hz, each replan may preempt the last.
+        A failure that was somebody's wish is logged at debug level: on a map that changes at
+        5 Hz, each replan may preempt the last.
         """
         self._free.acquire(timeout=LONGEST_WAIT)
-        write = partial(self.write_report, is_cancelled=is_cancelled)
-        self._thread.submit(self.logged, write, plan, planner, map_age, stamp)
+        self._thread.submit(self.logged, self.write_report, response, stamp, is_cancelled)
 
-    def write_report(
-        self,
-        plan: Plan,
-        planner: Planner | None,
-        map_age: float | None,
-        stamp: Time,
-        *,
-        is_cancelled: bool,
-    ) -> None:
-        """Count, publish and log a plan now."""
+    def write_report(self, response: PlanResponse, stamp: Time, is_cancelled: bool) -> None:
+        """Count, publish and log the plan of a response now."""
         self._free.release()
+        plan, planner = response.plan, response.planner
         self.statistics.count(plan)
-        report = plan_report(plan, planner.grid_map if planner else None, map_age)
+        report = plan_report(plan, planner.grid_map if planner else None, response.map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
         if report.code and is_cancelled:
@@ -250,3 +247,75 @@ class PlanPublisher:
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
             if self._node.context.ok():
                 self._node.get_logger().error(traceback.format_exc())
+
+
+class PlanStatistics:
+    """Counts what became of the requests, and keeps the last plan's figures."""
+
+    def __init__(self) -> None:
+        """Start at zero."""
+        self._lock = threading.Lock()
+        self._last: Plan | None = None
+        self._asked = self._made = self._certified = 0
+
+    def count(self, plan: Plan) -> None:
+        """Count a plan; it is certified if a bound on its cost is proven."""
+        is_made = plan.code is ResultCode.NONE
+        with self._lock:
+            self._last = plan
+            self._asked += 1
+            self._made += is_made
+            self._certified += is_made and finite_or_none(plan.suboptimality_bound) is not None
+
+    def values(self) -> dict[str, Any]:
+        """Return the figures by name; `certified_ratio` is of the plans made, None without any."""
+        with self._lock:
+            last = self._last.to_dict() if self._last else {}
+            return {
+                'plans_asked': self._asked,
+                'plans_made': self._made,
+                'certified_ratio': self._certified / self._made if self._made else None,
+                'last_code': last.get('code_name'),
+                **{f'last_{name}': last.get(name) for name in LAST},
+            }
+
+
+class DiagnosticsPublisher:
+    """Publishes the state at 1 Hz, and on request.
+
+    It has a thread of its own: a monitor must see the node also while every other thread plans.
+    """
+
+    def __init__(
+        self, entities: Entities, state: Callable[[], tuple[bool, str, dict[str, Any]]]
+    ) -> None:
+        """Start; `state` returns whether all is well, a sentence, and values by name."""
+        self._node = entities.node
+        self._state = state
+        self._publisher = entities.publisher(DiagnosticArray, '/diagnostics', RELIABLE)
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self.run, name='diagnostics', daemon=True)
+        self._thread.start()
+        entities.on_close(self.close)
+
+    def run(self) -> None:
+        """Publish the state once a second until `close`, or until the context is shut down."""
+        try:
+            while not self._closed.wait(PERIOD_S):
+                self.publish()
+        except RCLError:
+            if self._node.context.ok():
+                raise
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closed.set()
+        self._thread.join()
+
+    def publish(self) -> None:
+        """Publish the state now."""
+        is_well, message, values = self._state()
+        level = DiagnosticStatus.OK if is_well else DiagnosticStatus.WARN
+        name = f'{self._node.get_fully_qualified_name()[1:]}: planner'
+        stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(status_to_message(name, level, message, values, stamp))

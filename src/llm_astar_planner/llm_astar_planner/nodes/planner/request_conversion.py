@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 
@@ -22,7 +21,6 @@ from llm_astar_planner.planning.types import (
     ResultCode,
 )
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS
-from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import WaypointSource
 
 # How a caller names this planner in `planner_id`; GridBased is what Nav2's behaviour trees say.
@@ -33,13 +31,12 @@ class RequestError(PlanningFailure):
     """A goal that cannot be planned for: why, and Nav2's code for it."""
 
 
-class GoalPoses(NamedTuple):
-    """The poses of a goal in the map's frame, and the cells of its goals and of its viapoints."""
+class Converted(NamedTuple):
+    """A request to the planner, and the poses of its start and goals in the map's frame."""
 
+    request: PlanRequest
     start: Pose2D
     goals: tuple[Pose2D, ...]
-    goal_cells: tuple[Cell, ...]
-    viapoints: tuple[Cell, ...] = ()
 
 
 class RequestConverter:
@@ -60,56 +57,50 @@ class RequestConverter:
         self._used: Mapping[str, Any] = {}
         self._fields: dict[str, Any] = {}
 
-    def refresh(self) -> None:
-        """Follow changed parameters."""
-        self._used = settings = self._settings.current
-        self._fields = request_fields(settings)
-        self._fields['source'] = self._source if settings['use_waypoints'] else None
+    def to_request(
+        self,
+        goal: PlanGoal,
+        grid_map: GridMap,
+        time_left: Callable[[], float],
+        may_wait: MayWait = never,
+        *,
+        want_expanded: bool,
+    ) -> Converted:
+        """Return the request to the planner; a transform is awaited while `may_wait()`.
 
-    def poses(self, goal: PlanGoal, grid_map: GridMap, may_wait: MayWait = never) -> GoalPoses:
-        """Return a goal's poses in the map's frame; a transform is awaited while `may_wait()`.
-
-        Raises RequestError, and what `may_wait` raises.
+        It has the seconds that `time_left` returns after that. Raises RequestError, and what
+        `may_wait` raises.
         """
-        frame_id = grid_map.frame_id
-        if not goal.goals:
-            raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
-        if len(goal.goals) > MAX_VIA + 1:
-            message = f'goals: {len(goal.goals)}, over the {MAX_VIA + 1} allowed'
-            raise RequestError(ResultCode.INVALID_PLANNER, message)
-        goals, cells = [], []
-        viapoints: tuple[Cell, ...] = ()
+        check_counts(goal)
+        frame_id, locate = grid_map.frame_id, self._frames.locate
         try:
             start = self.start_pose(goal, frame_id, may_wait)
-            for pose in goal.goals:
-                if pose.header.frame_id in ('', frame_id):
-                    goals.append(pose_from_message(pose.pose, 'goal'))
-                else:
-                    goals.append(self._frames.locate(pose, frame_id, 'goal', may_wait))
-                cells.append(grid_map.world_to_cell(goals[-1].x, goals[-1].y))
-            if goal.viapoints:
-                viapoints = self.viapoint_cells(goal.viapoints, grid_map, may_wait)
+            goals = [
+                pose_from_message(pose.pose, 'goal')
+                if pose.header.frame_id in ('', frame_id)
+                else locate(pose, frame_id, 'goal', may_wait)
+                for pose in goal.goals
+            ]
+            viapoints = [
+                locate(pose, frame_id, f'via point {number}', may_wait)
+                for number, pose in enumerate(goal.viapoints, start=1)
+            ]
+            places = (start, *goals, *viapoints)
+            cells = tuple(grid_map.world_to_cell(place.x, place.y) for place in places)
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
             raise RequestError(ResultCode.UNKNOWN, str(error)) from None
-        return GoalPoses(start, tuple(goals), tuple(cells), viapoints)
-
-    def viapoint_cells(
-        self, poses: Sequence[PoseStamped], grid_map: GridMap, may_wait: MayWait
-    ) -> tuple[Cell, ...]:
-        """Return the cells of via points that guide the search.
-
-        Raises RequestError for too many of them, FrameError and GridMapError as `Frames.locate`.
-        """
-        if len(poses) > MAX_VIAPOINTS:
-            message = f'viapoints: {len(poses)}, over the {MAX_VIAPOINTS} allowed'
-            raise RequestError(ResultCode.INVALID_PLANNER, message)
-        places = [
-            self._frames.locate(pose, grid_map.frame_id, f'via point {number}', may_wait)
-            for number, pose in enumerate(poses, start=1)
-        ]
-        return tuple(grid_map.world_to_cell(place.x, place.y) for place in places)
+        fields = self.fields(goal) | {'want_expanded': want_expanded, 'time_limit': time_left()}
+        if self._footprint.current is not None:
+            fields['start_pose'] = start
+            if not self._used['use_final_approach_orientation']:
+                fields['goal_yaw'] = goals[-1].yaw
+        last = len(goals)
+        request = PlanRequest(
+            cells[0], cells[last], via=cells[1:last], viapoints=cells[last + 1 :], **fields
+        )
+        return Converted(request, start, tuple(goals))
 
     def start_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the goal's start, else the robot's pose, else its fallback start."""
@@ -125,20 +116,13 @@ class RequestConverter:
         except FrameError:
             return self._frames.locate(fallback, frame_id, 'start', may_wait)
 
-    def to_request(
-        self,
-        goal: PlanGoal,
-        poses: GoalPoses,
-        grid_map: GridMap,
-        time_limit: float,
-        *,
-        want_expanded: bool,
-    ) -> PlanRequest:
-        """Return the request to the planner; `time_limit` in seconds. Raises RequestError."""
-        if self._settings.current is not self._used:
-            self.refresh()
-        cells = poses.goal_cells
-        fields = self._fields | {'time_limit': time_limit, 'want_expanded': want_expanded}
+    def fields(self, goal: PlanGoal) -> dict[str, Any]:
+        """Return what the parameters and a goal say of a request. Raises RequestError."""
+        settings = self._settings.current
+        if settings is not self._used:
+            self._used, self._fields = settings, request_fields(settings)
+            self._fields['source'] = self._source if settings['use_waypoints'] else None
+        fields = self._fields | {'footprint': self._footprint.current}
         if goal.planner_id not in OWN_IDS:
             fields['method'] = goal.planner_id
         if fields['method'] not in METHODS and SEARCH_METHODS.problem(fields['method']):
@@ -148,12 +132,17 @@ class RequestConverter:
         # A NaN is for the planner to refuse.
         if not goal.tolerance <= 0.0:
             fields['tolerance'] = goal.tolerance
-        if poses.viapoints:
-            fields['viapoints'] = poses.viapoints
-        fields['footprint'] = self._footprint.current
-        if self._footprint.current is not None:
-            fields['start_pose'] = poses.start
-            if not self._used['use_final_approach_orientation']:
-                fields['goal_yaw'] = poses.goals[-1].yaw
-        start = grid_map.world_to_cell(poses.start.x, poses.start.y)
-        return PlanRequest(start, cells[-1], via=cells[:-1], **fields)
+        return fields
+
+
+def check_counts(goal: PlanGoal) -> None:
+    """Raise RequestError for a goal with no pose, or with too many."""
+    if not goal.goals:
+        raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
+    for name, poses, most in (
+        ('goals', goal.goals, MAX_VIA + 1),
+        ('viapoints', goal.viapoints, MAX_VIAPOINTS),
+    ):
+        if len(poses) > most:
+            message = f'{name}: {len(poses)}, over the {most} allowed'
+            raise RequestError(ResultCode.INVALID_PLANNER, message)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
 from llm_astar_msgs_adapter.messages.writing import path_to_message
@@ -23,19 +22,17 @@ from llm_astar_planner.nodes.planner.goals import (
     PlanGoal,
     PlanResponse,
     PreemptingGoalSlot,
+    refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import (
-    OWN_IDS,
     RequestConverter,
     RequestError,
 )
-from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
-from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
-from llm_astar_planner.search.guided import FAR
-from llm_astar_planner.search.methods import EXACT, GUIDED
+from llm_astar_planner.planning.compile import KernelCompiler
+from llm_astar_planner.planning.types import PlanningFailure, ResultCode
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
@@ -58,24 +55,29 @@ class Job:
     begin: float
     limit: float
 
-    def raise_if_cancelled(self) -> None:
-        """Raise RequestError if the goal was cancelled."""
-        if self.token.reason:
-            raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
-
     def goes_on(self) -> bool:
         """Return True. Raises RequestError if the goal was cancelled."""
-        self.raise_if_cancelled()
+        if self.token.reason:
+            raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
         return True
 
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
-        self.raise_if_cancelled()
-        return time.monotonic() < self.begin + self.limit
+        return self.goes_on() and time.monotonic() < self.deadline
+
+    @property
+    def deadline(self) -> float:
+        """When its time is up, in monotonic seconds."""
+        return self.begin + self.limit
+
+    def search_seconds(self) -> float:
+        """Return the seconds that are left, but for those to check and write the path."""
+        finish = min(FINISH_SECONDS, FINISH_SHARE * self.limit)
+        return max(LEAST_SECONDS, self.deadline - finish - time.monotonic())
 
 
 class RequestHandler:
-    """Answers any number of goals at a time, from any thread."""
+    """Answers any number of goals at a time, from any thread, while it `is_active`."""
 
     def __init__(
         self,
@@ -94,7 +96,7 @@ class RequestHandler:
         `replans` is the slot of replans: publishing a path that a client has just requested
         preempts them.
         """
-        self._is_active = False
+        self.is_active = False
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         # How many plans began at each of the last times of the clock.
@@ -109,18 +111,13 @@ class RequestHandler:
         self._replans = replans
         self._instructions = instructions
 
-    @property
-    def is_active(self) -> bool:
-        """Whether goals are answered."""
-        return self._is_active
-
     def activate(self) -> None:
         """Answer goals from now on."""
-        self._is_active = True
+        self.is_active = True
 
     def deactivate(self, reason: str) -> None:
         """Refuse goals from now on, cancel those being answered and wait until they ended."""
-        self._is_active = False
+        self.is_active = False
         with self._ended:
             for token in self._running:
                 token.cancel(reason)
@@ -144,8 +141,9 @@ class RequestHandler:
         job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
         with self.running(job.token):
             try:
-                if self._is_active and self._compiler.compiled < Compiled.EVERYTHING:
-                    job = self.wait_for_searches(job)
+                if self.is_active and not self._compiler.is_ready:
+                    self._compiler.wait(job.goes_on)
+                    job = replace(job, begin=time.monotonic())
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
@@ -156,10 +154,7 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
-            is_cancelled = bool(job.token.reason)
-            self._publisher.publish_report(
-                response.plan, response.planner, response.map_age, stamp, is_cancelled=is_cancelled
-            )
+            self._publisher.publish_report(response, stamp, is_cancelled=bool(job.token.reason))
         return replace(response, seconds=time.monotonic() - job.begin)
 
     def next_stamp(self) -> Time:
@@ -179,7 +174,7 @@ class RequestHandler:
         self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
     ) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
-        if not self._is_active:
+        if not self.is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
@@ -192,37 +187,34 @@ class RequestHandler:
         if newest is None:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
-        poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
-        deadline = job.begin + job.limit
-        finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
-        request = self._converter.to_request(
+        request, start, goals = self._converter.to_request(
             job.goal,
-            poses,
             planner.grid_map,
-            max(LEAST_SECONDS, deadline - finish - time.monotonic()),
+            job.search_seconds,
+            job.may_wait,
             want_expanded=self._publisher.wants_expanded,
         )
-        jumps = self._compiler.compiled >= Compiled.UNIFORM
-        request = request if jumps else without_jump_points(request)
         keeps_heading = self._settings.current['use_final_approach_orientation']
-        ends = poses.start, poses.goals[-1]
         writer = PathWriter(
-            planner, job.stamp, *ends, keeps_heading=keeps_heading, request=request
+            planner, job.stamp, start, goals[-1], keeps_heading=keeps_heading, request=request
         )
         if self._instructions.current.instruction is not None:
-            request = self._instructions.add_to(request, planner, poses)
+            request = self._instructions.add_to(request, planner, start, goals)
+        began = time.monotonic()
+        planner.compile(request, job.token.stop)
+        job = replace(job, begin=job.begin + time.monotonic() - began)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
                 # Half of the time left is for the search and the final path.
-                path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
+                path, _ = writer.write_plan(plan, (time.monotonic() + job.deadline) / 2.0)
                 if not job.token.reason:
                     self.publish(path, replan_reason)
                     if on_better is not None:
                         on_better()
-        job.raise_if_cancelled()
-        path, left_out = writer.write_plan(plan, deadline)
+        job.goes_on()
+        path, left_out = writer.write_plan(plan, job.deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
-        job.raise_if_cancelled()
+        job.goes_on()
         if plan.code is ResultCode.NONE:
             self.publish(path, replan_reason)
             if request.instruction is not None:
@@ -236,22 +228,6 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def wait_for_searches(self, job: Job) -> Job:
-        """Wait until what a goal takes is compiled; its time begins after that.
-
-        Raises RequestError if the goal was cancelled.
-        """
-        needed = Compiled.UNIFORM
-        if self._instructions.current.instruction is not None:
-            needed = Compiled.INSTRUCTIONS
-        if job.goal.planner_id not in OWN_IDS:
-            needed = Compiled.EVERYTHING
-        self._compiler.wait(
-            needed, lambda: not (job.token.reason or self._compiler.has_substitute_for(needed))
-        )
-        job.raise_if_cancelled()
-        return replace(job, begin=time.monotonic())
-
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""
         if not replan_reason:
@@ -262,9 +238,8 @@ class RequestHandler:
         """Return the response to a goal that never came to planning, with an empty path."""
         newest = self._maps.newest
         frame_id = newest.planner.grid_map.frame_id if newest else ''
-        not_drawn = np.zeros((0, 0), dtype=np.bool_)
-        plan = Plan(code, message, '', (0, 0), (0, 0), not_drawn)
-        return PlanResponse(job.goal, plan, path_to_message([], frame_id, job.stamp), job.begin)
+        path = path_to_message([], frame_id, job.stamp)
+        return PlanResponse(job.goal, refusal(code, message), path, job.begin)
 
     @contextmanager
     def running(self, token: CancellationToken) -> Iterator[None]:
@@ -277,13 +252,3 @@ class RequestHandler:
             with self._ended:
                 self._running.discard(token)
                 self._ended.notify_all()
-
-
-def without_jump_points(request: PlanRequest) -> PlanRequest:
-    """Return a request for A* instead of `guided`, while the search of jump points is compiled.
-
-    To goals nearby no jump points are searched.
-    """
-    distance = max(abs(a - b) for a, b in zip(request.start, request.goal))
-    is_led = request.method == GUIDED and distance >= FAR
-    return replace(request, method=EXACT) if is_led else request

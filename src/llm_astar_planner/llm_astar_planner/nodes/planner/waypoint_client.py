@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
@@ -15,14 +16,17 @@ from llm_astar_msgs_adapter.messages.report import ExchangeReport, ReportError, 
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.nodes.common.asking import ask, setting
+from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
-from llm_astar_planner.nodes.planner.remote_parameters import RemoteParameters
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
-from llm_astar_planner.planning.waypoint_filter import snap
+from llm_astar_planner.planning.segment import snap
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 LABEL = 'llm_client'
@@ -32,8 +36,13 @@ POLL_SECONDS = 0.05
 TRANSPORT_SECONDS = 0.1
 MAX_SECONDS = 3600.0
 KEPT_EXCHANGES = 64
+# What a reply has of the client's exchange as it is.
+SAID = ('label', 'detail', 'text', 'model', 'prompt', 'prompt_tokens', 'completion_tokens')
 # Queries at a time; more than the node has threads only if the client hangs.
 MAX_PENDING = 32
+
+# The client's services are discovered one after the other.
+DISCOVERY_SECONDS = 1.0
 
 
 class ClientFailure(LlmAstarError):  # noqa: N818 - of the outside world, not a bug
@@ -56,14 +65,16 @@ class WaypointClient:
 
     name = LABEL
 
-    def __init__(self, parent: Node, client: str, on_change: Callable[[], None]) -> None:
-        """Join the graph next to `parent`, in its context and namespace, to query node `client`.
+    def __init__(self, entities: Entities, client: str, on_change: Callable[[], None]) -> None:
+        """Join the graph next to the node of `entities`, to query node `client`.
 
         `on_change` is called when the client starts or somebody else changes its parameters: it
         may answer differently from then on.
         """
+        parent = entities.node
         self._client_name = client
         self._node = side_node(parent, 'waypoints')
+        entities.on_close(self._node.destroy_node)
         service = parent.resolve_service_name(f'{client}/get_waypoints')
         exchange = parent.resolve_topic_name(f'{client}/exchange')
         self._client = self._node.create_client(GetPlan, service, qos_profile=CALLS)
@@ -72,29 +83,23 @@ class WaypointClient:
         self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self.on_exchange, REPORTS)
         self._full_name = parent.resolve_service_name(client)
-        self._parameters = RemoteParameters(self._node, self._full_name)
+        self._rules = RemoteRules(self._node, self._full_name)
         self._on_change = on_change
         self._node.create_subscription(
             ParameterEvent, '/parameter_events', self.on_event, qos_profile_parameter_events
         )
-        self._thread = SpinThread(self._node)
-        self._thread.start()
+        entities.on_close(SpinThread(self._node).close)
 
     @property
     def ready(self) -> bool:
         """Whether the client's service is there."""
         return bool(self._client.service_is_ready())
 
-    def close(self) -> None:
-        """Leave the graph."""
-        self._thread.close()
-        self._node.destroy_node()
-
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Query the client; every failure is a status, within the query's time limit."""
         deadline = time.monotonic() + query.time_limit
         if self.ready:
-            self._parameters.put(query.costmap.config, deadline)
+            self._rules.put(query.costmap.config, deadline)
         begin = time.monotonic()
         exchange = None
         try:
@@ -128,20 +133,25 @@ class WaypointClient:
             future = self._client.call_async(to_message(query, time_left))
             future.add_done_callback(lambda _: done.set())
             while not done.wait(max(0.0, min(POLL_SECONDS, deadline - time.monotonic()))):
-                gone = not self.ready
-                dropped = query.stop is not None and bool(query.stop[0])
-                if gone or dropped or time.monotonic() >= deadline:
+                failure = self.failure(query, deadline)
+                if failure is not None:
                     self._client.remove_pending_request(future)
-                    if dropped:
-                        raise ClientFailure(SourceStatus.LATE, 'nobody waits for it any more')
-                    if gone:
-                        detail = f'{self._client_name} went away during the query'
-                        raise ClientFailure(SourceStatus.UNREACHABLE, detail)
-                    detail = f'{self._client_name} was silent for {query.time_limit:.2f} s'
-                    raise ClientFailure(SourceStatus.TIMEOUT, detail)
+                    raise failure
             return future.result()
         finally:
             self._free.release()
+
+    def failure(self, query: WaypointQuery, deadline: float) -> ClientFailure | None:
+        """Return why a query is not waited for any longer, None while it is."""
+        if query.stop is not None and query.stop[0]:
+            return ClientFailure(SourceStatus.LATE, 'nobody waits for it any more')
+        if not self.ready:
+            detail = f'{self._client_name} went away during the query'
+            return ClientFailure(SourceStatus.UNREACHABLE, detail)
+        if time.monotonic() >= deadline:
+            detail = f'{self._client_name} was silent for {query.time_limit:.2f} s'
+            return ClientFailure(SourceStatus.TIMEOUT, detail)
+        return None
 
     def exchange_of(self, stamp: Time) -> ExchangeReport | None:
         """Return the exchange that belongs to the answer with this stamp, if it comes in time."""
@@ -168,7 +178,7 @@ class WaypointClient:
         # What the planner sets itself belongs to the query.
         if event.node == self._full_name and not changed <= set(SET_BY_PLANNER):
             if event.new_parameters:
-                self._parameters.reset()
+                self._rules.reset()
             self._on_change()
 
 
@@ -189,15 +199,39 @@ def make_reply(
         status = SourceStatus.OK if waypoints else SourceStatus.NO_WAYPOINTS
         return WaypointReply(waypoints, LABEL, status, seconds=seconds)
     known = exchange.status in SourceStatus.__members__
-    return WaypointReply(
-        waypoints,
-        exchange.label,
-        SourceStatus(exchange.status) if known else SourceStatus.ERROR,
-        exchange.detail,
-        exchange.text,
-        exchange.model,
-        exchange.prompt,
-        exchange.prompt_tokens,
-        exchange.completion_tokens,
-        seconds,
-    )
+    status = SourceStatus(exchange.status) if known else SourceStatus.ERROR
+    said = {name: getattr(exchange, name) for name in SAID}
+    return WaypointReply(waypoints, status=status, seconds=seconds, **said)
+
+
+class RemoteRules:
+    """Sets the costmap's rules on a client, as GetPlan has no fields for them. Thread-safe.
+
+    What the client has is known from what was set. A client that was never set is assumed to have
+    the default rules.
+    """
+
+    def __init__(self, node: Node, client: str) -> None:
+        """Set the parameters of node `client` by `node`, which somebody else spins."""
+        self._client = node.create_client(SetParameters, f'{client}/set_parameters')
+        self._lock = threading.Lock()
+        self._config = CostmapConfig()
+
+    def reset(self) -> None:
+        """Assume the defaults again: the client was restarted."""
+        with self._lock:
+            self._config = CostmapConfig()
+
+    def put(self, config: CostmapConfig, deadline: float) -> None:
+        """Set the rules by `deadline` (monotonic) if they differ.
+
+        A client that does not take them is asked all the same, and its waypoints are checked as
+        any.
+        """
+        with self._lock:
+            if config == self._config:
+                return
+            patience = min(DISCOVERY_SECONDS, max(0.0, deadline - time.monotonic()))
+            if self._client.wait_for_service(patience):
+                ask(self._client, setting(asdict(config)), deadline - time.monotonic())
+            self._config = config  # once: a client without these parameters has no use of them

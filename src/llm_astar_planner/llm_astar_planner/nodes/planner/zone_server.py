@@ -1,4 +1,4 @@
-"""The zones of planner_node: services that change them, and every map with them."""
+"""The zones and filter masks of planner_node, and every map with them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import shapely
@@ -16,23 +17,33 @@ from diagnostic_msgs.srv import AddDiagnostics
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.fields import grid_from_message
+from llm_astar_msgs_adapter.messages.markers import zones_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
-from llm_astar_msgs_adapter.messages.zone_markers import zones_to_markers
+from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.filter_masks import FilterMask, mask_costs
+from llm_astar_planner.costmap.filter_masks import (
+    FilterInfo,
+    FilterKind,
+    FilterMask,
+    filter_info,
+    mask_costs,
+)
 from llm_astar_planner.costmap.raster import window_of
 from llm_astar_planner.costmap.zone_file import zones_from_text, zones_to_geojson
 from llm_astar_planner.costmap.zone_layer import ZoneLayer, has_cells
 from llm_astar_planner.costmap.zones import KEEPOUT, NO_ZONES, Zone, Zones, ZonesError
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.qos import LATCHED, LATCHED_BY_MANY
 from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import costmap_config
 
 # Names all zones in a request to remove some.
@@ -46,6 +57,11 @@ QUIET_SECONDS = 2.0
 LEAST_SECONDS = 0.001
 # Drawing a thousand zones takes a third of a second.
 PUBLICATION_SECONDS = 0.05
+
+try:
+    from nav2_msgs.msg import CostmapFilterInfo
+except ImportError:
+    CostmapFilterInfo = None
 
 
 class ZoneServer:
@@ -62,7 +78,7 @@ class ZoneServer:
         side: Node,
         settings: Parameters,
         frames: Frames,
-        on_map: Callable[[GridMap], None],
+        on_map: Callable[[GridMap, float | None], None],
     ) -> None:
         """Serve; `entities` are of planner_node, and `on_map` gets each map with its zones."""
         self.zones = NO_ZONES
@@ -91,12 +107,12 @@ class ZoneServer:
         """Return what /diagnostics says."""
         return {'zones': len(self.zones), 'filter_masks': len(self._masks)}
 
-    def take(self, grid_map: GridMap) -> None:
-        """Take a new map; never raises."""
+    def take(self, grid_map: GridMap, transit: float = 0.0) -> None:
+        """Take a new map, which was sent `transit` seconds ago; never raises."""
         with self._lock:
             before, self._grid_map = self._grid_map, grid_map
             try:
-                self.compose()
+                self.compose(transit)
             except Exception as error:  # noqa: BLE001 - no map may end the thread of the maps
                 known = isinstance(error, LlmAstarError)
                 problem = str(error) if known else traceback.format_exc()
@@ -112,38 +128,31 @@ class ZoneServer:
         """Follow changed parameters."""
         with self._lock:
             if (len(self.zones) or self._masks) and self._rules != self.rules():
-                self._layer = None
-                self.compose()
+                self.use()
 
-    def set_masks(self, masks: Iterable[FilterMask]) -> None:
-        """Use these filter masks from now on."""
+    def use(self, zones: Zones | None = None, masks: Iterable[FilterMask] | None = None) -> None:
+        """Use other zones or filter masks from now on; none of them if that fails."""
         with self._lock:
-            before, self._masks, self._layer = self._masks, tuple(masks), None
+            before = self.zones, self._masks
+            self.zones = self.zones if zones is None else zones
+            self._masks = self._masks if masks is None else tuple(masks)
+            self._layer = None
             try:
                 self.compose()
             except Exception:
-                self._masks = before
+                self.zones, self._masks = before
                 raise
+            if zones is not None:
+                self.show()
+                self.await_expiry()
 
-    def set_zones(self, zones: Zones) -> None:
-        """Use these zones from now on."""
-        with self._lock:
-            before, self.zones, self._layer = self.zones, zones, None
-            try:
-                self.compose()
-            except Exception:
-                self.zones = before
-                raise
-            self.show()
-            self.await_expiry()
-
-    def compose(self) -> None:
-        """Hand on the newest map with its zones and masks."""
+    def compose(self, transit: float | None = None) -> None:
+        """Hand on the newest map with its zones and masks; `transit` if it has just come."""
         grid_map = self._grid_map
         if grid_map is None:
             return
         if not (len(self.zones) or self._masks):
-            self._on_map(grid_map)
+            self._on_map(grid_map, transit)
             return
         layer = self._layer
         if layer is None or not layer.fits(grid_map):
@@ -151,7 +160,7 @@ class ZoneServer:
             layer = ZoneLayer(grid_map, self.zones, masks, *self._rules)
             # With the next map, a mask that cannot be used now is tried again.
             self._layer = layer if len(masks) == len(self._masks) else None
-        self._on_map(layer.compose(grid_map))
+        self._on_map(layer.compose(grid_map), transit)
 
     def rules(self) -> tuple[CostmapConfig, float]:
         """Return the parameters that decide what zones and masks cost."""
@@ -197,16 +206,13 @@ class ZoneServer:
         return replace(zone, geometry=shapely.transform(zone.geometry, origin.transform))
 
     def add_text(self, text: str) -> str:
-        """Add the zones of a GeoJSON text; return what was done. Raises LlmAstarError."""
-        zones, frame_id = zones_from_text(text, time.monotonic())
-        return self.add(tuple(self.placed(zone, frame_id) for zone in zones))
+        """Add the zones of a GeoJSON text, in the place of those that have their ids.
 
-    def add(self, zones: tuple[Zone, ...]) -> str:
-        """Add zones, in the place of those that have their ids; return what was done.
-
-        Raises ZonesError.
+        Return what was done. Raises LlmAstarError.
         """
-        self.set_zones(self.zones.add(zones))
+        read, frame_id = zones_from_text(text, time.monotonic())
+        zones = tuple(self.placed(zone, frame_id) for zone in read)
+        self.use(self.zones.add(zones))
         said = f'added {named(zones)}; {len(self.zones)} in all'
         grid_map = self._grid_map
         if grid_map is not None:
@@ -236,7 +242,7 @@ class ZoneServer:
         """Remove zones; return what was done."""
         gone = list({zone.id: zone for zone in zones}.values())
         if gone:
-            self.set_zones(self.zones.remove(gone))
+            self.use(self.zones.remove(gone))
         return f'removed {named(gone)}; {len(self.zones)} left'
 
     def expire(self) -> None:
@@ -311,3 +317,84 @@ def names_of(text: str) -> list[str]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise ZonesError(f'a JSON list of ids or names is expected, not {short_repr(text)}')
     return names
+
+
+class MaskSubscription:
+    """Subscribes to the topic of CostmapFilterInfo, and to the masks that its messages name.
+
+    One mask of keepout areas and one of speed limits are used at a time: a new info replaces the
+    one of its sort, as in Nav2, and the last mask stays until the new one comes. Malformed
+    messages are logged and dropped.
+    """
+
+    def __init__(
+        self,
+        side: Node,
+        parent: Node,
+        topic: str,
+        on_masks: Callable[[tuple[FilterMask, ...]], None],
+    ) -> None:
+        """Subscribe on the node `side`, if nav2_msgs is installed and a topic is given.
+
+        `parent` remaps the names and logs; `on_masks` gets all masks when one has changed.
+        Raises ParameterError for a topic that cannot be one.
+        """
+        self._side = side
+        self._parent = parent
+        self._on_masks = on_masks
+        self._group = MutuallyExclusiveCallbackGroup()
+        # By sort: keepout areas (True) or speed limits (False).
+        self._infos: dict[bool, FilterInfo] = {}
+        self._subscriptions: dict[bool, Entities] = {}
+        self._masks: dict[bool, FilterMask] = {}
+        if CostmapFilterInfo is not None and topic:
+            try:
+                name = parent.resolve_topic_name(topic)
+            except InvalidTopicNameException as error:
+                raise ParameterError(f'filter_info_topic: {error}') from None
+            entities = Entities(side)
+            entities.subscription(
+                CostmapFilterInfo, name, self.on_info, LATCHED_BY_MANY, self._group
+            )
+
+    def on_info(self, message: Any) -> None:  # noqa: ANN401 - nav2_msgs may not be there
+        """Subscribe to the mask that an info names."""
+        topic = message.filter_mask_topic
+        try:
+            info = filter_info(message.type, topic, message.base, message.multiplier)
+            self.subscribe(info)
+        except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
+            self.log('costmap filter info', error)
+
+    def subscribe(self, info: FilterInfo) -> None:
+        """Subscribe to the mask of an info. Raises what rclpy does for a wrong topic."""
+        is_keepout = info.kind is FilterKind.KEEPOUT
+        if self._infos.get(is_keepout) == info:
+            return
+        entities = Entities(self._side)
+        name = self._parent.resolve_topic_name(info.topic)
+        entities.subscription(
+            OccupancyGrid, name, partial(self.on_mask, info), LATCHED, self._group
+        )
+        before = self._subscriptions.pop(is_keepout, None)
+        if before is not None:
+            before.close()
+        self._infos[is_keepout], self._subscriptions[is_keepout] = info, entities
+
+    def on_mask(self, info: FilterInfo, message: OccupancyGrid) -> None:
+        """Use a mask from now on."""
+        is_keepout = info.kind is FilterKind.KEEPOUT
+        if self._infos.get(is_keepout) != info:
+            return
+        try:
+            masks = self._masks | {is_keepout: FilterMask(info, grid_from_message(message))}
+            self._on_masks(tuple(masks.values()))
+        except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
+            self.log(f'filter mask {info.topic}', error)
+        else:
+            self._masks = masks
+
+    def log(self, what: str, error: Exception) -> None:
+        """Log that something was refused."""
+        name = '' if isinstance(error, LlmAstarError) else f'{type(error).__name__}: '
+        self._parent.get_logger().error(f'{what} refused, the last one stays: {name}{error}')

@@ -7,6 +7,7 @@ import queue
 from collections.abc import Iterator
 from dataclasses import asdict
 from enum import Enum
+from functools import partial
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,9 +21,8 @@ from llm_astar_msgs_adapter.messages.report import (
 )
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.common.spin import SpinThread, joined
+from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
 # Events kept for a reader that is busy; more are dropped, as on the topics themselves.
 MAX_WAITING = 1000
@@ -65,9 +65,11 @@ class Monitor:
         )
         self._states: dict[str, object] = {}
         self._heard = False
+        on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
+        on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
         for topic, on_message, qos in (
-            (f'{planner}/report', self._on_report, REPORTS),
-            (f'{client}/exchange', self._on_exchange, REPORTS),
+            (f'{planner}/report', on_report, REPORTS),
+            (f'{client}/exchange', on_exchange, REPORTS),
             ('/diagnostics', self._on_diagnostics, RELIABLE),
         ):
             node.create_subscription(DiagnosticArray, topic, on_message, qos)
@@ -90,16 +92,10 @@ class Monitor:
         except queue.Empty:
             return None
 
-    def _on_report(self, message: DiagnosticArray) -> None:
-        self._heard = True
-        self._add_report(EventKind.PLAN, message, PlanReport, self.planner)
-
-    def _on_exchange(self, message: DiagnosticArray) -> None:
-        self._add_report(EventKind.EXCHANGE, message, ExchangeReport, self._client)
-
-    def _add_report(
-        self, kind: EventKind, message: DiagnosticArray, report: type[Report], node: str
+    def _on_report(
+        self, kind: EventKind, report: type[Report], node: str, message: DiagnosticArray
     ) -> None:
+        self._heard = self._heard or node == self.planner
         try:
             values = asdict(report_from_message(message, report))
         except ReportError as error:
@@ -133,9 +129,5 @@ def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
     """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
     with joined('llm_astar_watch', check_names(namespace, planner, client)) as node:
         monitor = Monitor(node, planner, client)
-        thread = SpinThread(node)
-        thread.start()
-        try:
+        with contextlib.closing(SpinThread(node)):
             yield monitor
-        finally:
-            thread.close()

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.executors import SingleThreadedExecutor
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
-from rclpy.task import Future
 
-from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S
-from llm_astar_planner.nodes.common.names import check_names
-from llm_astar_planner.nodes.common.spin import LONGEST_WAIT, joined
+from llm_astar_planner.nodes.common.asking import ask
+from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 from llm_astar_planner.parameter import nearest_name
 
 Type = Parameter.Type
@@ -30,9 +26,15 @@ TYPE_NAMES = {
     Type.DOUBLE: 'a number',
     Type.STRING: 'a text',
 }
-SERVICE = '/get_parameters'
+SERVICES = {
+    ListParameters: 'list_parameters',
+    GetParameters: 'get_parameters',
+    DescribeParameters: 'describe_parameters',
+    SetParameters: 'set_parameters',
+}
 # Seconds without a new node after which a graph is taken to be known.
 QUIET_SECONDS = 0.5
+POLL_SECONDS = 0.05
 
 
 class RemoteParameterError(LlmAstarError, ValueError):
@@ -66,12 +68,10 @@ class ParameterClient:
     """
 
     def __init__(self, node: Node, namespace: str, seconds: float) -> None:
-        """Take a node that nobody else spins, and the namespace of relative names."""
+        """Take a node that is spun, and the namespace of relative names."""
         self._node = node
         self._namespace = namespace
         self._seconds = seconds
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(node)
 
     def nodes(self) -> list[str]:
         """Return the full names of the nodes that have parameters, once no new one appears."""
@@ -88,7 +88,7 @@ class ParameterClient:
                 known, quiet_since = found, time.monotonic()
             elif known and time.monotonic() - quiet_since > QUIET_SECONDS:
                 break
-            self._executor.spin_once(timeout_sec=0.05)
+            time.sleep(POLL_SECONDS)
         return known
 
     def has_parameters(self, name: str, namespace: str) -> bool:
@@ -97,15 +97,13 @@ class ParameterClient:
             services = self._node.get_service_names_and_types_by_node(name, namespace)
         except NodeNameNonExistentError:  # it has just ended
             return False
-        return any(service.endswith(SERVICE) for service, _ in services)
+        return any(service.endswith('/get_parameters') for service, _ in services)
 
     def parameters(self, name: str) -> dict[str, RemoteParameter]:
         """Return all parameters of a node by name."""
-        client = self.client(name)
-        listed = self.result(client.list_parameters, name)
-        names = sorted(listed.result.names)
-        values = self.result(partial(client.get_parameters, names), name).values
-        descriptors = self.result(partial(client.describe_parameters, names), name).descriptors
+        names = sorted(self.ask(name, ListParameters).result.names)
+        values = self.ask(name, GetParameters, names=names).values
+        descriptors = self.ask(name, DescribeParameters, names=names).descriptors
         return {
             one: RemoteParameter(parameter_value_to_python(value), descriptor)
             for one, value, descriptor in zip(names, values, descriptors)
@@ -123,22 +121,24 @@ class ParameterClient:
         """Set a parameter to a value written as text; return the value before and after."""
         before = self.parameter(node, name)
         after = typed(name, text, before.type)
-        set_it = partial(self.client(node).set_parameters, [after])
-        results = self.result(set_it, node).results
-        if not results[0].successful:
-            raise RemoteParameterError(f'{node} refused it: {results[0].reason}')
+        result = self.ask(node, SetParameters, parameters=[after.to_parameter_msg()]).results[0]
+        if not result.successful:
+            raise RemoteParameterError(f'{node} refused it: {result.reason}')
         return before.value, after.value
 
-    def client(self, name: str) -> AsyncParameterClient:
-        """Return a client of a node that is there."""
+    def ask(self, name: str, kind: Any, **fields: Any) -> Any:  # noqa: ANN401 - of the service
+        """Ask one of a node's parameter services and return its response."""
         full = name if name.startswith('/') else f'{self._namespace.rstrip("/")}/{name}'
-        client = AsyncParameterClient(self._node, full)
+        client = self._node.create_client(kind, f'{full}/{SERVICES[kind]}')
         deadline = time.monotonic() + self._seconds
-        while not client.services_are_ready():
+        while not client.service_is_ready():
             if time.monotonic() > deadline:
                 raise RemoteParameterError(self.missing(full))
-            self._executor.spin_once(timeout_sec=0.05)
-        return client
+            time.sleep(POLL_SECONDS)
+        response = ask(client, kind.Request(**fields), self._seconds)
+        if response is None:
+            raise RemoteParameterError(f'{name} did not respond within {self._seconds:g} s')
+        return response
 
     def missing(self, name: str) -> str:
         """Return why a node cannot be asked, in a sentence."""
@@ -147,25 +147,6 @@ class ParameterClient:
             return f'{name} runs, but its parameters did not respond within {self._seconds:g} s'
         running = f'; running: {", ".join(known)}' if known else '; no node is running'
         return f'there is no node {name}{nearest_name(name, known) or running}'
-
-    def result(self, ask: Callable[[], Future], node: str) -> Any:  # noqa: ANN401 - of the service
-        """Ask a node and return its response.
-
-        It is asked again from time to time: DDS may lose a question, or the response, while the
-        two nodes are discovering each other. Raises RemoteParameterError without a response.
-        """
-        deadline = time.monotonic() + self._seconds
-        asked: list[Future] = []
-        while time.monotonic() < deadline:
-            asked.append(ask())
-            ask_again = min(deadline, time.monotonic() + ASK_AGAIN_S)
-            while (left := ask_again - time.monotonic()) > 0.0:
-                # A signal does not interrupt the wait.
-                self._executor.spin_until_future_complete(asked[-1], min(left, LONGEST_WAIT))
-                for future in asked:
-                    if future.done():
-                        return future.result()
-        raise RemoteParameterError(f'{node} did not respond within {self._seconds:g} s')
 
 
 def typed(name: str, text: str, kind: Parameter.Type) -> Parameter:
@@ -191,5 +172,5 @@ def parameter_client(
 ) -> Iterator[ParameterClient]:
     """Join the graph to ask for parameters. Raises NodeNameError for an impossible name."""
     namespace = check_names(namespace, *names)
-    with joined('llm_astar_param') as node:
+    with joined('llm_astar_param') as node, contextlib.closing(SpinThread(node)):
         yield ParameterClient(node, namespace, seconds)

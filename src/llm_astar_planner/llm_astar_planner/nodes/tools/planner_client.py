@@ -1,31 +1,52 @@
-"""A client of a running planner_node, such as another stack would write."""
+"""Calls a running planner_node: for a plan, for its state, for what a text means to it."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from cachetools import FIFOCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.fields import stamp_of, status_values
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
+from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
 from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from std_msgs.msg import String
 
-from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask
-from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE, REPORTS_OF_CALLS
-from llm_astar_planner.nodes.common.spin import SpinThread
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Understanding,
+    not_understood,
+)
+from llm_astar_planner.instructions.messages import (
+    Question,
+    QuestionError,
+    interpretation_from_json,
+    parse_object,
+)
+from llm_astar_planner.instructions.route import PlaceGoalError, find_place
+from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask, setting
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.map_subscription import MapSubscription
+from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS, REPORTS_OF_CALLS
+from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
 # Seconds after which a planner that may not have discovered the caller is asked again: longer than
 # the default of max_planning_time, so that few plans are made twice.
@@ -61,10 +82,9 @@ class PlannerClient:
         self._is_discovered = False
         self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
         self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
-        self._thread = SpinThread(node)
 
     def __enter__(self) -> PlannerClient:
-        self._thread.start()
+        self._thread = SpinThread(self.node)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -118,17 +138,15 @@ class PlannerClient:
         """
         self.wait_for_planner(seconds)
 
-        def has_map(name: str) -> bool:
-            digest = self._health.get(name, {}).get('map_digest')
-            return bool(digest) and map_digest in (None, digest)
+        names = [f'{self._planner}: planner']
+        if client:
+            names.append(f'{self.node.resolve_service_name(client)[1:]}: waypoints')
 
         def is_ready() -> bool:
-            planner = f'{self._planner}: planner'
-            if not client:
-                return has_map(planner)
-            sees_client = self._health.get(planner, {}).get('llm_client_ready')
-            waypoints = f'{self.node.resolve_service_name(client)[1:]}: waypoints'
-            return has_map(planner) and has_map(waypoints) and bool(sees_client)
+            planner, *others = (self._health.get(name, {}) for name in names)
+            digests = [node.get('map_digest') for node in (planner, *others)]
+            sees_client = not client or bool(planner.get('llm_client_ready'))
+            return sees_client and all(one and map_digest in (None, one) for one in digests)
 
         self.wait_for(is_ready, f'{self._planner} ready with its map', seconds)
 
@@ -183,3 +201,140 @@ class PlannerClient:
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self._health.update((status.name, status_values(status)) for status in message.status)
+
+
+@dataclass(frozen=True)
+class CalledPlan:
+    """A planner's answer: its path, the points of it in metres, report, round trip in seconds."""
+
+    path: Path
+    points: list[list[float]]
+    report: PlanReport
+    seconds: float
+
+
+class PlannerCaller(PlannerClient):
+    """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError."""
+
+    def __init__(self, node: Node, planner: str, seconds: float) -> None:
+        """Call the node `planner` from a node that nobody else spins."""
+        super().__init__(node, planner)
+        self.planner = planner
+        self.seconds = seconds
+        self._answers: dict[str, list[dict[str, Any]]] = {}
+        self._places: dict[str, Any] = {}
+        self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
+        self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
+        self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
+
+    def _on_answer(self, message: String) -> None:
+        """Keep an answer to a question of this caller."""
+        with contextlib.suppress(QuestionError):
+            answer = parse_object(message.data)
+            self._answers.get(answer.get('id', ''), []).append(answer)
+
+    def _on_places(self, message: String) -> None:
+        """Keep the newest places."""
+        with contextlib.suppress(QuestionError):
+            self._places = parse_object(message.data)
+
+    def interpretations(self, text: str) -> Iterator[dict[str, Any]]:
+        """Yield what the planner understands of a text: now, and again if a model is asked."""
+        id_ = uuid.uuid4().hex
+        self.wait_for_subscriber(self._questions, self.seconds)
+        answers = self._answers[id_] = []
+        self._questions.publish(String(data=Question(text, id_).to_text()))
+        for number in range(2):
+            what = f'the interpretation by {self.planner}'
+            self.wait_for(lambda: len(answers) > number, what, self.seconds)  # noqa: B023
+            yield answers[number]
+            if answers[number].get('status') != Understanding.PENDING.value:
+                return
+
+    def set_instruction(self, text: str) -> None:
+        """Set the planner's instruction."""
+        service = self.node.create_client(SetParameters, f'{self.planner}/set_parameters')
+        result = self.ask(service, setting({'instruction': text}), self.seconds).results[0]
+        if not result.successful:
+            raise PlannerClientError(result.reason)
+
+    def place(self, name: str) -> Pose2D:
+        """Return the goal of a place. Raises PlaceGoalError with the names to choose from."""
+        place = find_place(name, self.places())
+        if place.name not in self._places['goals']:
+            raise PlaceGoalError(f'no cell of {place.name!r} is free on the map')
+        return Pose2D(*self._places['goals'][place.name])
+
+    def places(self) -> Places:
+        """Return the planner's places, which come with their goals if there are any."""
+        what = f'the places of {self.planner}'
+        self.wait_for(
+            lambda: 'goals' in self._places or self._places.get('features') == [],
+            what,
+            self.seconds,
+        )
+        return places_from_geojson(self._places, what)
+
+    def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
+        """Ask for a plan."""
+        path, report, seconds = self.call(start, goal, frame_id, self.seconds)
+        return CalledPlan(path, path_from_message(path).tolist(), report, seconds)
+
+
+@contextlib.contextmanager
+def calling(namespace: str, planner: str, seconds: float) -> Iterator[PlannerCaller]:
+    """Join the graph in `namespace` to call `planner`. Raises NodeNameError."""
+    with joined('llm_astar_call', check_names(namespace, planner)) as node:
+        caller = PlannerCaller(node, planner, seconds)
+        with caller:
+            caller.wait_until_ready(seconds=seconds)
+            yield caller
+
+
+class PlannerState:
+    """The state of one planner, read when asked for; it changes nothing in the graph.
+
+    It is an Interpreter too: what the graph understands of a text.
+    """
+
+    name = 'graph'
+
+    def __init__(self, caller: PlannerCaller) -> None:
+        """Take a caller of the planner."""
+        self._caller = caller
+        self._maps: list[GridMap] = []
+        node = caller.node
+        self._parameters = node.create_client(GetParameters, f'{caller.planner}/get_parameters')
+        MapSubscription(Entities(node), self._on_map)
+
+    def _on_map(self, grid_map: GridMap, _: float) -> None:
+        """Keep the newest map."""
+        self._maps = [grid_map]
+
+    def grid_map(self) -> GridMap:
+        """Return the newest map. Raises PlannerClientError."""
+        self._caller.wait_for(lambda: bool(self._maps), 'a map', self._caller.seconds)
+        return self._maps[-1]
+
+    def places(self) -> Places:
+        """Return the planner's places. Raises PlannerClientError."""
+        return self._caller.places()
+
+    def values(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the planner's parameters of these names. Raises PlannerClientError."""
+        request = GetParameters.Request(names=list(names))
+        found = self._caller.ask(self._parameters, request, self._caller.seconds).values
+        if len(found) != len(names):
+            raise PlannerClientError(f'{self._caller.planner} lacks some of {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what the graph understands of a text; its own places and limits hold."""
+        del places, time_limit
+        try:
+            *_, answer = self._caller.interpretations(text)
+            if answer.get('error'):
+                return not_understood(text, str(answer['error']))
+            return interpretation_from_json(answer)
+        except LlmAstarError as error:
+            return not_understood(text, str(error))

@@ -1,4 +1,4 @@
-"""Compiled loops that hold paths against the cells of a map.
+"""Compiled loops over paths: they hold them against the cells of a map, and find places on them.
 
 A cell is lethal from `threshold` up. `reach` is the greatest squared distance, in cells, to a
 lethal cell at which another is blocked; -1 where only cells themselves count. Distances are
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 # More than any squared distance on a map.
 NO_LETHAL = 2**62
-# Half the sides, in cells, of the squares that are looked at before tiles are.
-NEAR_SIDES = (4, 12)
+# Half the side, in cells, of the square that is looked at before tiles are.
+NEAR = 12
 TILE = 32
 # Parts of a path this short are looked at cell by cell.
 SHORT = 4
@@ -52,33 +52,19 @@ def nearest_lethal(
     cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, x: int, y: int, limit: int
 ) -> int:
     """Return the squared distance from a cell to the nearest lethal one, at most `limit`."""
-    height = len(cells)
     best = limit
-    done = -1
-    for side in NEAR_SIDES:
-        if (done + 1) * (done + 1) >= best:
+    for away in range(NEAR + 1):
+        if away * away >= best:
             return best
-        for away in range(side + 1):
-            if away * away >= best:
-                break
-            half = side
-            if side * side + away * away >= best:
-                half = int(math.sqrt(best - 1 - away * away))
-            # The rows above and below; of those in the last square, what is left and right of it.
-            for part in range(4):
-                place = y + away if part & 1 else y - away
-                first, last = x - half, x + half
-                if away <= done:
-                    first = x + done + 1 if part & 2 else first
-                    last = last if part & 2 else x - done - 1
-                elif part & 2:
-                    break
-                if 0 <= place < height:
-                    nearest = nearest_in_row(cells[place], threshold, x, first, last)
-                    if nearest < NO_LETHAL:
-                        best = min(best, nearest * nearest + away * away)
-        done = side
-    if (done + 1) * (done + 1) >= best:
+        half = NEAR
+        if NEAR * NEAR + away * away >= best:
+            half = int(math.sqrt(best - 1 - away * away))
+        for place in (y - away, y + away):
+            if 0 <= place < len(cells):
+                nearest = nearest_in_row(cells[place], threshold, x, x - half, x + half)
+                if nearest < NO_LETHAL:
+                    best = min(best, nearest * nearest + away * away)
+    if best <= (NEAR + 1) * (NEAR + 1):
         return best
     return nearest_by_tiles(cells, tiles, threshold, x, y, best)
 
@@ -269,17 +255,15 @@ def path_fault(
             corners[2 * count, 0], corners[2 * count, 1] = path[n + 1, 0], path[n, 1]
             corners[2 * count + 1, 0], corners[2 * count + 1, 1] = path[n, 0], path[n + 1, 1]
             count += 1
-    for fault in (OBSTACLE, JUMP, CORNER):
-        if fault == JUMP:
-            if jump >= 0:
-                return JUMP, jump
-            continue
-        if fault == CORNER and corner_cutting:
-            break
-        places = path if fault == OBSTACLE else corners
-        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, places)
+    n = first_blocked(cells, tiles, threshold, allow_unknown, reach, path)
+    if n >= 0:
+        return OBSTACLE, n
+    if jump >= 0:
+        return JUMP, jump
+    if not corner_cutting:
+        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, corners)
         if n >= 0:
-            return fault, n if fault == OBSTACLE else moves[n // 2]
+            return CORNER, moves[n // 2]
     return FINE, 0
 
 
@@ -326,13 +310,13 @@ def segment_fault(
         if to_row <= to_column:
             y += step_y
             along += 1
-    for fault in (OBSTACLE, CORNER):
-        places = passed[:count] if fault == OBSTACLE else corners[:corner_count]
-        if fault == CORNER and corner_cutting:
-            break
-        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, places)
+    n = first_blocked(cells, tiles, threshold, allow_unknown, reach, passed[:count])
+    if n >= 0:
+        return OBSTACLE, passed[n, 0], passed[n, 1]
+    if not corner_cutting:
+        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, corners[:corner_count])
         if n >= 0:
-            return fault, places[n, 0], places[n, 1]
+            return CORNER, corners[n, 0], corners[n, 1]
     return FINE, 0, 0
 
 
@@ -372,3 +356,74 @@ def first_missed(path: NDArray[np.int64], via: NDArray[np.int64]) -> int:
         if n == len(path):
             return number
     return -1
+
+
+@_jit
+def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return for each of the points [m, 2] the first of its nearest cells on a path: int64 [m].
+
+    The path, int32 [n, 2], n > 0, is of single moves: near a far cell no cell is near.
+    """
+    places = np.zeros(points.shape[0], dtype=np.int64)
+    for number in range(points.shape[0]):
+        x = points[number, 0]
+        y = points[number, 1]
+        # Not farther than the nearest of every 64th cell.
+        limit = np.inf
+        for index in range(0, path.shape[0], 64):
+            limit = min(limit, (path[index, 0] - x) ** 2 + (path[index, 1] - y) ** 2)
+        least = np.inf
+        index = 0
+        while index < path.shape[0]:
+            squared = (path[index, 0] - x) ** 2 + (path[index, 1] - y) ** 2
+            if squared < least:
+                least = squared
+                limit = min(limit, least)
+                places[number] = index
+            # A move brings the path nearer by its length at most.
+            index += max(1, int((math.sqrt(squared) - math.sqrt(limit)) / math.sqrt(2.0)))
+    return places
+
+
+@_jit
+def invalid_poses(
+    cells: NDArray[np.int8],
+    tiles: NDArray[np.uint8],
+    threshold: int,
+    allow_unknown: bool,
+    reach: int,
+    path: NDArray[np.int64],
+    cost_limit: int,
+) -> NDArray[np.bool_]:
+    """Tell for each pose [n, 2], n > 0, of a path whether a robot cannot reach it: bool [n].
+
+    It cannot where the cell is off the map, is blocked, or costs `cost_limit` or more, nor where
+    the straight segment from the pose before, if that is more than a cell away, is blocked.
+    """
+    height, width = cells.shape
+    invalid = np.empty(len(path), dtype=np.bool_)
+    inside = np.empty_like(path)
+    count = 0
+    for n in range(len(path)):
+        x, y = path[n, 0], path[n, 1]
+        invalid[n] = not (0 <= x < width and 0 <= y < height)
+        if not invalid[n]:
+            inside[count, 0], inside[count, 1] = x, y
+            count += 1
+            value = cells[y, x]
+            invalid[n] = value >= min(threshold, cost_limit) or (value < 0 and not allow_unknown)
+    # Mostly all are far enough from obstacles, which is cheaper to tell of all at once.
+    near = squared_clearance(cells, tiles, threshold, inside[:count], reach + 1) <= reach
+    for n in range(len(path)):
+        if near and not invalid[n]:
+            x, y = path[n, 0], path[n, 1]
+            invalid[n] = nearest_lethal(cells, tiles, threshold, x, y, reach + 1) <= reach
+    blocked = invalid.copy()
+    for n in range(1, len(path)):
+        far = max(abs(path[n, 0] - path[n - 1, 0]), abs(path[n, 1] - path[n - 1, 1])) > 1
+        if far and not (blocked[n - 1] or blocked[n]):
+            fault = segment_fault(
+                cells, tiles, threshold, allow_unknown, reach, path[n - 1], path[n], True
+            )
+            invalid[n] = fault[0] != FINE
+    return invalid

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.waypoints.config import SourceContext
 from llm_astar_planner.waypoints.learned.features import (
     GOAL,
     START,
@@ -25,7 +26,6 @@ from llm_astar_planner.waypoints.learned.features import (
     place_nodes,
 )
 from llm_astar_planner.waypoints.learned.network import hop_logits, packaged_weights
-from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 # A route is a list of node numbers, START first and GOAL last.

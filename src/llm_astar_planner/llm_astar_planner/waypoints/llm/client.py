@@ -1,28 +1,68 @@
-"""Ask an OpenAI-compatible endpoint for a completion, with retries, breaker and limits."""
+"""Ask an OpenAI-compatible endpoint for a completion, with retries, breaker and limits.
+
+Each HTTP request ends by its deadline in every case. The timeouts of HTTP libraries start again at
+every byte, and name look-ups have none, so the request runs as a task that is cancelled when its
+time is up.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import functools
+import logging
 import threading
 import time
-from collections.abc import Sequence
+import zlib
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
-from llm_astar_planner.waypoints.llm.credentials import Endpoint
-from llm_astar_planner.waypoints.llm.http import post_json
-from llm_astar_planner.waypoints.llm.protocol import Completion, Dialect, read_completion
-from llm_astar_planner.waypoints.llm.redaction import redact
+import httpx
+
+from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.llm.credentials import Endpoint, redact
+from llm_astar_planner.waypoints.llm.protocol import (
+    Completion,
+    Dialect,
+    HttpReply,
+    read_completion,
+)
 from llm_astar_planner.waypoints.llm.resilience import (
     CallBudget,
     CircuitBreaker,
     EndpointFailure,
     retry_delay,
 )
+from llm_astar_planner.waypoints.prompts.template import COMPLETION
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 
 # Average characters of a token, for servers that do not count them.
 CHARS_PER_TOKEN = 4
+MAX_BODY = 4 * 2**20
+CONNECT_S = 5.0
+# How long a cancelled request may take to close its connection.
+CLOSE_S = 0.2
+# Nothing is offered whose decoder cannot be stopped at a limit.
+ENCODING = {'Accept-Encoding': 'gzip, deflate'}
+# zlib's windowBits for the largest window and either header, that of gzip or that of zlib.
+ANY_HEADER = 47
+# The TLS context is made once: loading the certificates takes tens of ms.
+tls_context = functools.cache(httpx.create_ssl_context)
+
+
+# Whether the present request is one of ours.
+_IS_OURS: ContextVar[bool] = ContextVar('_IS_OURS', default=False)
+
+
+def keep_silent() -> None:
+    """Keep the loggers of httpx and httpcore from reporting our requests: they quote headers."""
+    parts = ('connection', 'http11', 'http2', 'proxy', 'socks')
+    for name in ('httpx', *(f'httpcore.{part}' for part in parts)):
+        logging.getLogger(name).addFilter(lambda _: not _IS_OURS.get())
+
+
+keep_silent()
 
 
 @dataclass
@@ -57,38 +97,22 @@ class ChatClient:
         running at the deadline may go on for `late_s` seconds; no new one is made.
         Raises EndpointFailure; its text holds no key.
         """
-        self.breaker.check()
-        if time.monotonic() >= deadline:
-            raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-        try:
-            completion = self._complete_with_retries(messages, deadline, schema, late_s)
-        except EndpointFailure as failure:
-            self.breaker.record_failure(failure)
-            raise
-        self.breaker.record_success()
+
+        def ask(dialect: Dialect) -> Completion:
+            return self._request(dialect.body(self.model, messages, schema), deadline + late_s)
+
+        with self.breaker.watched():
+            if time.monotonic() >= deadline:
+                raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
+            completion = self._ask_again(ask, deadline)
         return self.dialect.ended(completion)
 
-    def problem(self) -> str | None:
-        """Return why the endpoint is not asked at present, None where it is."""
-        try:
-            self.breaker.check()
-        except EndpointFailure as failure:
-            return f'{failure.status.value}: {failure}'
-        return None
-
-    def _complete_with_retries(
-        self,
-        messages: Sequence[Message],
-        deadline: float,
-        schema: dict[str, Any],
-        late_s: float,
-    ) -> Completion:
-        attempt = 0
-        dialect = self.dialect
+    def _ask_again(self, ask: Callable[[Dialect], Completion], deadline: float) -> Completion:
+        """Ask, and again in another dialect or after a pause where that may help."""
+        dialect, attempt = self.dialect, 0
         while True:
-            body = dialect.body(self.model, messages, schema)
             try:
-                completion = self._request(body, deadline + late_s)
+                completion = ask(dialect)
             except EndpointFailure as failure:
                 adapted = dialect.adapted_to(failure)
                 if adapted is not None and time.monotonic() < deadline:
@@ -102,6 +126,14 @@ class ChatClient:
                 self.dialect = dialect
                 return completion
             time.sleep(delay)
+
+    def problem(self) -> str | None:
+        """Return why the endpoint is not asked at present, None where it is."""
+        try:
+            self.breaker.check()
+        except EndpointFailure as failure:
+            return f'{failure.status.value}: {failure}'
+        return None
 
     def _request(self, body: dict[str, Any], deadline: float) -> Completion:
         """Make one request, when a slot is free and the limits allow it."""
@@ -119,7 +151,7 @@ class ChatClient:
                 use_proxies=not self.endpoint.is_loopback,
             )
             # A server may echo the request: remove the key before anything else sees the reply.
-            completion = read_completion(reply, partial(redact, secret=key))
+            completion = read_completion(reply, functools.partial(redact, secret=key))
         except EndpointFailure as failure:
             raise replace(failure, detail=redact(failure.detail, key)) from None
         finally:
@@ -134,3 +166,117 @@ def count_tokens(completion: Completion, body: dict[str, Any]) -> int:
     asked = len(body.get('prompt', ''))
     asked += sum(len(message['content']) for message in body.get('messages', ()))
     return counted or (asked + len(completion.text)) // CHARS_PER_TOKEN
+
+
+def make_client(settings: SourceSettings, stop: str = '') -> ChatClient:
+    """Make the client of the endpoint that settings name. Raises EndpointError.
+
+    A text completion ends where the model writes `stop`.
+    """
+    return ChatClient(
+        Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names),
+        settings.model,
+        Dialect(
+            settings.max_output_tokens,
+            settings.temperature,
+            settings.response_format,
+            is_completion=settings.prompt_form == COMPLETION,
+            stop=stop,
+        ),
+        settings.max_retries,
+        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
+        max_concurrent=settings.max_concurrent,
+    )
+
+
+def post_json(
+    url: str, body: object, headers: Mapping[str, str], limit: float, *, use_proxies: bool
+) -> HttpReply:
+    """Post `body` as JSON; return or raise within `limit` seconds.
+
+    Redirects are not followed, so that a key is never sent to another host.
+    Raises EndpointFailure TIMEOUT, UNREACHABLE (retryable), MALFORMED or ERROR.
+    """
+    # Its own event loop, closed without waiting for a name look-up that hangs.
+    loop = asyncio.new_event_loop()
+    ours = _IS_OURS.set(True)
+    try:
+        return loop.run_until_complete(
+            wait_at_most(limit, post(url, body, headers, limit, use_proxies=use_proxies))
+        )
+    finally:
+        loop.run_until_complete(loop.shutdown_asyncgens())
+        loop.close()
+        _IS_OURS.reset(ours)
+
+
+async def wait_at_most(limit: float, request: Coroutine[Any, Any, HttpReply]) -> HttpReply:
+    """Return the request's reply, or cancel it after `limit` seconds and raise TIMEOUT."""
+    task = asyncio.ensure_future(request)
+    done, _ = await asyncio.wait({task}, timeout=max(0.0, limit))
+    if not done:
+        task.cancel()
+        # Or asyncio logs an error that comes too late, which may quote the server.
+        task.add_done_callback(lambda late: late.cancelled() or late.exception())
+        await asyncio.wait({task}, timeout=CLOSE_S)
+        raise timed_out(limit)
+    return task.result()
+
+
+async def post(
+    url: str, body: object, headers: Mapping[str, str], limit: float, *, use_proxies: bool
+) -> HttpReply:
+    """Post `body` as JSON and translate httpx's exceptions to EndpointFailure."""
+    timeout = httpx.Timeout(limit, connect=min(limit, CONNECT_S))
+    try:
+        async with (
+            httpx.AsyncClient(
+                trust_env=use_proxies, verify=tls_context(), timeout=timeout
+            ) as client,
+            client.stream('POST', url, json=body, headers=ENCODING | dict(headers)) as response,
+        ):
+            data = await read_body(response)
+            return HttpReply(response.status_code, dict(response.headers), data)
+    except (httpx.ReadTimeout, httpx.WriteTimeout, httpx.PoolTimeout):
+        raise timed_out(limit) from None
+    except (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.InvalidURL) as error:
+        raise EndpointFailure(SourceStatus.ERROR, type(error).__name__) from None
+    except (ImportError, ValueError) as error:
+        # Raised for a proxy variable that is malformed, or that needs another package.
+        detail = f'the proxy settings of the environment do not work: {type(error).__name__}'
+        raise EndpointFailure(SourceStatus.ERROR, detail) from None
+    except (httpx.TransportError, OSError) as error:
+        words = str(error)
+        if isinstance(error, httpx.RemoteProtocolError):
+            # Its text quotes the response, which may echo the request with its key.
+            words = words.partition(':')[0]
+        detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {words}'
+        raise EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True) from None
+
+
+async def read_body(response: httpx.Response) -> bytes:
+    """Return the decoded body. Raises EndpointFailure MALFORMED if that exceeds MAX_BODY bytes.
+
+    It is decoded here, since httpx decodes each piece that arrives whole: with zstd or brotli
+    64 KiB may become gigabytes. zlib stops at the limit.
+    """
+    name = response.headers.get('content-encoding', 'identity').strip().lower()
+    if name not in ('identity', 'gzip', 'deflate'):
+        problem = f'the reply cannot be decoded: {name[:40]!r} was not asked for'
+        raise EndpointFailure(SourceStatus.MALFORMED, problem)
+    decoder = None if name == 'identity' else zlib.decompressobj(ANY_HEADER)
+    data = bytearray()
+    async for chunk in response.aiter_raw():
+        try:
+            data += chunk if decoder is None else decoder.decompress(chunk, MAX_BODY + 1)
+        except zlib.error:
+            raise EndpointFailure(SourceStatus.MALFORMED, 'the reply cannot be decoded') from None
+        if len(data) > MAX_BODY:
+            problem = f'the reply is longer than {MAX_BODY} bytes'
+            raise EndpointFailure(SourceStatus.MALFORMED, problem)
+    return bytes(data)
+
+
+def timed_out(limit: float) -> EndpointFailure:
+    """Return the failure of a request that took longer than `limit` seconds."""
+    return EndpointFailure(SourceStatus.TIMEOUT, f'no complete answer within {limit:.1f} s')

@@ -1,16 +1,22 @@
-"""The endpoint of requests, and its key.
+"""The endpoint of requests, its key, and what keeps the key out of texts that a server wrote.
 
-The key is read from the environment when a request is made, and is not stored.
+The key is read from the environment when a request is made, and is not stored. A server may echo
+the request, with its key, in an error or an answer: as it is, escaped for JSON, HTML or a URL, in
+base64, or broken over lines. Nothing can be done about a server that encrypts it; but that one
+has the key anyway.
 """
 
 from __future__ import annotations
 
+import base64
 import fnmatch
+import html
 import ipaddress
 import os
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
@@ -35,6 +41,22 @@ _PATTERN = re.compile(r'[A-Z_*][A-Z0-9_*]{0,63}')
 # Which variables may hold a key, unless the start says otherwise.
 KEY_NAMES = '*_API_KEY, *_TOKEN'
 OPENAI_HOST = 'api.openai.com'
+MASK = '***'
+WITHHELD = '(withheld, since it repeats the key)'
+# A shorter key protects nothing, and masking it would damage ordinary words.
+MIN_SECRET = 6
+# So many characters of a key in a row are a leak. Services quote fewer, so that a user knows which
+# key is meant. Base64 takes four characters for three.
+LEAK, LEAK_BASE64 = 12, 16
+# Escapes within escapes, at most; what has more is withheld.
+MAX_DEPTH = 5
+# What may stand within an escape: blanks, letters of no width, the colours of a terminal.
+_NOT_SEEN = re.compile(r'\x1b\[[0-9;]*[a-zA-Z]|[^!-~]+')
+_ESCAPE = re.compile(
+    r'\\U([0-9a-fA-F]{8})|[\\%][uU]([0-9a-fA-F]{4})|\\(?:[uU]\{([0-9a-fA-F]{1,6})\}'
+    r'|[xX]([0-9a-fA-F]{2})|([0-7]{3})|[bfnrtv]|(.))'
+)
+_NO_LETTER = re.compile('[^0-9a-z]+')
 
 
 class EndpointError(LlmAstarError, ValueError):
@@ -138,3 +160,61 @@ def key_patterns(names: str) -> list[str]:
             'commas, are expected'
         )
     return patterns
+
+
+def redact(text: str, secret: str) -> str:
+    """Return `text` without the secret: masked, or all withheld where it is spelt otherwise."""
+    if len(secret) < MIN_SECRET:
+        return text
+    text = text.replace(secret, MASK)
+    return WITHHELD if repeats(text, secret) else text
+
+
+def repeats(text: str, secret: str) -> bool:
+    """Return whether a text holds a secret, or LEAK characters of it in a row, in any spelling.
+
+    Only letters and digits are compared, without their case, so it does not matter what stands
+    between them. Linear in the length of the text.
+    """
+    parts = spellings(secret)
+    for _ in range(MAX_DEPTH):
+        text = _NOT_SEEN.sub('', text)
+        letters = _NO_LETTER.sub('', text.lower())
+        if secret in text or any(part in letters for part in parts):
+            return True
+        before, text = text, unescape(text)
+        if text == before:
+            return False
+    return True
+
+
+def spellings(secret: str) -> set[str]:
+    """Return the texts of lower-case letters and digits of which none may appear."""
+    # An escape that is part of the key is decoded with the others.
+    found = {*windows(secret, LEAK), *windows(unescape(secret), LEAK)}
+    # What stands before it decides how the bytes fall into groups of three. The first and the last
+    # characters depend on the neighbours.
+    for before in range(3):
+        coded = base64.b64encode(bytes(before) + secret.encode()).decode().rstrip('=')
+        found.update(windows(coded[before + 1 if before else 0 : -1], LEAK_BASE64))
+    return found
+
+
+def windows(text: str, length: int) -> Iterator[str]:
+    """Return all parts of so many letters and digits, or the one whole that is shorter."""
+    letters = _NO_LETTER.sub('', text.lower())
+    if len(letters) >= MIN_SECRET:
+        for start in range(max(1, len(letters) - length + 1)):
+            yield letters[start : start + length]
+
+
+def unescape(text: str) -> str:
+    """Undo one level of escapes: of JSON, URLs and HTML."""
+    return html.unescape(unquote(_ESCAPE.sub(unescaped, text)))
+
+
+def unescaped(found: re.Match[str]) -> str:
+    """Return the character that an escape with a backslash stands for."""
+    *numbers, octal, letter = found.groups()
+    code = int(next(filter(None, numbers), '0'), 16) or int(octal or '0', 8)
+    return chr(code) if 0 < code < 0x110000 else letter or ''

@@ -6,16 +6,13 @@ import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import printable
 
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.source import MAX_NAME, Message, SourceStatus
-
-if TYPE_CHECKING:
-    from llm_astar_planner.waypoints.llm.http import HttpReply
 
 # Removes the key from a text.
 Clean = Callable[[str], str]
@@ -131,6 +128,14 @@ class Completion(NamedTuple):
     prompt_tokens: int = 0
     completion_tokens: int = 0
     fingerprint: str = ''
+
+
+class HttpReply(NamedTuple):
+    """A server's response; the body is decoded and bounded."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
 
 
 def read_completion(reply: HttpReply, clean: Clean) -> Completion:

@@ -7,7 +7,8 @@ import random
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
 from email.utils import parsedate_to_datetime
 
@@ -113,8 +114,15 @@ class CircuitBreaker:
         wait = 'until the parameters change' if math.isinf(left) else f'for another {left:.0f} s'
         raise EndpointFailure(last.status, f'not asked {wait}, after: {last.detail}')
 
-    def record_success(self) -> None:
-        """Reset the count of failures in a row."""
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Let a request through, or raise as `check` does, and count how it ends."""
+        self.check()
+        try:
+            yield
+        except EndpointFailure as failure:
+            self.record_failure(failure)
+            raise
         with self._lock:
             self._failures = 0
 
@@ -135,6 +143,36 @@ class CircuitBreaker:
                     self._open_until = self._clock() + COOLDOWN_S
 
 
+class Window:
+    """What was used in the last `seconds`, of at most `limit`; 0 means no limit."""
+
+    def __init__(self, limit: int, seconds: float, clock: Callable[[], float]) -> None:
+        """Start with nothing used."""
+        self.limit = limit
+        self.total = 0
+        self._seconds = seconds
+        self._clock = clock
+        self._used = 0
+        self._entries: deque[tuple[float, int]] = deque()
+
+    def add(self, amount: int) -> None:
+        """Count what is used now."""
+        self.total += amount
+        if self.limit:
+            self._used += amount
+            self._entries.append((self._clock(), amount))
+
+    def left(self) -> int | None:
+        """Return how much may still be used, None without a limit."""
+        while self._entries and self.wait() <= 0:
+            self._used -= self._entries.popleft()[1]
+        return max(0, self.limit - self._used) if self.limit else None
+
+    def wait(self) -> float:
+        """Return the seconds until the oldest entry no longer counts."""
+        return self._entries[0][0] + self._seconds - self._clock()
+
+
 class CallBudget:
     """Limits requests over the last hour and tokens over the last day; 0 means no limit.
 
@@ -148,57 +186,33 @@ class CallBudget:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Start with nothing used; `clock` returns seconds."""
-        self._max_calls = max_calls_per_hour
-        self._max_tokens = max_tokens_per_day
-        self._clock = clock
         self._lock = threading.Lock()
-        self._calls: deque[float] = deque()
-        self._tokens: deque[tuple[float, int]] = deque()
-        self.total_calls = 0
-        self.total_tokens = 0
+        self.calls = Window(max_calls_per_hour, HOUR_S, clock)
+        self.tokens = Window(max_tokens_per_day, DAY_S, clock)
 
     def admit(self) -> None:
         """Count one request. Raises EndpointFailure REFUSED where a limit does not allow it."""
         with self._lock:
-            now = self._clock()
-            self._drop_old(now)
-            used = sum(tokens for _, tokens in self._tokens)
-            refusal = ''
-            if 0 < self._max_calls <= len(self._calls):
-                wait = HOUR_S - (now - self._calls[0])
-                refusal = f'max_calls_per_hour: {self._max_calls} are made; next in {wait:.0f} s'
-            elif 0 < self._max_tokens <= used:
-                wait = DAY_S - (now - self._tokens[0][0])
-                refusal = f'max_tokens_per_day: {self._max_tokens} are used; next in {wait:.0f} s'
-            if refusal:
-                raise EndpointFailure(SourceStatus.REFUSED, refusal, is_ours=True)
-            if self._max_calls:
-                self._calls.append(now)
-            self.total_calls += 1
+            for name, window, verb in (
+                ('max_calls_per_hour', self.calls, 'made'),
+                ('max_tokens_per_day', self.tokens, 'used'),
+            ):
+                if window.left() == 0:
+                    refusal = f'{name}: {window.limit} are {verb}; next in {window.wait():.0f} s'
+                    raise EndpointFailure(SourceStatus.REFUSED, refusal, is_ours=True)
+            self.calls.add(1)
 
     def spend(self, tokens: int) -> None:
         """Count the tokens of an answer."""
         with self._lock:
-            self.total_tokens += tokens
-            if self._max_tokens:
-                self._tokens.append((self._clock(), tokens))
+            self.tokens.add(tokens)
 
     def values(self) -> dict[str, int | None]:
         """Return what was used since the start, and what is left now (None: no limit)."""
         with self._lock:
-            self._drop_old(self._clock())
-            used = sum(tokens for _, tokens in self._tokens)
             return {
-                'calls_made': self.total_calls,
-                'calls_left': max(0, self._max_calls - len(self._calls))
-                if self._max_calls
-                else None,
-                'tokens_used': self.total_tokens,
-                'tokens_left': max(0, self._max_tokens - used) if self._max_tokens else None,
+                'calls_made': self.calls.total,
+                'calls_left': self.calls.left(),
+                'tokens_used': self.tokens.total,
+                'tokens_left': self.tokens.left(),
             }
-
-    def _drop_old(self, now: float) -> None:
-        while self._calls and now - self._calls[0] >= HOUR_S:
-            self._calls.popleft()
-        while self._tokens and now - self._tokens[0][0] >= DAY_S:
-            self._tokens.popleft()

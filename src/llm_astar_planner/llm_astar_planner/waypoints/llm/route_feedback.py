@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,59 +22,46 @@ ASK_FOR_A_LIST = (
 _DOES_NOT_WORK = 'This route does not work:'
 
 
-class Fault(NamedTuple):
-    """A point off the map or on a blocked cell, or a straight segment that meets one, in cells."""
-
-    kind: str  # 'off the map', 'occupied', 'collides'
-    point: Waypoint
-    to: Waypoint | None = None  # where the segment ends
-    at: Cell | None = None  # the first blocked cell on it
-
-    def sentence(self, lattice: Lattice) -> str:
-        """Describe the fault in the coordinates of a lattice."""
-        point = point_name(self.point, lattice)
-        if self.to is None or self.at is None:
-            where = 'lies on a barrier' if self.kind == 'occupied' else 'lies off the map'
-            return f'- The point {point} {where}.'
-        return (
-            f'- The straight way from {point} to {point_name(self.to, lattice)} '
-            f'meets a barrier at {point_name(self.at, lattice)}.'
-        )
-
-
 def find_faults(
-    costmap: Costmap, start: Cell, goal: Cell, waypoints: Sequence[Waypoint]
-) -> list[Fault]:
-    """Check waypoints in grid coordinates, and the straight segments from start to goal."""
+    costmap: Costmap, start: Cell, goal: Cell, waypoints: Sequence[Waypoint], lattice: Lattice
+) -> list[str]:
+    """Return a sentence for each fault of a route from start to goal, given in grid coordinates.
+
+    These are points off the map or on a blocked cell, and straight segments between the others
+    that meet one. The sentences are in the coordinates of `lattice`.
+    """
     blocked = costmap.blocked
-    faults: list[Fault] = []
+    faults: list[str] = []
     good: list[Waypoint] = [(float(start[0]), float(start[1]))]
     for point in waypoints:
         cell = round(point[0]), round(point[1])
         if not costmap.grid_map.contains(cell):
-            faults.append(Fault('off the map', point))
+            faults.append(f'- The point {point_name(point, lattice)} lies off the map.')
         elif blocked[cell[1], cell[0]]:
-            faults.append(Fault('occupied', point))
+            faults.append(f'- The point {point_name(point, lattice)} lies on a barrier.')
         elif point != good[-1]:
             good.append(point)
     if good[-1] != goal:
         good.append((float(goal[0]), float(goal[1])))
-    for point, to in pairwise(good):
-        at = first_blocked_cell(blocked, point, to)
+    for ends in pairwise(good):
+        at = first_blocked_cell(blocked, *ends)
         if at is not None:
-            faults.append(Fault('collides', point, to, at))
+            names = [point_name(point, lattice) for point in (*ends, at)]
+            way = '- The straight way from {} to {} meets a barrier at {}.'
+            faults.append(way.format(*names))
     return faults
 
 
-def follow_up(faults: Sequence[Fault], lattice: Lattice) -> str:
-    """Return the message that names the faults, in the prompt's coordinates, and asks again."""
-    lines = [fault.sentence(lattice) for fault in faults[:MAX_FAULTS_NAMED]]
+def follow_up(faults: Sequence[str]) -> str:
+    """Return the message that names the faults and asks again."""
+    lines = [_DOES_NOT_WORK, *faults[:MAX_FAULTS_NAMED]]
     if len(faults) > MAX_FAULTS_NAMED:
         lines.append(f'- and {len(faults) - MAX_FAULTS_NAMED} more like these.')
-    return (
-        f'{_DOES_NOT_WORK}\n' + '\n'.join(lines) + '\nCorrect it. End the reply with '
-        'the whole new route in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
+    lines.append(
+        'Correct it. End the reply with the whole new route in the form '
+        '"Generated Path: [[x1, y1], [x2, y2], ...]".'
     )
+    return '\n'.join(lines)
 
 
 def is_follow_up(text: str) -> bool:

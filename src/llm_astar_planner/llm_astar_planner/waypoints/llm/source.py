@@ -5,83 +5,73 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, InitVar, dataclass, field
-from typing import NamedTuple
+from dataclasses import InitVar, dataclass, field, replace
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.answer import Answer, read_answer
-from llm_astar_planner.waypoints.llm.client import ChatClient
+from llm_astar_planner.waypoints.async_query import CachedSource
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
+from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
-from llm_astar_planner.waypoints.llm.route_feedback import (
-    ASK_FOR_A_LIST,
-    Fault,
-    find_faults,
-    follow_up,
-)
+from llm_astar_planner.waypoints.llm.route_feedback import ASK_FOR_A_LIST, find_faults, follow_up
+from llm_astar_planner.waypoints.prompts.examples import Prompt, load_example_library
 from llm_astar_planner.waypoints.prompts.map_description import (
     Description,
     Lattice,
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.prompt import Prompt
-from llm_astar_planner.waypoints.prompts.template import Example, ask_for_json, path_schema
-from llm_astar_planner.waypoints.sample_resolver import SampleResolver
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
+from llm_astar_planner.waypoints.prompts.template import (
+    Example,
+    ask_for_json,
+    load_template,
+    path_schema,
+)
+from llm_astar_planner.waypoints.replay import RecordingSource, SampleResolver
 from llm_astar_planner.waypoints.source import (
     MAX_NAME,
-    UNKNOWN_PROVENANCE,
     Message,
     Provenance,
     SourceStatus,
-    Waypoint,
     WaypointQuery,
     WaypointReply,
+    WaypointSource,
 )
+from llm_astar_planner.waypoints.transcript import TranscriptWriter
 
+# How many seconds a request that missed its deadline may go on, to answer the next query.
+LATE_S = 60.0
 # How much of an answer is quoted to the model when it is asked to correct it.
 MAX_QUOTED_CHARS = 4000
 
 
-def answer_of(completion: Completion) -> Answer:
+def answer_of(completion: Completion) -> WaypointReply:
     """Parse a completion; the detail says if the model refused or the reply was cut short."""
     answer = read_answer(completion.text)
     if answer.status is not SourceStatus.MALFORMED:
         return answer
     if completion.refusal:
-        return answer._replace(detail=f'the model refused: {completion.refusal[:200]}')
+        return replace(answer, detail=f'the model refused: {completion.refusal[:200]}')
     if completion.finish_reason == 'length':
-        return answer._replace(detail=f'{answer.detail}; it was cut short at max_output_tokens')
+        return replace(answer, detail=f'{answer.detail}; it was cut short at max_output_tokens')
     return answer
-
-
-class Turn(NamedTuple):
-    """The messages sent to the model, its text, and what the text says."""
-
-    messages: tuple[Message, ...] = ()
-    text: str = ''
-    answer: Answer = read_answer('')
-    provenance: Provenance = UNKNOWN_PROVENANCE
-    waypoints: tuple[Waypoint, ...] = ()  # those of the answer, in grid coordinates
 
 
 @dataclass(eq=False)
 class EndpointSource:
     """Describes the map to a model, reads its reply, and asks again where that may help.
 
-    A reply without a list of points is asked for once more. With `repair_rounds`, the model is
-    asked to correct a route that collides. A request that is running when the time is up goes on
-    for `late_s` seconds, for callers that keep a late answer. `dataset` makes prompts use the
-    coordinates of its maps.
+    A reply without a list of points is asked for once more. With `repair_rounds` in the
+    `settings`, the model is asked to correct a route that collides. A request that is running
+    when the time is up goes on for `late_s` seconds, for callers that keep a late answer.
+    `dataset` makes prompts use the coordinates of its maps.
     """
 
     client: ChatClient
     prompt: Prompt
-    _: KW_ONLY
-    timeout_s: float = 4.0
-    max_prompt_tokens: int = 2000
-    repair_rounds: int = 0
+    settings: SourceSettings = field(default_factory=SourceSettings)
     late_s: float = 0.0
     dataset: InitVar[Sequence[BarrierMap] | None] = None
 
@@ -98,27 +88,24 @@ class EndpointSource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Ask the model; a failure is a reply with its status. Returns by the time limit."""
-        deadline = time.monotonic() + min(self.timeout_s, query.time_limit)
+        deadline = time.monotonic() + min(self.settings.timeout_s, query.time_limit)
         conversation = Conversation(self, query, deadline)
         try:
             self._ask(conversation, query)
+            conversation.ask_for_a_list()
+            conversation.repair(self.settings.repair_rounds)
         except EndpointFailure as failure:
-            return conversation.reply(Answer((), failure.status, str(failure)))
-        conversation.ask_for_a_list()
-        conversation.repair(self.repair_rounds)
-        return conversation.reply(conversation.turn.answer)
+            return replace(conversation.reply(), status=failure.status, detail=str(failure))
+        return conversation.reply()
 
     def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
         """Ask; if that is too long, once more with a coarser map and half of the examples."""
         _, lattice = self._resolver.resolve(query)
+        most = self.settings.max_prompt_tokens
         description = describe(
-            query.costmap,
-            query.start,
-            query.goal,
-            lattice=lattice,
-            max_tokens=self.max_prompt_tokens,
+            query.costmap, query.start, query.goal, lattice=lattice, max_tokens=most
         )
-        examples = self.prompt.examples(query, description, self.max_prompt_tokens)
+        examples = self.prompt.examples(query, description, most)
         try:
             conversation.ask(description, examples)
         except EndpointFailure as failure:
@@ -133,13 +120,14 @@ class EndpointSource:
 class Conversation:
     """One query to a model: the turn that counts so far, and what all turns took.
 
-    `deadline` and `started` are times of time.monotonic.
+    `turn` has what the model was asked last, its text, and what the text says. `deadline` and
+    `started` are times of time.monotonic.
     """
 
     source: EndpointSource
     query: WaypointQuery
     deadline: float
-    turn: Turn = field(default_factory=Turn)
+    turn: WaypointReply = field(default_factory=WaypointReply)
     lattice: Lattice = field(default_factory=Lattice)
     prompt_tokens: int = 0
     completion_tokens: int = 0
@@ -153,15 +141,15 @@ class Conversation:
         """
         prompt = self.source.prompt
         self.lattice = description.lattice
-        messages = prompt.messages(description, examples)
+        messages = prompt.template.render(description, prompt.form, examples)
         if self.source.client.dialect.response_format != 'text':
             messages = ask_for_json(messages, thinks=prompt.template.thinks)
-        self.turn = Turn(messages)
+        self.turn = WaypointReply(messages=messages)
         self._send(messages)
 
     def ask_for_a_list(self) -> None:
         """Ask once more where the reply held no list; a failure of that changes nothing."""
-        if self.turn.answer.status is SourceStatus.MALFORMED and self._has_time():
+        if self.turn.status is SourceStatus.MALFORMED and self._has_time():
             with contextlib.suppress(EndpointFailure):
                 self._follow_up(ASK_FOR_A_LIST)
 
@@ -170,43 +158,38 @@ class Conversation:
         faults = self._faults() if rounds else []
         for _ in range(rounds):
             before = self.turn
-            if not faults or before.answer.status is not SourceStatus.OK or not self._has_time():
+            if not faults or before.status is not SourceStatus.OK or not self._has_time():
                 return
             try:
-                self._follow_up(follow_up(faults, self.lattice))
+                self._follow_up(follow_up(faults))
             except EndpointFailure:
                 return
             new_faults = self._faults()
-            if self.turn.answer.status is not SourceStatus.OK or len(new_faults) > len(faults):
+            if self.turn.status is not SourceStatus.OK or len(new_faults) > len(faults):
                 self.turn = before
                 return
             faults = new_faults
 
-    def reply(self, answer: Answer) -> WaypointReply:
-        """Return the reply to the query, given the answer that counts."""
-        return WaypointReply(
-            waypoints=self.turn.waypoints,
+    def reply(self) -> WaypointReply:
+        """Return the reply to the query: the turn that counts."""
+        return replace(
+            self.turn,
             label=self.source.label,
-            status=answer.status,
-            detail=answer.detail,
-            text=self.turn.text,
             model=self.source.client.model,
             prompt=self.source.prompt.name,
             prompt_tokens=self.prompt_tokens,
             completion_tokens=self.completion_tokens,
             seconds=time.monotonic() - self.started,
-            messages=self.turn.messages,
             unit=self.lattice.unit,
-            provenance=self.turn.provenance,
         )
 
     def _has_time(self) -> bool:
         """Return whether an answer as slow as the last one would still come in time."""
         return time.monotonic() + self.last_seconds < self.deadline
 
-    def _faults(self) -> list[Fault]:
-        query = self.query
-        return find_faults(query.costmap, query.start, query.goal, self.turn.waypoints)
+    def _faults(self) -> list[str]:
+        query, points = self.query, self.turn.waypoints
+        return find_faults(query.costmap, query.start, query.goal, points, self.lattice)
 
     def _follow_up(self, question: str) -> None:
         """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
@@ -233,4 +216,35 @@ class Conversation:
             prompt_digest=self.source.prompt.digest,
             temperature=self.source.client.dialect.temperature,
         )
-        self.turn = Turn(messages, completion.text, answer, provenance, waypoints)
+        self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
+
+
+def make_endpoint(context: SourceContext) -> WaypointSource:
+    """Make the source that asks a language model, with a cache and, if set, a recording.
+
+    Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
+    """
+    settings = context.settings
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    count = settings.retrieved_examples
+    library = load_example_library(settings.examples_file, count) if count else None
+    prompt = Prompt(template, settings.prompt_form, library, count)
+    client = make_client(settings, template.stop)
+    source: WaypointSource = EndpointSource(client, prompt, settings, LATE_S, context.dataset)
+    if settings.record:
+        source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
+    return CachedSource(
+        source,
+        model=settings.model,
+        prompt=prompt.name,
+        size=settings.cache_size,
+        timeout_s=settings.timeout_s,
+    )
+
+
+def client_of(source: WaypointSource) -> ChatClient | None:
+    """Return the endpoint's client inside a source, for its state and counts, or None."""
+    inner: object = source
+    while isinstance(inner, (CachedSource, RecordingSource)):
+        inner = inner.inner
+    return inner.client if isinstance(inner, EndpointSource) else None

@@ -1,9 +1,12 @@
-"""Solved samples of a dataset, and retrieval of those most similar to a query, for prompts."""
+"""Prompts as they are sent, with solved samples of a dataset that are most similar to a query."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +19,13 @@ from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts.map_description import (
+    CHARS_PER_TOKEN,
     MAX_BARRIERS,
     Description,
     Lattice,
     describe,
 )
+from llm_astar_planner.waypoints.prompts.template import MESSAGE, Example, Template, prompt_name
 from llm_astar_planner.waypoints.source import WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
@@ -193,3 +198,47 @@ def is_same_map(barrier_map: BarrierMap, blocked: NDArray[np.bool_]) -> bool:
         )
         for line, first, last in barriers
     )
+
+
+@dataclass(frozen=True)
+class Prompt:
+    """How maps are put to a model; `form` is one of FORMS.
+
+    With a `library`, the `retrieved` samples of it that are most similar to the query replace
+    the template's own examples.
+    """
+
+    template: Template
+    form: str = MESSAGE
+    library: ExampleLibrary | None = None
+    retrieved: int = 0
+
+    @property
+    def name(self) -> str:
+        """The name in replies, rows and transcripts."""
+        return prompt_name(self.template.name, self.form, self.retrieved)
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of the template's text."""
+        return hashlib.sha256(self.template.text.encode()).hexdigest()
+
+    def examples(
+        self, query: WaypointQuery, description: Description, max_tokens: int
+    ) -> tuple[Example, ...] | None:
+        """Return the retrieved examples, the most similar last; None for the template's own.
+
+        The least similar are left out where they and the description would take more than about
+        `max_tokens` tokens.
+        """
+        if self.library is None:
+            return None
+        left = int(max_tokens * CHARS_PER_TOKEN) - sum(map(len, description.values().values()))
+        found: list[Example] = []
+        for solved in islice(self.library.nearest(query), self.retrieved):
+            example = self.template.example(*solved)
+            left -= sum(map(len, example))
+            if left < 0:
+                break
+            found.append(example)
+        return tuple(reversed(found))

@@ -87,15 +87,11 @@ class Description:
 
     def values(self) -> dict[str, str]:
         """Return the text for each placeholder of a template."""
-        horizontal, vertical = (
-            str([list(barrier) for barrier in barriers])
-            for barriers in (self.horizontal_barriers, self.vertical_barriers)
-        )
         return {
             'start': str(list(self.start)),
             'goal': str(list(self.goal)),
-            'horizontal_barriers': horizontal,
-            'vertical_barriers': vertical,
+            'horizontal_barriers': str(list(map(list, self.horizontal_barriers))),
+            'vertical_barriers': str(list(map(list, self.vertical_barriers))),
             'x_min': str(self.x_bounds[0]),
             'x_max': str(self.x_bounds[1]),
             'y_min': str(self.y_bounds[0]),

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from llm_astar_planner.waypoints.source import Waypoint
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointReply
 
 MAX_WAYPOINTS = 64
 MAX_REPLY_CHARS = 65536
@@ -219,3 +219,19 @@ def make_point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON va
     except (TypeError, ValueError, OverflowError):
         return None
     return point if all(abs(value) <= _FARTHEST for value in point) else None
+
+
+def read_answer(text: str) -> WaypointReply:
+    """Return a reply with the points of a model's text, in the coordinates of its prompt.
+
+    OK with points, NO_WAYPOINTS for an empty list, else MALFORMED with the reason.
+    """
+    points = parse_reply(text)
+    if points:
+        return WaypointReply(points, text=text)
+    status, detail = SourceStatus.MALFORMED, 'no list of points in the reply'
+    if points is not None:
+        status, detail = SourceStatus.NO_WAYPOINTS, 'the model answered with an empty list'
+    elif not text.strip():
+        detail = 'the reply is empty'
+    return WaypointReply(status=status, detail=detail, text=text)

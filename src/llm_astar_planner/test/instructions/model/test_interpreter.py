@@ -5,7 +5,7 @@ import pytest
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
 from llm_astar_planner.instructions.interpretation import Understanding
-from llm_astar_planner.instructions.model.interpreter import ModelInterpreter
+from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
 from llm_astar_planner.instructions.model.prompt import (
     MAX_PROMPT_PLACES,
     Examples,
@@ -14,10 +14,9 @@ from llm_astar_planner.instructions.model.prompt import (
     prompt_messages,
     shipped_examples,
 )
-from llm_astar_planner.instructions.model.replay import ReplayInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.llm.factory import make_client
+from llm_astar_planner.waypoints.llm.client import make_client
 from llm_astar_planner.waypoints.transcript import TranscriptError, read_transcript
 from local_llm import LocalLlm, needs_llm
 

@@ -12,7 +12,6 @@ from llm_astar_lab.instruct_bench.comparison import same_specification
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
 from llm_astar_planner.instructions.model.grounding import grounded
-from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.sentence import canonical_sentence
 from llm_astar_planner.instructions.specification import (
     COMPASS,
@@ -26,6 +25,7 @@ from llm_astar_planner.instructions.specification import (
     Specification,
     StayIn,
     Visit,
+    regions_of,
 )
 
 SUITE = Path(__file__).resolve().parents[5] / 'maps' / 'instructions' / 'suite.json'

@@ -15,7 +15,7 @@ from llm_astar_planner.nodes.planner.costmap_wait import (
     CostmapWait,
 )
 from llm_astar_planner.nodes.planner.goals import PlanGoal
-from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
+from llm_astar_planner.nodes.planner.map_manager import MapArrivals
 
 
 class Maps:

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
+from llm_astar_planner.nodes.planner.map_manager import MapArrivals
 
 
 class Clock:

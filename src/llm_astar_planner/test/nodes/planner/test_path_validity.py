@@ -62,9 +62,14 @@ class Service:
     def __init__(self, grid_map=MAP, config=None, buffer=None, footprint=None):
         config = config or CostmapConfig()
         newest = grid_map and (Costmap(grid_map, config), CollisionChecker(grid_map, config))
-        self.logger = Mock()
+        entities, settings = Mock(), {'robot_base_frame': 'base_link'}
+        self.logger = entities.node.get_logger()
         self.service = PathValidityService(
-            Frames(buffer), lambda: 'base_link', lambda: newest, self.logger, lambda: footprint
+            entities,
+            settings,
+            Frames(buffer),
+            lambda: newest,
+            SimpleNamespace(current=footprint),
         )
 
     def ask(self, path, **fields):

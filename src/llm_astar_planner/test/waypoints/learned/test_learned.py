@@ -13,11 +13,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_ba
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import PlanRequest, WaypointStatus
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.learned.features import GOAL, featurise, place_nodes
 from llm_astar_planner.waypoints.learned.network import (
     WEIGHTS_FILE,

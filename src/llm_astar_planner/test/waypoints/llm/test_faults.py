@@ -13,11 +13,9 @@ import pytest
 import zstandard
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
-from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource
-from llm_astar_planner.waypoints.prompts.prompt import Prompt
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource, client_of
+from llm_astar_planner.waypoints.prompts.examples import Prompt
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
@@ -220,7 +218,9 @@ def test_no_server_outlives_the_deadline(chat_server, name, limited_by):
     else:
         # Without a cache around it the request itself ends in time.
         client = client_of(source_for(chat_server))
-        bare = EndpointSource(client, Prompt(load_template('few_shot')), timeout_s=0.5)
+        bare = EndpointSource(
+            client, Prompt(load_template('few_shot')), SourceSettings(timeout_s=0.5)
+        )
         reply = bare.waypoints(QUERY)
     assert time.monotonic() - started < 0.5 + GENEROUS
     assert reply.status is SourceStatus.TIMEOUT
@@ -251,12 +251,12 @@ def test_refused_connections_and_tls_errors_open_the_breaker(chat_server):
             reply = source.waypoints(QUERY)
             assert reply.status is SourceStatus.UNREACHABLE
             assert '127.0.0.1 is unreachable' in reply.detail
-        calls = client_of(source).budget.total_calls
+        calls = client_of(source).budget.calls.total
         assert calls == 9
         reply = source.waypoints(QUERY)
         assert reply.status is SourceStatus.UNREACHABLE
         assert 'not asked for another' in reply.detail
-        assert client_of(source).budget.total_calls == calls
+        assert client_of(source).budget.calls.total == calls
         assert 'UNREACHABLE' in client_of(source).problem()
 
 
@@ -370,7 +370,7 @@ def test_without_its_own_key_nothing_is_asked(
     assert word in reply.detail
     assert 'planted' not in reply.detail
     assert chat_server.requests == []
-    assert client_of(source).budget.total_calls == 0
+    assert client_of(source).budget.calls.total == 0
 
 
 def test_fields_that_an_endpoint_rejects_are_remembered(chat_server):

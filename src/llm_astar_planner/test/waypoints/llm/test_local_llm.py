@@ -6,9 +6,8 @@ from dataclasses import replace
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.llm.source import client_of
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from local_llm import LocalLlm, needs_llm
 
@@ -93,7 +92,7 @@ def test_the_client_returns_at_the_deadline_of_a_slow_real_server(server, monkey
     source, reply = ask(server, replace(QUERY, time_limit=0.05), timeout_s=0.3)
     assert time.monotonic() - started < 5.0
     assert reply.status is SourceStatus.TIMEOUT
-    assert client_of(source).budget.total_calls == 1
+    assert client_of(source).budget.calls.total == 1
 
 
 @needs_llm
@@ -102,4 +101,4 @@ def test_the_error_of_a_real_context_that_is_too_short_is_recognised():
         source, reply = ask(small, api_key_env='')
     assert reply.status is SourceStatus.ERROR
     assert 'context' in reply.detail
-    assert client_of(source).budget.total_calls == 2
+    assert client_of(source).budget.calls.total == 2

@@ -10,12 +10,11 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     Sample,
     load_barrier_maps,
-    save_barrier_maps,
 )
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.prompts.examples import ExamplesError
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript
@@ -184,7 +183,7 @@ def test_retrieved_examples_keep_to_the_tokens_of_a_prompt_and_halve_where_it_is
 def test_examples_come_from_a_file_of_the_users(chat_server, tmp_path):
     path = tmp_path / 'mine.json'
     wall = BarrierMap(0, (0, 51), (0, 31), (), (Barrier(30, 3, 20),), (Sample((7, 7), (43, 8)),))
-    save_barrier_maps([wall], path)
+    save_maps([wall], path)
     source_for(chat_server, retrieved_examples=1, examples_file=str(path)).waypoints(QUERY)
     text = chat_server.requests[0]['messages'][0]['content']
     assert starts_of(text) == ['[7, 7]']

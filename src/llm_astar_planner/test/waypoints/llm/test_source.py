@@ -7,10 +7,9 @@ from datetime import datetime, timezone
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.llm.source import client_of
+from llm_astar_planner.waypoints.replay import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript
 
@@ -217,5 +216,5 @@ def test_the_client_reports_its_problem_and_counts(chat_server):
     source.waypoints(QUERY)
     client = client_of(source)
     assert client.problem() is None
-    assert (client.budget.total_calls, client.budget.total_tokens) == (1, 120)
+    assert (client.budget.calls.total, client.budget.tokens.total) == (1, 120)
     assert client_of(make_source(SourceSettings(source='none'))) is None

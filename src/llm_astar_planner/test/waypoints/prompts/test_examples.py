@@ -11,19 +11,19 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     Sample,
     load_barrier_maps,
-    save_barrier_maps,
 )
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.prompts.examples import (
     ExampleLibrary,
     ExamplesError,
+    Prompt,
     is_same_map,
     load_example_library,
     occupied_tiles,
 )
 from llm_astar_planner.waypoints.prompts.map_description import describe
-from llm_astar_planner.waypoints.prompts.prompt import Prompt
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import WaypointQuery
 from segments import crosses
@@ -176,7 +176,7 @@ def test_files_of_examples_that_cannot_be_used_are_named(tmp_path):
             '50250000 cells are more than 50000000; choose fewer maps',
         ),
     ):
-        save_barrier_maps(bad, path)
+        save_maps(bad, path)
         with pytest.raises(ExamplesError, match=rf'^examples_file: .*mine\.json.*{words}'):
             load_example_library(str(path), 1)
     path.write_text(json.dumps([{'range_x': 'wide'}]))

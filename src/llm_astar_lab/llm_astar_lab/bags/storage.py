@@ -1,0 +1,391 @@
+"""The storage files of bags: mcap, read record by record, and sqlite3, of every version."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+import zlib
+from collections import deque
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from heapq import merge
+from io import SEEK_END, BytesIO
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel as McapChannel
+from mcap.records import Chunk, MessageIndex, Schema
+
+from llm_astar_lab.bags.files import LARGEST, BagError, Channel, unzstd
+
+# Messages that are held until those of other chunks before them have been read, in bytes.
+MOST_HELD = 80 * 2**20
+# What a message takes besides its bytes while it is held.
+MESSAGE_BYTES = 300
+# A file with more chunks is read in the order of recording; a chunk with a larger index, in bytes,
+# is opened to count its messages.
+MOST_CHUNKS = 100_000
+MOST_INDEX_BYTES = 8 * 2**20
+# Of topics and types in a file.
+MOST_DESCRIPTIONS = 24 * 2**20
+MAGIC = b'\x89MCAP0\r\n'
+RECORD = struct.Struct('<BQ')
+MESSAGE = struct.Struct('<HIQQ')
+# The records that are read. Others are skipped, such as attachments of any size.
+READ = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+# What reading damaged bytes may raise.
+DAMAGE = (
+    McapError, ValueError, RuntimeError, OverflowError, MemoryError, OSError, struct.error,
+    zstandard.ZstdError,
+)  # fmt: skip
+TABLES = ('messages', 'topics', 'message_definitions')
+# Texts are only read where they are no longer; no definition that is used is.
+SHORT = f'length({{}}) <= {2**20}'
+MOST_TOPICS = 10_000
+
+
+class Record(NamedTuple):
+    """A message as stored: its channel's number, time (ns) and bytes."""
+
+    channel: int
+    time: int
+    data: bytes
+
+
+class McapFile:
+    """One mcap file, complete or cut off.
+
+    `channels` are its topics by number, known once `stamps` has been read to its end; `damage` is
+    then a sentence on what cannot be read of the file, None for an intact one.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a file. Raises BagError where it is not an mcap file."""
+        self.path = path
+        self.damage: str | None = None
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, McapChannel] = {}
+        # Of each chunk: its first time (ns), its first byte, its channels.
+        self._chunks: list[tuple[int, int, set[int]]] = []
+        self._has_index = False
+        self._described = 0
+        self._held = 0
+        self._size = path.stat().st_size
+        self._file = path.open('rb')
+        if self._file.read(len(MAGIC)) != MAGIC:
+            self._file.close()
+            raise BagError(f'{path}: does not begin as an mcap file does')
+
+    @property
+    def channels(self) -> dict[int, Channel]:
+        """The topics of the file."""
+        found = {}
+        for number, channel in self._channels.items():
+            schema = self._schemas.get(channel.schema_id, Schema(0, b'', '', ''))
+            text = schema.data.decode(errors='replace')
+            kind = (schema.name, text, schema.encoding)
+            found[number] = Channel(channel.topic, *kind, channel.message_encoding)
+        return found
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def stamps(self) -> Iterator[tuple[int, int]]:
+        """Yield channel and time (ns) of every message, in the order of recording.
+
+        The chunks of a file that was finished are not opened if an index is behind them.
+        """
+        self._file.seek(-len(MAGIC), SEEK_END)
+        is_finished = self._file.read() == MAGIC
+        for opcode, place, length in self._walk():
+            if opcode == Opcode.CHUNK and is_finished:
+                yield from self._stamps_of_chunk(place, length)
+            else:
+                self._has_index = self._has_index or opcode == Opcode.CHUNK_INDEX
+                yield from (message[:2] for message in self._messages(opcode, place, length))
+        for _, place, channels in self._chunks:
+            # The end of the file need not repeat the topics that are in its chunks.
+            if not channels <= self._channels.keys():
+                deque(self._chunk(place), maxlen=0)
+
+    def _stamps_of_chunk(self, place: int, length: int) -> Iterator[tuple[int, int]]:
+        """Yield channel and time (ns) of every message of a chunk; remember the chunk."""
+        start = int.from_bytes(self._file.read(8), 'little')
+        try:
+            found = self._index_behind(place + length)
+        except DAMAGE:
+            found = []
+        if not found:
+            found = [message[:2] for message in self._chunk(place)]
+        if len(self._chunks) <= MOST_CHUNKS:
+            self._chunks.append((start, place, {channel for channel, _ in found}))
+        yield from found
+
+    def _index_behind(self, end: int) -> list[tuple[int, int]]:
+        """Return channel and time of the messages of the chunk before a byte, in their order.
+
+        It is empty without an index. Raises one of DAMAGE.
+        """
+        self._file.seek(end)
+        found: list[tuple[int, int, int]] = []
+        left = MOST_INDEX_BYTES
+        for opcode, _, length in walk_records(self._file, self._size):
+            left -= length
+            if opcode != Opcode.MESSAGE_INDEX:
+                break
+            if left < 0:
+                return []
+            index = MessageIndex.read(ReadDataStream(BytesIO(self._file.read(length))))
+            found += [(offset, index.channel_id, time) for time, offset in index.records]
+        return [(channel, time) for _, channel, time in sorted(found)]
+
+    def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
+        """Yield the messages of channels; those of a file without index in order of recording."""
+        by_time = self._has_index and not as_recorded and len(self._chunks) <= MOST_CHUNKS
+        if by_time:
+            return self._in_order_of_time(wanted)
+        return (message for message in self._as_recorded() if message.channel in wanted)
+
+    def _in_order_of_time(self, wanted: Collection[int]) -> Iterator[Record]:
+        """Yield the messages of channels by time; a chunk is opened when its first one is due."""
+        self._held = 0
+        chunks = (
+            self._chunk_by_time(start, place, wanted)
+            for start, place, channels in self._chunks
+            if not channels.isdisjoint(wanted)
+        )
+        return (item[3] for item in merge(*chunks) if item[3] is not None)
+
+    def _chunk_by_time(
+        self, start: int, place: int, wanted: Collection[int]
+    ) -> Iterator[tuple[int, int, int, Record | None]]:
+        """Yield a chunk's first time, then its messages by time, as sortable tuples."""
+        yield start, place, 0, None
+        found = []
+        for number, message in enumerate(self._chunk(place), start=1):
+            if message.channel not in wanted:
+                continue
+            size = len(message.data) + MESSAGE_BYTES
+            if self._held + size > MOST_HELD:
+                self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
+                break
+            self._held += size
+            found.append((message.time, place, number, message))
+        found.sort(reverse=True)
+        while found:
+            yield (item := found.pop())
+            self._held -= len(item[-1].data) + MESSAGE_BYTES
+
+    def _as_recorded(self) -> Iterator[Record]:
+        """Yield all messages in the order of recording."""
+        for record in self._walk():
+            yield from self._messages(*record)
+
+    def _walk(self) -> Iterator[tuple[int, int, int]]:
+        """Yield opcode, first byte and length of each record, up to where the file is cut off."""
+        self._file.seek(len(MAGIC))
+        is_complete = False
+        for record in walk_records(self._file, self._size):
+            is_complete = is_complete or record[0] in (Opcode.DATA_END, Opcode.FOOTER)
+            yield record
+        if not is_complete:
+            size = f'{self._size} bytes'
+            self._note_damage(f'was cut off, at {size}; what was written whole before is read')
+
+    def _chunk(self, place: int) -> Iterator[Record]:
+        """Yield the messages of the chunk at a byte of the file."""
+        self._file.seek(place - RECORD.size)
+        for record in islice(walk_records(self._file, self._size), 1):
+            yield from self._messages(*record)
+
+    def _messages(self, opcode: int, place: int, length: int) -> Iterator[Record]:
+        """Yield the messages in one record of the file; of a cut chunk, those before the cut."""
+        if opcode not in READ:
+            return
+        payload = read_payload(self._file, length, self._size)
+        is_whole = len(payload) == length
+        if opcode != Opcode.CHUNK:
+            yield from self._read_record(opcode, payload, place) if is_whole else ()
+            return
+        try:
+            data = chunk_contents(payload, whole=is_whole)
+        except DAMAGE as why:
+            where = f'the chunk at byte {place - RECORD.size}'
+            self._note_damage(f'{where} is left out: {str(why) or "it is cut off"}')
+            return
+        stream = BytesIO(data)
+        for inner, _, size in walk_records(stream, len(data)):
+            content = read_payload(stream, size, len(data))
+            if len(content) == size:
+                yield from self._read_record(inner, content, place)
+
+    def _read_record(self, opcode: int, payload: bytes, place: int) -> Iterator[Record]:
+        """Yield a message; remember a schema or a channel."""
+        try:
+            if opcode == Opcode.MESSAGE:
+                channel, _, time, _ = MESSAGE.unpack_from(payload)
+                yield Record(channel, time, payload[MESSAGE.size :])
+            elif opcode == Opcode.SCHEMA:
+                self._describe(self._schemas, Schema.read, payload)
+            elif opcode == Opcode.CHANNEL:
+                self._describe(self._channels, McapChannel.read, payload)
+        except DAMAGE as why:
+            self._note_damage(
+                f'a record at byte {place} is left out: {str(why) or "it is cut off"}'
+            )
+
+    def _describe(self, known: dict[int, Any], read: Any, payload: bytes) -> None:  # noqa: ANN401
+        """Remember a schema or a channel, which files repeat in each chunk.
+
+        Raises ValueError where all that are kept would take more than MOST_DESCRIPTIONS bytes.
+        """
+        found = read(ReadDataStream(BytesIO(payload)))
+        if found.id in known:
+            return
+        self._described += len(payload)
+        if self._described > MOST_DESCRIPTIONS:
+            raise ValueError(f'topics and types take over {MOST_DESCRIPTIONS} bytes')
+        known[found.id] = found
+
+    def _note_damage(self, what: str) -> None:
+        self.damage = self.damage or f'{self.path}: {what}'
+
+
+def walk_records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, first byte and length of each record from here on.
+
+    Who takes one may read on in `stream` and elsewhere. Zeros, which a power cut may leave at the
+    end of a file, end the records.
+    """
+    while len(head := stream.read(RECORD.size)) == RECORD.size and head[0]:
+        opcode, length = RECORD.unpack(head)
+        place = stream.tell()
+        yield opcode, place, length
+        stream.seek(min(place + length, size))
+
+
+def read_payload(stream: BinaryIO, length: int, size: int) -> bytes:
+    """Read a record, or what is there of it; nothing of one that is larger than LARGEST."""
+    length = min(length, size - stream.tell())
+    return stream.read(length) if length <= LARGEST else b''
+
+
+def chunk_contents(payload: bytes, *, whole: bool) -> bytes:
+    """Return the records in a chunk; of one that is not `whole`, those before the cut.
+
+    Raises ValueError for a wrong checksum, an unknown compression, and more bytes than the chunk
+    says it holds.
+    """
+    chunk = Chunk.read(ReadDataStream(BytesIO(payload)))
+    size = chunk.uncompressed_size
+    data: bytes = chunk.data
+    if chunk.compression and size > LARGEST:
+        raise ValueError(f'it would fill {size} bytes')
+    if chunk.compression == 'zstd':
+        data = unzstd(data, size)
+    elif chunk.compression == 'lz4':
+        data = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
+    elif chunk.compression:
+        raise ValueError(f'compression {chunk.compression!r} is unknown')
+    if whole and chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError('its checksum is wrong')
+    return data
+
+
+class SqliteFile:
+    """One db3 file, opened read-only; `channels` and `damage` are those of an `McapFile`."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a file. Raises BagError where it does not hold a bag."""
+        self.path = path
+        self.damage: str | None = None
+        # A write-ahead log next to it holds its last messages and needs a real connection.
+        log = path.with_name(path.name + '-wal')
+        mode = 'ro' if log.exists() and log.stat().st_size else 'ro&immutable=1'
+        try:
+            self._database = sqlite3.connect(f'{path.resolve().as_uri()}?mode={mode}', uri=True)
+            # Without this, sqlite refuses a file that is shorter than its header says.
+            self._database.execute('PRAGMA writable_schema=ON')
+            check_tables(self._database)
+            self.channels = dict(self._read_channels())
+        except (sqlite3.Error, ValueError, OverflowError) as error:
+            raise BagError(f'{path}: is not a bag that sqlite3 can read: {error}') from None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._database.close()
+
+    def stamps(self) -> Iterator[tuple[int, int]]:
+        """Yield channel and time (ns) of every message, in the order of recording."""
+        for number, time in self._rows('SELECT topic_id, timestamp FROM messages ORDER BY id'):
+            if isinstance(time, int):
+                yield number, time
+
+    def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
+        """Yield the messages of channels, in order of time or of recording."""
+        query = (
+            'SELECT topic_id, timestamp, data FROM messages '  # noqa: S608 - numbers alone
+            f'WHERE topic_id IN ({",".join(map(str, wanted))}) AND length(data) <= {LARGEST} '
+            f'ORDER BY {"id" if as_recorded else "timestamp, id"}'
+        )
+        for number, time, data in self._rows(query):
+            if isinstance(time, int) and isinstance(data, bytes):
+                yield Record(number, time, data)
+
+    def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
+        """Yield the rows of a query, up to where the file is damaged."""
+        count = 0
+        try:
+            for count, row in enumerate(self._database.execute(query), start=1):  # noqa: B007
+                yield row
+        except sqlite3.Error as error:
+            self.damage = (
+                f'{self.path}: is damaged ({error}); the {count} messages before are read'
+            )
+
+    def _read_channels(self) -> Iterator[tuple[int, Channel]]:
+        """Yield the topics of the file with their numbers."""
+        definitions = {}
+        # Bags from before Iron have no definitions.
+        with suppress(sqlite3.OperationalError):
+            query = (
+                'SELECT topic_type, encoded_message_definition, encoding '  # noqa: S608
+                f'FROM message_definitions WHERE {SHORT.format("encoded_message_definition")}'
+            )
+            definitions = {
+                name: (text, form) for name, text, form in self._database.execute(query)
+            }
+        query = (
+            'SELECT id, name, type, serialization_format FROM topics '  # noqa: S608 - constants
+            f'WHERE {SHORT.format("name")} LIMIT {MOST_TOPICS}'
+        )
+        for number, topic, msgtype, encoding in self._database.execute(query):
+            text, form = definitions.get(msgtype, ('', ''))
+            channel = Channel(topic, msgtype, text, form, encoding)
+            if all(isinstance(item, str) for item in channel):
+                yield number, channel
+
+
+def check_tables(database: sqlite3.Connection) -> None:
+    """Raise ValueError where a bag's table is a view or has computed columns.
+
+    What these yield takes as much time and memory as their author likes.
+    """
+    for name in TABLES:
+        found = database.execute(
+            'SELECT type, sql FROM sqlite_master WHERE lower(name) = ?', (name,)
+        ).fetchall()
+        plain = all(kind == 'table' and 'VIRTUAL' not in str(sql).upper() for kind, sql in found)
+        columns = database.execute('SELECT hidden FROM pragma_table_xinfo(?)', (name,))
+        if not plain or any(hidden for (hidden,) in columns):
+            raise ValueError(f'{name} is no plain table')
+
+
+Storage = McapFile | SqliteFile

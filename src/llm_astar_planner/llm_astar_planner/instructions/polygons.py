@@ -1,0 +1,199 @@
+"""Regions of a specification as polygons in metres, as enforcement sees them.
+
+Verification has its own reading of the same definitions.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.places import Place
+from shapely.geometry.base import BaseGeometry
+
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.route import Route
+
+# Directions of the sides in the map's frame, as in REP-103.
+DIRECTIONS = {'north': (0.0, 1.0), 'south': (0.0, -1.0), 'east': (1.0, 0.0), 'west': (-1.0, 0.0)}
+# A circle is a polygon of so many corners to a quarter, drawn around it.
+QUARTER = 32
+AROUND = 1.0 / math.cos(math.pi / (4 * QUARTER))
+
+
+class RegionError(LlmAstarError, ValueError):
+    """A region that this map does not have; the message says which and why."""
+
+
+def region_polygon(  # noqa: PLR0911 - one for each form
+    region: spec.Region, route: Route, default_radius: float
+) -> BaseGeometry:
+    """Return a region as a polygon, or several, in metres.
+
+    `default_radius` is for points without a radius. Raises RegionError for an unknown place or
+    tag, and for walls, which are cells and no polygon.
+    """
+    match region:
+        case spec.NamedPlace(name):
+            return place_polygon(find_place(name, route))
+        case spec.Tagged(tag):
+            return shapely.union_all([place_polygon(place) for place in tagged(tag, route)])
+        case spec.Disc(x, y, radius):
+            return grown(shapely.Point(x, y), radius or default_radius)
+        case spec.Box():
+            return box_polygon(region, route)
+        case spec.Half(side, of):
+            return half_polygon(side, of, route)
+        case spec.Between(first, second):
+            both = shapely.union_all(
+                [place_polygon(find_place(name, route)) for name in (first, second)]
+            )
+            return shapely.convex_hull(both).difference(both)
+        case spec.Along(place, width) if place != spec.WALLS:
+            polygon = place_polygon(find_place(place, route))
+            return grown(polygon, width).difference(polygon)
+    raise RegionError('the strip along all walls is no polygon')
+
+
+def visit_polygon(region: spec.Region, route: Route) -> BaseGeometry:
+    """Return where the path has to have a point for a visit. Raises as `region_polygon`.
+
+    Well inside an area, near an object, and within the radius of a point.
+    """
+    if isinstance(region, spec.NamedPlace):
+        return visited_place(find_place(region.place, route))
+    if isinstance(region, spec.Tagged):
+        return shapely.union_all([visited_place(place) for place in tagged(region.tag, route)])
+    polygon = region_polygon(region, route, spec.VISIT_RADIUS)
+    return polygon if isinstance(region, spec.Disc) else inner(polygon)
+
+
+def entered_polygon(region: spec.Region, route: Route) -> BaseGeometry:
+    """Return where a path has entered a region: any part of an area, or near an object."""
+    if isinstance(region, spec.NamedPlace) and find_place(region.place, route).is_object:
+        return visit_polygon(region, route)
+    return region_polygon(region, route, spec.VISIT_RADIUS)
+
+
+def visited_place(place: Place) -> BaseGeometry:
+    """Return where a place counts as visited."""
+    if place.is_object:
+        return place.geometry.buffer(spec.OBJECT_REACH, quad_segs=QUARTER)
+    if place.geometry.geom_type in ('Polygon', 'MultiPolygon'):
+        return inner(place.geometry)
+    return place_polygon(place)
+
+
+def inner(polygon: BaseGeometry) -> BaseGeometry:
+    """Return the part of an area that is deep enough inside to count as visited."""
+    box = shapely.minimum_rotated_rectangle(polygon)
+    if box.geom_type != 'Polygon' or box.is_empty:
+        return polygon
+    corners = shapely.get_coordinates(box)
+    width = min(np.hypot(*(corners[1] - corners[0])), np.hypot(*(corners[2] - corners[1])))
+    deep = polygon.buffer(-min(spec.VISIT_DEPTH, width / 4))
+    return polygon if deep.is_empty else deep
+
+
+def grown(geometry: BaseGeometry, distance: float) -> BaseGeometry:
+    """Return what lies within a distance, by polygons drawn around the circles."""
+    return geometry.buffer(distance * AROUND, quad_segs=QUARTER)
+
+
+def find_place(name: str, route: Route) -> Place:
+    """Return the place of a name. Raises RegionError where there is none."""
+    place = route.places.get(name)
+    if place is None:
+        raise RegionError(f'there is no place named {name!r}')
+    return place
+
+
+def tagged(tag: str, route: Route) -> tuple[Place, ...]:
+    """Return the places with a tag. Raises RegionError where there is none."""
+    places = route.places.with_tag(tag)
+    if not places:
+        raise RegionError(f'no place is tagged {tag!r}')
+    return places
+
+
+def place_polygon(place: Place) -> BaseGeometry:
+    """Return the polygon of a place; a point or a line has a width."""
+    if place.geometry.geom_type in ('Polygon', 'MultiPolygon'):
+        return place.geometry
+    return grown(place.geometry, spec.VISIT_RADIUS)
+
+
+def map_polygon(route: Route) -> BaseGeometry:
+    """Return the outline of the map."""
+    grid_map = route.costmap.grid_map
+    x, y = grid_map.width - 0.5, grid_map.height - 0.5
+    corners = [(-0.5, -0.5), (x, -0.5), (x, y), (-0.5, y)]
+    return shapely.Polygon(grid_map.grid_to_world(corners))
+
+
+def box_polygon(box: spec.Box, route: Route) -> BaseGeometry:
+    """Return a box whose open sides end beyond the map."""
+    x0, y0, x1, y1 = map_polygon(route).bounds
+    bounds = (
+        max(box.x0, x0 - 1.0),
+        max(box.y0, y0 - 1.0),
+        min(box.x1, x1 + 1),
+        min(box.y1, y1 + 1),
+    )
+    if bounds[0] >= bounds[2] or bounds[1] >= bounds[3]:
+        return shapely.Polygon()
+    return shapely.box(*bounds)
+
+
+def half_polygon(side: str, of: str, route: Route) -> BaseGeometry:
+    """Return the half of the map, or of the place `of`, on a side."""
+    whole = place_polygon(find_place(of, route)) if of else map_polygon(route)
+    if side in spec.ROUTE_SIDES:
+        here = route.position(route.start)
+        return whole.intersection(half_plane(here, side_direction(side, route), whole))
+    x0, y0, x1, y1 = whole.bounds
+    middle = ((x0 + x1) / 2, (y0 + y1) / 2)
+    return whole.intersection(half_plane(middle, DIRECTIONS[side], whole))
+
+
+def half_plane(
+    point: tuple[float, float], direction: tuple[float, float], whole: BaseGeometry
+) -> BaseGeometry:
+    """Return the part of the plane that lies in a direction from a point, as far as `whole`."""
+    x0, y0, x1, y1 = whole.bounds
+    reach = 2.0 * (math.dist((x0, y0), (x1, y1)) + math.dist(point, (x0, y0)) + 1.0)
+    forward = reach * np.array(direction)
+    aside = np.array([-forward[1], forward[0]])
+    here = np.array(point)
+    return shapely.Polygon(
+        [here - aside, here - aside + forward, here + aside + forward, here + aside]
+    )
+
+
+def side_direction(side: str, route: Route) -> tuple[float, float]:
+    """Return the unit vector towards a side; left and right are of the way from start to goal."""
+    if side not in spec.ROUTE_SIDES:
+        return DIRECTIONS[side]
+    (x0, y0), (x1, y1) = route.position(route.start), route.position(route.goal)
+    length = math.dist((x0, y0), (x1, y1))
+    if length == 0.0:
+        raise RegionError(f'{side}: start and goal are the same, so the way has no sides')
+    x, y = (x1 - x0) / length, (y1 - y0) / length
+    return (-y, x) if side == 'left' else (y, -x)
+
+
+def ray(region: spec.Region, side: str, route: Route, *, opposite: bool = False) -> BaseGeometry:
+    """Return the line from a region's centre to the edge of the map on a side, or the other one.
+
+    Raises RegionError as `region_polygon`, and for an empty region.
+    """
+    centre = region_polygon(region, route, spec.VISIT_RADIUS).centroid
+    if centre.is_empty:
+        raise RegionError('the region has no area on this map')
+    x, y = side_direction(side, route)
+    sign = -1.0 if opposite else 1.0
+    x0, y0, x1, y1 = map_polygon(route).union(centre).bounds
+    reach = math.dist((x0, y0), (x1, y1)) + 1.0
+    return shapely.LineString([centre, (centre.x + sign * x * reach, centre.y + sign * y * reach)])

@@ -1,0 +1,155 @@
+"""The topics on which a node is asked what an instruction means, and who answers them."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, places_from_geojson
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from std_msgs.msg import String
+
+from llm_astar_planner.instructions.chain import BackgroundInterpreter
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Interpreter,
+    Understanding,
+    clean_instruction,
+)
+from llm_astar_planner.instructions.messages import (
+    MAX_QUESTION,
+    MAX_QUESTION_WITH_PLACES,
+    Question,
+    answer_text,
+    error_text,
+    parse_question,
+)
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+
+# Questions a second, of which so many may come at once: a flood must leave time to plan.
+RATE, BURST = 50.0, 20
+
+OnAnswer = Callable[[Interpretation], None]
+# Given a question with a clean text, returns what is understood now. If that is PENDING, the
+# callback gets the rest, on any thread. May raise LlmAstarError.
+Interpret = Callable[[Question, OnAnswer], Interpretation]
+
+# Seconds for one question to a model. No plan waits for it, and a small model on a processor
+# takes half a minute for its first, or longer if the processor has other work.
+LIMIT_S = 120.0
+
+
+class QuestionServer:
+    """Takes questions on `~/interpret` and answers on `~/interpretation`, with the id of each.
+
+    Every question is answered: what cannot be read, or is too long, with an error. Of a flood the
+    newest are, RATE a second; the middleware drops the others.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        interpret: Interpret,
+        *,
+        limit: int = MAX_QUESTION,
+        waits: bool = False,
+    ) -> None:
+        """Serve. `limit` is in characters; `waits` publishes only the last answer."""
+        self._interpret = interpret
+        self._limit = limit
+        self._waits = waits
+        self._due = -math.inf
+        self._lock = threading.Lock()
+        self._is_closed = False
+        self._publisher = entities.publisher(String, '~/interpretation', REPORTS)
+        entities.on_close(self.close)
+        # A group of its own: nothing may delay an answer.
+        group = MutuallyExclusiveCallbackGroup()
+        entities.subscription(String, '~/interpret', self.on_question, RELIABLE, group)
+
+    def on_question(self, message: String) -> None:
+        """Answer a question, or have it answered."""
+        self.pace()
+        asked = Question(message.data)
+        try:
+            asked = parse_question(message.data, self._limit)
+            question = Question(clean_instruction(asked.text), asked.id, asked.places)
+            reading = self._interpret(question, partial(self.answer, asked))
+        except LlmAstarError as error:
+            self.publish(error_text(asked, error))
+            return
+        if not (self._waits and reading.status is Understanding.PENDING):
+            self.answer(asked, reading)
+
+    def pace(self) -> None:
+        """Wait where questions come faster than they may."""
+        now = time.monotonic()
+        self._due = max(self._due + 1.0 / RATE, now - BURST / RATE)
+        time.sleep(max(0.0, self._due - now))
+
+    def answer(self, question: Question, interpretation: Interpretation) -> None:
+        """Publish the answer to a question."""
+        self.publish(answer_text(question, interpretation))
+
+    def publish(self, text: str) -> None:
+        """Publish a text, unless the node has ended meanwhile."""
+        with self._lock:
+            if not self._is_closed:
+                self._publisher.publish(String(data=text))
+
+    def close(self) -> None:
+        """Publish no more."""
+        with self._lock:
+            self._is_closed = True
+
+
+class InterpretationServer:
+    """Answers each question once: at once if the grammar reads all of it, else by the model.
+
+    The model is asked one question at a time, the newest first; what is too old to be asked is
+    answered with what the grammar reads.
+    """
+
+    def __init__(self, entities: Entities, interpreter: Interpreter) -> None:
+        """Serve."""
+        self._logger = entities.node.get_logger()
+        self._grammar = GrammarInterpreter()
+        self._interpreter = interpreter
+        self._background = BackgroundInterpreter(self._grammar, interpreter, LIMIT_S)
+        self._geojson: Mapping[str, Any] | None = None
+        self._places = NO_PLACES
+        QuestionServer(entities, self.interpret, limit=MAX_QUESTION_WITH_PLACES, waits=True)
+        entities.on_close(lambda: self._background.close())  # noqa: PLW0108 - it is replaced
+
+    def adopt(self, interpreter: Interpreter) -> None:
+        """Ask this interpreter from now on; questions that wait for another are dropped."""
+        if interpreter is not self._interpreter:
+            before, self._interpreter = self._background, interpreter
+            self._background = BackgroundInterpreter(self._grammar, interpreter, LIMIT_S)
+            before.close()
+
+    def interpret(self, question: Question, on_answer: OnAnswer) -> Interpretation:
+        """Return what the grammar understands. Raises PlacesError for the question's places."""
+        places = self.places_of(question)
+
+        def answer(interpretation: Interpretation) -> None:
+            self._logger.info(interpretation.summary())
+            on_answer(interpretation)
+
+        return self._background.interpret_now(question.text, places, answer)
+
+    def places_of(self, question: Question) -> Places:
+        """Return the places of a question: often those of the last one. Raises PlacesError."""
+        if question.places is None:
+            return NO_PLACES
+        if question.places != self._geojson:
+            self._places = places_from_geojson(question.places, 'places')
+            self._geojson = question.places
+        return self._places
