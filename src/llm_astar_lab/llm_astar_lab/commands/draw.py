@@ -113,8 +113,7 @@ def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
     grid_map = figures.drawable_map(costmap.grid_map, costmap.config)
     pictures = []
     for _, plan in drawn:
-        ends = plan.start, plan.goal
-        picture = figures.picture_of(plan, grid_map, *ends, offset, costmap=costmap)
+        picture = figures.picture_of(plan, grid_map, offset, costmap=costmap)
         pictures.append(replace(picture, title=figures.short_title(plan, grid_map.resolution)))
     if path.lower().endswith(ANIMATIONS):
         animate(asked.planner, drawn, pictures, path)
