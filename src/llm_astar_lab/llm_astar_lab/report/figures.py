@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
-from llm_astar_planner.search.paper import Method, SearchOptions, astar, llm_astar
-from llm_astar_planner.search.result import Cell, describe_expansions
+from llm_astar_planner.search.paper import SearchOptions, astar, llm_astar
+from llm_astar_planner.search.result import Cell, SearchResult, describe_expansions
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -157,7 +157,7 @@ def showcase_figure() -> Figure:
 
 
 def traced(
-    method: Method, blocked: NDArray[np.bool_], targets: Sequence[Cell]
+    method: Callable[..., SearchResult], blocked: NDArray[np.bool_], targets: Sequence[Cell]
 ) -> tuple[ExpansionOrder, NDArray[np.int32]]:
     """Search on the showcase, chebyshev; return the order of expansion and the path [n, 2]."""
     recorder = ExpansionRecorder(blocked.shape, blocked.size)
