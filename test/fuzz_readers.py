@@ -27,7 +27,6 @@ from bag_makers import (
 )
 from fuzzing import Reader, run
 from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
-from llm_astar_lab.analysis.transcript_check import check_transcript
 from llm_astar_lab.bags.files import Channel
 from llm_astar_lab.bags.messages import barrier_map_text
 from llm_astar_lab.bags.reading import Bag
@@ -38,6 +37,7 @@ from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import Row
+from llm_astar_lab.runner.transcript_check import check_transcript
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,

@@ -161,9 +161,9 @@ class Used(NamedTuple):
 
 
 def every_pattern() -> dict[str, Used]:
-    """Return all patterns of both packages by where they are."""
+    """Return all patterns of the packages by where they are."""
     found: dict[str, Used] = {}
-    for package in ('llm_astar_msgs_adapter', 'llm_astar_planner'):
+    for package in ('llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'):
         for module in modules_of(package):
             calls = list(calls_of(module))
             for name, value in vars(module).items():
@@ -212,6 +212,6 @@ def test_every_pattern_takes_linear_time_by_itself(name):
         assert seconds(read, text_of(most)[:most]) < max(10 * small, SHORT), text_of(80)
 
 
-def test_the_patterns_of_both_packages_are_found():
+def test_the_patterns_of_the_packages_are_found():
     assert len(PATTERNS) > 20
     assert BOUNDED.keys() <= PATTERNS.keys()

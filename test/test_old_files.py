@@ -138,7 +138,7 @@ def test_an_old_recording_is_replayed_and_gives_the_plan_it_holds(tmp_path):
 # oracle` (benchmark), `evaluate samples --methods guided --source straight --robot-radius 0.6
 # --tolerance 0.5` (evaluation) ---
 
-BENCH = ('--maps', '0-2', '--limit', '6', '--methods', 'llm_only,llm_astar,guided')
+BENCH = ('--map-ids', '0-2', '--limit', '6', '--methods', 'waypoints_only,llm_astar,guided')
 FOLDERS = {
     'benchmark': ('bench', *BENCH, '--source', 'oracle'),
     'evaluation': (
@@ -219,11 +219,10 @@ def test_an_old_run_is_resumed_by_its_own_version_alone(
     assert untimed(results) == untimed(OLD / name / 'results.csv')
 
 
-def test_the_old_name_of_a_method_is_accepted_with_a_warning(tmp_path, undrawn, capsys):
+def test_the_same_run_has_the_same_rows_today(tmp_path, undrawn):
     out = tmp_path / 'out'
-    limit = ('--fail-under', 'llm_only/oracle:valid=100')
+    limit = ('--fail-under', 'waypoints_only/oracle:valid=100')
     assert main(['bench', *BENCH, '--source', 'oracle', '--out', str(out), *limit]) == 0
-    assert 'method llm_only is now called waypoints_only' in capsys.readouterr().err
     assert untimed(out / 'results.csv') == untimed(OLD / 'benchmark' / 'results.csv')
     assert 'llm_only' not in (out / 'results.csv').read_text()
 

@@ -1,21 +1,28 @@
-"""Thresholds for continuous integration that a run must meet: [VARIANT:]METRIC=LIMIT."""
+"""What a run must meet: thresholds [VARIANT:]METRIC=LIMIT, and a dataset's optimal lengths."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.parameter import nearest_name
+from llm_astar_planner.search.methods import EXACT
 
 from llm_astar_lab.analysis.statistics import Interval, Ratio
 from llm_astar_lab.analysis.summary import VariantSummary
-from llm_astar_lab.results.row import METHOD_ALIASES, Variant
+from llm_astar_lab.results.row import METHOD_ALIASES, Row, Variant
 
 # Metrics in percent. A limit is the maximum of a ratio and the minimum of a share.
 RATIOS = ('operation', 'storage', 'length', 'recorded')
 SHARES = ('valid', 'optimal', 'instruction', 'recorded_instruction')
+# Reference lengths are printed with at least two digits.
+ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE = 0.005, 1e-6
+# With these heuristics A* never overestimates the remaining length.
+ADMISSIBLE = frozenset({'euclidean', 'octile', 'chebyshev'})
 
 
 class Threshold(NamedTuple):
@@ -72,30 +79,20 @@ def missed_thresholds(
 ) -> list[str]:
     """Return a line for each threshold that was missed or whose variant was not run."""
     lines = []
-    by_name: dict[str, list[VariantSummary]] = defaultdict(list)
-    # Two variants may read alike: prompt a/b of model c, and prompt a of model b/c.
-    for summary in summaries:
-        by_name[str(summary.variant)].append(summary)
+    known = list(dict.fromkeys(str(summary.variant) for summary in summaries))
     for threshold in thresholds:
+        names = variants_of(threshold.variant, known)
+        # Two variants may read alike: prompt a/b of model c, and prompt a of model b/c.
+        held = [summary for summary in summaries if str(summary.variant) in names]
         if not threshold.variant:
-            lines += problems_of_all(summaries, threshold)
-            continue
-        names = variants_of(threshold.variant, by_name)
-        if not names:
-            lines.append(f'{threshold.variant}: was not run; available are {", ".join(by_name)}')
-        for known in names:
-            problems = (threshold_problem(summary, threshold) for summary in by_name[known])
-            lines += [f'{known}: {problem}' for problem in problems if problem is not None]
+            held = [item for item in held if not math.isnan(metric_value(item, threshold.metric))]
+            if not held:
+                lines.append(unknown_metric(threshold))
+        elif not names:
+            lines.append(f'{threshold.variant}: was not run; available are {", ".join(known)}')
+        problems = ((summary.variant, threshold_problem(summary, threshold)) for summary in held)
+        lines += [f'{variant}: {problem}' for variant, problem in problems if problem is not None]
     return lines
-
-
-def problems_of_all(summaries: Sequence[VariantSummary], threshold: Threshold) -> list[str]:
-    """Return a line for each variant that has a metric and misses its limit, or that none has."""
-    having = [item for item in summaries if not math.isnan(metric_value(item, threshold.metric))]
-    if not having:
-        return [f'{threshold.metric} is unknown, so the limit {threshold.limit:g} is not met']
-    problems = [(item.variant, threshold_problem(item, threshold)) for item in having]
-    return [f'{variant}: {problem}' for variant, problem in problems if problem is not None]
 
 
 def metric_value(summary: VariantSummary, metric: str) -> float:
@@ -107,12 +104,86 @@ def metric_value(summary: VariantSummary, metric: str) -> float:
     return math.nan if value is None else 100.0 * float(value)
 
 
+def unknown_metric(threshold: Threshold) -> str:
+    """Say that a metric is unknown, which misses any limit."""
+    return f'{threshold.metric} is unknown, so the limit {threshold.limit:g} is not met'
+
+
 def threshold_problem(summary: VariantSummary, threshold: Threshold) -> str | None:
     """Say how a variant misses a threshold, or return None where it meets it."""
     _, metric, limit = threshold
     value = metric_value(summary, metric)
     if math.isnan(value):
-        return f'{metric} is unknown, so the limit {limit:g} is not met'
+        return unknown_metric(threshold)
     if metric in RATIOS:
         return None if value <= limit else f'{metric} {value:.2f} % is above {limit:g}'
     return None if value >= limit else f'{metric} {value:.2f} % is below {limit:g}'
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How many rows of a variant have the reference length.
+
+    `first` describes the first row that has not; it is empty where all agree.
+    """
+
+    variant: Variant
+    rows: int
+    agreeing: int
+    first: str = ''
+
+    def __str__(self) -> str:
+        """Return it as one line."""
+        text = (
+            f'{self.variant}: {self.agreeing} of {self.rows} rows agree with the optimal length '
+            'in the dataset'
+        )
+        return f'{text}; the first that does not: {self.first}' if self.first else text
+
+
+def agrees(length: float, reference: float) -> bool:
+    """Tell whether a length equals the reference, up to the printed digits."""
+    return abs(length - reference) <= ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * length
+
+
+def reference_lengths(maps: Iterable[ProblemMap]) -> dict[tuple[int, int], float]:
+    """Return the reference lengths by map id and pair; barrier maps have none."""
+    return {
+        (item.id, pair): length
+        for item in maps
+        for pair, length in enumerate(getattr(item, 'optimal_lengths', ()))
+        if length == length  # noqa: PLR0124 - NaN
+    }
+
+
+def compare_with_reference(
+    rows: Iterable[Row], lengths: Mapping[tuple[int, int], float], heuristic: str
+) -> list[Agreement]:
+    """Compare the rows of the exact methods with the reference lengths, variant by variant.
+
+    Only rows at scale 1 are: finer maps have other lengths. A row without a path does not agree.
+    `astar` is exact only with an admissible heuristic.
+    """
+    exact = {EXACT, 'astar'} if heuristic in ADMISSIBLE else {EXACT}
+    compared: Counter[Variant] = Counter()
+    agreeing: Counter[Variant] = Counter()
+    firsts: dict[Variant, str] = {}
+    for row in rows:
+        reference = lengths.get((row.map, row.pair))
+        if row.method not in exact or row.scale != 1 or reference is None:
+            continue
+        compared[row.variant] += 1
+        if row.found and agrees(row.length, reference):
+            agreeing[row.variant] += 1
+        elif row.variant not in firsts:
+            firsts[row.variant] = describe(row, reference)
+    return [
+        Agreement(variant, count, agreeing[variant], firsts.get(variant, ''))
+        for variant, count in compared.items()
+    ]
+
+
+def describe(row: Row, reference: float) -> str:
+    """Say which row it is and what it has instead of the reference length."""
+    found = f'length {row.length:.6f}' if row.found else row.code
+    return f'map {row.map}, pair {row.pair}, {found}, in the dataset {reference:g}'

@@ -146,7 +146,8 @@ def empty_fields(msgtype: str) -> tuple[dict[str, str], dict[str, Any]]:
             parts[name] = base
             empty[name] = [] if has_many else make_message(base)
         elif has_many:
-            empty[name] = np.zeros(detail[1] if kind is Nodetype.ARRAY else 0, dtype=base[0])
+            count = int(detail[1]) if kind is Nodetype.ARRAY else 0
+            empty[name] = np.zeros(count, dtype=base[0])
         else:
             empty[name] = {'string': '', 'bool': False}.get(base[0], 0)
     return parts, empty

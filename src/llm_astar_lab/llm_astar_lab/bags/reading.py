@@ -8,7 +8,7 @@ clock jumped, and that file is read in the order of recording. Memory does not g
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -59,23 +59,21 @@ class Bag:
         self.name = bag_name(self.path)
         self.problems = Problems()
         self.topics: dict[str, RecordedTopic] = {}
-        self._stack = ExitStack()
-        unpacked = TemporaryDirectory(prefix='llm-astar-bag-')
-        self._unpacked = Path(self._stack.enter_context(unpacked))
         # Each file, and whether it must be read in the order of recording.
         self._files: list[tuple[Storage, bool]] = []
         self._decoder = Decoder()
         self._unreadable: set[str] = set()
-        try:
-            for file in storage_files(self.path, self.problems):
-                with self.problems.catch(BagError, OSError, zstandard.ZstdError, path=file):
-                    self._open(file)
+        with ExitStack() as stack:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix='llm-astar-bag-')))
+            for found in storage_files(self.path, self.problems):
+                with self.problems.catch(BagError, OSError, zstandard.ZstdError, path=found):
+                    file = unpack(found, folder, self.problems)
+                    make: type[Storage] = McapFile if file.suffix == '.mcap' else SqliteFile
+                    self._count(stack.enter_context(closing(make(file))))
             if not self._files:
                 raise BagError('\n'.join(self.problems.left_out) or f'{path}: holds no messages')
             self._note_unknown_types()
-        except BaseException:
-            self.close()
-            raise
+            self._stack = stack.pop_all()
 
     def __enter__(self) -> Bag:
         return self
@@ -122,11 +120,8 @@ class Bag:
             if storage.damage:
                 self.problems.leave_out(storage.damage)
 
-    def _open(self, path: Path) -> None:
-        """Open a storage file and count its messages."""
-        file = unpack(path, self._unpacked, self.problems)
-        storage = McapFile(file) if file.suffix == '.mcap' else SqliteFile(file)
-        self._stack.callback(storage.close)
+    def _count(self, storage: Storage) -> None:
+        """Add a storage file and count its messages."""
         counts, jump = count_messages(storage)
         if jump:
             what = f'{jump}; the file is read in the order of recording'

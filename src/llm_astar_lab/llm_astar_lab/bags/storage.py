@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import struct
 import zlib
+from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import merge
@@ -109,6 +110,10 @@ class McapFile:
             else:
                 self._has_index = self._has_index or opcode == Opcode.CHUNK_INDEX
                 yield from (message[:2] for message in self._messages(opcode, place, length))
+        for _, place, channels in self._chunks:
+            # The end of the file need not repeat the topics that are in its chunks.
+            if not channels <= self._channels.keys():
+                deque(self._chunk(place), maxlen=0)
 
     def _stamps_of_chunk(self, place: int, length: int) -> Iterator[tuple[int, int]]:
         """Yield channel and time (ns) of every message of a chunk; remember the chunk."""
@@ -144,8 +149,9 @@ class McapFile:
     def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
         """Yield the messages of channels; those of a file without index in order of recording."""
         by_time = self._has_index and not as_recorded and len(self._chunks) <= MOST_CHUNKS
-        messages = self._in_order_of_time(wanted) if by_time else self._as_recorded()
-        return (message for message in messages if message.channel in wanted)
+        if by_time:
+            return self._in_order_of_time(wanted)
+        return (message for message in self._as_recorded() if message.channel in wanted)
 
     def _in_order_of_time(self, wanted: Collection[int]) -> Iterator[Record]:
         """Yield the messages of channels by time; a chunk is opened when its first one is due."""
@@ -155,7 +161,7 @@ class McapFile:
             for start, place, channels in self._chunks
             if not channels.isdisjoint(wanted)
         )
-        return (message for *_, message in merge(*chunks) if message is not None)
+        return (item[3] for item in merge(*chunks) if item[3] is not None)
 
     def _chunk_by_time(
         self, start: int, place: int, wanted: Collection[int]
@@ -164,9 +170,9 @@ class McapFile:
         yield start, place, 0, None
         found = []
         for number, message in enumerate(self._chunk(place), start=1):
-            size = len(message.data) + MESSAGE_BYTES
             if message.channel not in wanted:
                 continue
+            size = len(message.data) + MESSAGE_BYTES
             if self._held + size > MOST_HELD:
                 self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
                 break
@@ -203,23 +209,21 @@ class McapFile:
         """Yield the messages in one record of the file; of a cut chunk, those before the cut."""
         if opcode not in READ:
             return
-        stream, size = self._file, self._size
-        records: Iterator[tuple[int, int, int]] = iter([(opcode, place, length)])
-        if opcode == Opcode.CHUNK:
-            payload = read_payload(self._file, length, self._size)
-            try:
-                data = chunk_contents(payload, whole=len(payload) == length)
-            except DAMAGE as why:
-                self._note_damage(
-                    f'the chunk at byte {place - RECORD.size} is left out: '
-                    f'{str(why) or "it is cut off"}'
-                )
-                return
-            stream, size = BytesIO(data), len(data)
-            records = walk_records(stream, size)
-        for inner, _, inner_length in records:
-            content = read_payload(stream, inner_length, size)
-            if len(content) == inner_length:
+        payload = read_payload(self._file, length, self._size)
+        is_whole = len(payload) == length
+        if opcode != Opcode.CHUNK:
+            yield from self._read_record(opcode, payload, place) if is_whole else ()
+            return
+        try:
+            data = chunk_contents(payload, whole=is_whole)
+        except DAMAGE as why:
+            where = f'the chunk at byte {place - RECORD.size}'
+            self._note_damage(f'{where} is left out: {str(why) or "it is cut off"}')
+            return
+        stream = BytesIO(data)
+        for inner, _, size in walk_records(stream, len(data)):
+            content = read_payload(stream, size, len(data))
+            if len(content) == size:
                 yield from self._read_record(inner, content, place)
 
     def _read_record(self, opcode: int, payload: bytes, place: int) -> Iterator[Record]:
@@ -355,13 +359,16 @@ class SqliteFile:
                 'SELECT topic_type, encoded_message_definition, encoding '  # noqa: S608
                 f'FROM message_definitions WHERE {SHORT.format("encoded_message_definition")}'
             )
-            definitions = {name: rest for name, *rest in self._database.execute(query)}
+            definitions = {
+                name: (text, form) for name, text, form in self._database.execute(query)
+            }
         query = (
             'SELECT id, name, type, serialization_format FROM topics '  # noqa: S608 - constants
             f'WHERE {SHORT.format("name")} LIMIT {MOST_TOPICS}'
         )
         for number, topic, msgtype, encoding in self._database.execute(query):
-            channel = Channel(topic, msgtype, *definitions.get(msgtype, ('', '')), encoding)
+            text, form = definitions.get(msgtype, ('', ''))
+            channel = Channel(topic, msgtype, text, form, encoding)
             if all(isinstance(item, str) for item in channel):
                 yield number, channel
 

@@ -11,7 +11,7 @@ import sqlite3
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -183,7 +183,11 @@ class SqlitePart:
         self._database.close()
 
 
-STORAGES = {'mcap': ('.mcap', McapPart), 'sqlite3': ('.db3', SqlitePart)}
+Part = McapPart | SqlitePart
+STORAGES: dict[str, tuple[str, type[Part]]] = {
+    'mcap': ('.mcap', McapPart),
+    'sqlite3': ('.db3', SqlitePart),
+}
 
 
 class BagWriter:
@@ -227,7 +231,7 @@ class BagWriter:
                 self._part.abort()
 
     @property
-    def counts(self) -> Mapping[str, int]:
+    def counts(self) -> dict[str, int]:
         """The number of messages written, by topic."""
         return self._written.counts
 
@@ -270,7 +274,7 @@ class BagWriter:
     def _open_part(self) -> None:
         suffix, make = STORAGES[self._storage]
         self._path = self.folder / f'{self.folder.name}_{len(self._files)}{suffix}'
-        self._part = make(self._path)
+        self._part: Part = make(self._path)
         self._part_bytes = 0
         self._in_part = Written()
         for topic in self._topics.values():
@@ -333,4 +337,5 @@ def ros_distro() -> str:
 
 def as_yaml(value: object, *, sort_keys: bool = True) -> str:
     """Return plain values as YAML, where equal ones are written out again."""
-    return yaml.safe_dump(json.loads(json.dumps(value)), sort_keys=sort_keys)
+    text: str = yaml.safe_dump(json.loads(json.dumps(value)), sort_keys=sort_keys)
+    return text

@@ -32,8 +32,15 @@ from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_lab.runner.map_costs import map_costs
-from llm_astar_lab.runner.recorded import RECORDED, SAMPLES, RecordedRun, keep_recorded
-from llm_astar_lab.runner.sources import GRID_BASELINES, REPLAY, check_grid_options
+from llm_astar_lab.runner.sources import (
+    GRID_BASELINES,
+    RECORDED,
+    REPLAY,
+    SAMPLES,
+    RecordedRun,
+    check_grid_options,
+    keep_recorded,
+)
 
 USAGE = """\
 llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]

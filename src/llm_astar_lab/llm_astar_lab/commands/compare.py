@@ -10,8 +10,7 @@ import argparse
 import json
 import math
 
-from llm_astar_lab.analysis.paired import METRICS
-from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, compare_runs, load_run
+from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
 from llm_astar_lab.report.comparison import Judgement, sample_table
 from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan

@@ -16,7 +16,6 @@ from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.resources import SAMPLES_FILE
-from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 
@@ -78,7 +77,6 @@ def plan_beside_astar(asked: Problem) -> list[Drawn]:
     plain = replace(asked.request, method=ASTAR, source=None)
     requests = [plain] if asked.request.method == ASTAR else [plain, with_answer(asked)]
     drawn = []
-    start_numba()
     for request in requests:
         with compile_progress():
             asked.planner.compile(request)
@@ -111,8 +109,7 @@ def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
     grid_map = figures.drawable_map(costmap.grid_map, costmap.config)
     pictures = []
     for _, plan in drawn:
-        ends = plan.start, plan.goal
-        picture = figures.picture_of(plan, grid_map, *ends, offset, costmap=costmap)
+        picture = figures.picture_of(plan, grid_map, offset, costmap=costmap)
         pictures.append(replace(picture, title=figures.short_title(plan, grid_map.resolution)))
     if path.lower().endswith(ANIMATIONS):
         animate(asked.planner, drawn, pictures, path)

@@ -25,19 +25,18 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.instruct_bench import report, thresholds
+from llm_astar_lab.instruct_bench import report, summary
 from llm_astar_lab.instruct_bench.results import InstructionResult
 from llm_astar_lab.instruct_bench.runner import (
     NO_INSTRUCTION,
+    NO_SOURCE,
+    TRUE_SOURCE,
     TRUTH,
-    InterpreterSource,
-    NoInstructionSource,
     Source,
     SuiteRunner,
-    TruthSource,
+    interpreter_source,
 )
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
-from llm_astar_lab.instruct_bench.summary import summary_to_json
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import progress
@@ -109,7 +108,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the options for output and thresholds."""
+    """Add the options for output and summary."""
     group.add_argument(
         '--out', metavar='DIR', help='write results.csv, summary.json and report.md into a folder'
     )
@@ -120,11 +119,11 @@ def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),
     ):
-        parse = partial(thresholds.parse_suite_threshold, is_upper=is_upper)
+        parse = partial(summary.parse_suite_threshold, is_upper=is_upper)
         group.add_argument(
             flag, type=common.parsed_by(parse), action='append', default=[], metavar='LIMIT',
             help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of '
-            f'{", ".join(thresholds.METRICS)}, in percent or ms; without SOURCE every one but '
+            f'{", ".join(summary.METRICS)}, in percent or ms; without SOURCE every one but '
             'none',
         )  # fmt: skip
 
@@ -149,10 +148,14 @@ def run(args: argparse.Namespace) -> int:
     if folder is not None and results:
         write_results(folder, suite, chosen, results)
     if results:
-        print(json.dumps(summary_to_json(results)) if args.json else report.text_summary(results))
+        print(
+            json.dumps(summary.summary_to_json(results))
+            if args.json
+            else report.text_summary(results)
+        )
     for line in report.unanswered_lines(results):
         code = common.complain(args, line, code or common.INCOMPLETE)
-    for line in thresholds.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
+    for line in summary.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
         code = common.complain(args, line, code or common.MISSED)
     return code
 
@@ -181,10 +184,10 @@ def model_values(args: argparse.Namespace) -> dict[str, Any]:
 
 def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
     """Return the sources by name; raises what the interpreters raise for their settings."""
-    made: dict[str, Source] = {TRUTH: TruthSource(), NO_INSTRUCTION: NoInstructionSource()}
-    for name in [name for name in chosen if name not in made]:
+    made = {TRUTH: TRUE_SOURCE, NO_INSTRUCTION: NO_SOURCE}
+    for name in (name for name in chosen if name not in made):
         settings = values | {'source': NO_INSTRUCTION if name == GRAMMAR else name}
-        made[name] = InterpreterSource(name, make_interpreter(settings), values['timeout_s'])
+        made[name] = interpreter_source(name, make_interpreter(settings), values['timeout_s'])
     return [made[name] for name in chosen]
 
 
@@ -228,7 +231,7 @@ def write_results(
     lines = [list(rows[0]), *(list(map(str, row.values())) for row in rows)]
     folder.write_text('results.csv', format_csv(lines))
     metadata = describe_run([suite.path], {'sources': list(chosen)})
-    folder.write_json('summary.json', metadata | {'sources': summary_to_json(results)})
+    folder.write_json('summary.json', metadata | {'sources': summary.summary_to_json(results)})
     folder.write_text('report.md', report.markdown_summary(results, metadata))
 
 
@@ -264,5 +267,5 @@ def draw(result: InstructionResult, path: str) -> None:
     barriers = suite_map.barrier_map
     offset = (0, 0) if barriers is None else barriers.offset
     route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
-    picture = picture_of(plan, suite_map.grid_map, plan.start, plan.goal, offset, route=route)
+    picture = picture_of(plan, suite_map.grid_map, offset, route=route)
     save_picture(picture, path)

@@ -34,7 +34,6 @@ from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds
 from llm_astar_lab.analysis.summary import summarise
-from llm_astar_lab.datasets.reference_lengths import compare_with_reference, reference_lengths
 from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
@@ -192,9 +191,8 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     )  # fmt: skip
     group.add_argument(
         '--format', choices=config.FORMATS,
-        help='of the rows: csv, or parquet for very many, which needs pyarrow (default: csv, and '
-        f'parquet from {config.LARGE_RUN:,} rows on where pyarrow is installed; --resume keeps to '
-        'the format of the folder)',
+        help=f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
+        f'{config.LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
     )  # fmt: skip
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
@@ -383,8 +381,10 @@ def close_run(
         add_query_times(metadata['map_costs'], rows)
     folder.write_json('metadata.json', metadata)
     recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
-    lengths = reference_lengths(maps)
-    agreements = compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
+    lengths = thresholds.reference_lengths(maps)
+    agreements = (
+        thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
+    )
     # Last, because figures take memory that is not given back.
     summary = write_report(folder, metadata, maps, rows)
     print(json.dumps(summary) if args.json else text_report(rows, args.seed, recorded))

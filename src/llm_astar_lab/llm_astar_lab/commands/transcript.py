@@ -11,7 +11,7 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_planner.resources import find_file
 
 if TYPE_CHECKING:
-    from llm_astar_lab.analysis.transcript_check import RecordedModel, TranscriptCheck
+    from llm_astar_lab.runner.transcript_check import RecordedModel, TranscriptCheck
 
 EPILOG = """\
 examples:
@@ -46,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
     # These import numpy and the search, which `--help` should not wait for.
     from llm_astar_msgs_adapter.maps.problem_maps import load_maps  # noqa: PLC0415
 
-    from llm_astar_lab.analysis.transcript_check import check_transcript  # noqa: PLC0415
     from llm_astar_lab.datasets.samples import select_samples  # noqa: PLC0415
+    from llm_astar_lab.runner.transcript_check import check_transcript  # noqa: PLC0415
 
     path = find_file(args.file, 'maps')
     maps = load_maps(find_file(args.map, 'maps')) if args.map else []
@@ -69,7 +69,7 @@ def describe(found: TranscriptCheck, dataset: str | None) -> Iterator[str]:
     for model in found.models:
         yield from describe_model(model, dataset)
     about = f', {lines.instructions} about instructions' if lines.instructions else ''
-    from llm_astar_lab.analysis.transcript_check import (  # noqa: PLC0415
+    from llm_astar_lab.runner.transcript_check import (  # noqa: PLC0415
         INCOMPLETE,
         MALFORMED,
         SOUND,

@@ -18,12 +18,7 @@ from llm_astar_lab.evaluation.recorded_plans import BagRequest, RecordedPlan
 from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
 from llm_astar_lab.evaluation.topics import TopicSelection
 from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.engine import (
-    SearchSettings,
-    Task,
-    list_variants,
-    make_tasks,
-)
+from llm_astar_lab.runner.engine import SearchSettings, Task, list_variants, make_tasks
 from llm_astar_lab.runner.sources import SourceSpec
 
 # What a report may show: maps, cells on all of them together, and requests on each.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import (
@@ -30,60 +30,45 @@ from llm_astar_lab.instruct_bench.suite import SuiteInstruction
 TRUTH, NO_INSTRUCTION = 'truth', 'none'
 
 
-class Source(Protocol):
-    """Says what an instruction of a suite means."""
+class Source(NamedTuple):
+    """Says what an instruction of a suite means; None to plan without instruction."""
 
-    @property
-    def name(self) -> str:
-        """Name in tables."""
-
-    def understand(self, instruction: SuiteInstruction) -> Interpretation | None:
-        """Return what was understood; None to plan without instruction."""
+    name: str
+    understand: Callable[[SuiteInstruction], Interpretation | None]
 
 
-class TruthSource:
-    """Knows the truth: what is measured is the planner apart from understanding."""
-
-    name = TRUTH
-
-    def understand(self, instruction: SuiteInstruction) -> Interpretation:
-        """Return the true specification."""
-        truth = instruction.truth
-        return Interpretation(instruction.text[:80], truth, TRUTH, status_of(truth))
+def true_meaning(instruction: SuiteInstruction) -> Interpretation:
+    """Return the true specification: what is measured is the planner apart from understanding."""
+    truth = instruction.truth
+    return Interpretation(instruction.text[:80], truth, TRUTH, status_of(truth))
 
 
-class NoInstructionSource:
-    """Plans without instruction: what is measured is what is met by chance."""
-
-    name = NO_INSTRUCTION
-
-    def understand(self, instruction: SuiteInstruction) -> None:
-        """Return nothing."""
+def no_meaning(_: SuiteInstruction) -> None:
+    """Ask for nothing: what is measured is what is met by chance."""
 
 
-class InterpreterSource:
-    """Asks an interpreter, with a time limit in seconds for each instruction."""
+def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -> Source:
+    """Return the source that asks an interpreter, for so many seconds each time.
 
-    def __init__(self, name: str, interpreter: Interpreter, time_limit: float) -> None:
-        """Take the interpreter and the name that tables have for it."""
-        self.name = name
-        self.interpreter = interpreter
-        self.time_limit = time_limit
+    Nothing is understood of a text that is too long. An interpreter that fails leaves the
+    instruction unanswered, and the run goes on.
+    """
 
-    def understand(self, instruction: SuiteInstruction) -> Interpretation:
-        """Return what the interpreter understood; nothing of a text that is too long.
-
-        An interpreter that fails leaves the instruction unanswered, and the run goes on.
-        """
+    def understand(instruction: SuiteInstruction) -> Interpretation:
         try:
             text = clean_instruction(instruction.text)
         except InstructionError as error:
             return not_understood(instruction.text[:80], str(error))
         try:
-            return self.interpreter.interpret(text, instruction.suite_map.places, self.time_limit)
+            return interpreter.interpret(text, instruction.suite_map.places, time_limit)
         except Exception as error:  # noqa: BLE001 - a fault to report, not to end a long run by
             failed = not_understood(text, f'failed with {type(error).__name__}: {error}')
             return replace(failed, status=Understanding.PENDING)
+
+    return Source(name, understand)
+
+
+TRUE_SOURCE, NO_SOURCE = Source(TRUTH, true_meaning), Source(NO_INSTRUCTION, no_meaning)
 
 
 class Direct(NamedTuple):

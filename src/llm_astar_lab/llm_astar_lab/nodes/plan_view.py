@@ -70,11 +70,7 @@ class PlanView:
         return stamp_of(path) in self._expanded
 
     def picture(
-        self,
-        grid_map: GridMap,
-        endpoints: tuple[Pose2D, Pose2D],
-        path: Path,
-        report: PlanReport,
+        self, grid_map: GridMap, endpoints: tuple[Pose2D, Pose2D], path: Path, report: PlanReport
     ) -> Picture:
         """Return the picture of a plan; without expanded cells if none have arrived.
 

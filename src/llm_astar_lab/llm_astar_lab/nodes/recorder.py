@@ -31,6 +31,7 @@ from rclpy.subscription import Subscription
 from llm_astar_lab.bags.messages import NANOSECONDS
 from llm_astar_lab.bags.types import BagTypeError, TypeDefinition, define
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
+from llm_astar_lab.bags.writing import qos as reliable_qos
 
 # What is subscribed to at once, as it may be published only once, by who appears for that: the
 # type, and whether it is latched. The names are relative to the recorded namespace.
@@ -55,15 +56,7 @@ EXPECTED = {
     'llm_client_node/interpretation': ('std_msgs/msg/String', True),
 }
 # The topics that an evaluation reads.
-TOPICS = (
-    *EXPECTED,
-    'odom',
-    'tf',
-    'tf_static',
-    '/tf',
-    '/tf_static',
-    '/diagnostics',
-)
+TOPICS = (*EXPECTED, 'odom', 'tf', 'tf_static', '/tf', '/tf_static', '/diagnostics')
 NAME = 'llm_astar_recorder'
 # How often to look for new topics, and to report the number of messages (s).
 DISCOVERY_PERIOD_S = 0.25
@@ -185,11 +178,7 @@ class Recorder(Node):
 
 
 def record(
-    writer: BagWriter,
-    topics: Sequence[str],
-    namespace: str,
-    duration: float,
-    report: PrintLine,
+    writer: BagWriter, topics: Sequence[str], namespace: str, duration: float, report: PrintLine
 ) -> None:
     """Record topics into a bag until SIGINT, SIGTERM or the end of `duration` (s).
 
@@ -291,13 +280,11 @@ def recorder_qos(*, reliable: bool = True, latched: bool) -> QoSProfile:
 
 def bag_qos(offered: QoSProfile) -> dict[str, Any]:
     """Return a publisher's QoS as a bag holds it."""
-    values: dict[str, Any] = {
-        'avoid_ros_namespace_conventions': offered.avoid_ros_namespace_conventions,
-        'depth': offered.depth,
-    }
+    values = reliable_qos(offered.depth)
+    values['avoid_ros_namespace_conventions'] = offered.avoid_ros_namespace_conventions
     for name in ('durability', 'history', 'liveliness', 'reliability'):
         values[name] = getattr(offered, name).name.lower()
     for name in ('deadline', 'lifespan', 'liveliness_lease_duration'):
         seconds, rest = divmod(getattr(offered, name).nanoseconds, NANOSECONDS)
         values[name] = {'nsec': rest, 'sec': seconds}
-    return dict(sorted(values.items()))
+    return values

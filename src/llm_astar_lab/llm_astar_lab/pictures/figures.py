@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -72,6 +72,8 @@ WIDE = 2.6
 MAX_PANEL_HEIGHT = 4.4
 # Inches of a picture that is one of several on a page, and of its scale bar.
 PANEL_WIDTH, SCALE_BAR = 4.6, 0.5
+# In grid coordinates.
+Point = tuple[float, float]
 CASING = [Stroke(linewidth=4.4, foreground=style.PATH_OUTLINE), Normal()]
 
 
@@ -135,24 +137,22 @@ class Picture:
         if self.shown is not None:
             return self.shown
         guides = [(x, y) for x, y, _ in self.waypoints]
-        ends = [self.start, self.goal, *self.via, *guides]
-        points = np.array([point for point in ends if self.is_on_map(*point)], dtype=float)
+        ends = self.on_map([self.start, self.goal, *self.via, *guides])
+        points = np.array(ends, dtype=float)
         if self.instructed is not None or len(self.places) or not len(points):
             height, width = self.codes.shape
             points = np.array([(0, 0), (width - 1, height - 1)], dtype=float)
         return raster.choose_window(self.codes, np.concatenate([points, self.path]))
 
-    def is_on_map(self, x: float, y: float) -> bool:
-        """Tell whether a point in grid coordinates is on the map."""
-        height, width = self.grid_map.cells.shape
-        return bool(-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5)
+    def on_map(self, points: Iterable[Point]) -> list[Point]:
+        """Return those of some points in grid coordinates that are on the map."""
+        right, top = self.grid_map.width - 0.5, self.grid_map.height - 0.5
+        return [(x, y) for x, y in points if -0.5 <= x <= right and -0.5 <= y <= top]
 
 
 def picture_of(
     plan: Plan,
     grid_map: GridMap,
-    start: Cell,
-    goal: Cell,
     offset: Cell = (0, 0),
     *,
     route: Route | None = None,
@@ -177,8 +177,8 @@ def picture_of(
     costmap = route.costmap if costmap is None and route is not None else costmap
     inflated = None if costmap is None else costmap.blocked & ~grid_map.blocked()
     return Picture(
-        grid_map, start, goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}', offset,
-        places, instructed, plan.footprint, inflated, plan.via,
+        grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',
+        offset, places, instructed, plan.footprint, inflated, plan.via,
     )  # fmt: skip
 
 
@@ -234,12 +234,7 @@ def save_picture(picture: Picture, path: str | Path) -> None:
     Raises OSError where the file cannot be written, ValueError for an unknown ending.
     """
     figure = Figure(figsize=figure_size(picture.window), layout='constrained')
-    axes = figure.add_subplot()
-    draw(axes, picture)
-    add_legend(figure, [axes])
-    if picture.instructed is not None:
-        add_instruction_legend(figure, picture.instructed)
-    write_labels(axes, picture)
+    draw_panels(figure, [figure.add_subplot()], [picture])
     write_figure(figure, path)
 
 
@@ -258,6 +253,18 @@ def write_figure(figure: Figure, path: str | Path) -> None:
     figure.savefig(
         path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
     )
+
+
+def draw_panels(figure: Figure, panels: Sequence[Axes], pictures: Sequence[Picture]) -> None:
+    """Draw a picture on each panel of a figure, explain what is drawn, and write the labels."""
+    for axes, picture in zip(panels, pictures):
+        draw(axes, picture)
+    add_legend(figure, panels)
+    for picture in pictures:
+        if picture.instructed is not None:
+            add_instruction_legend(figure, picture.instructed)
+    for axes, picture in zip(panels, pictures):
+        write_labels(axes, picture)
 
 
 def draw(axes: Axes, picture: Picture) -> None:
@@ -286,19 +293,13 @@ def draw(axes: Axes, picture: Picture) -> None:
     axes.set_title(wrap_title(picture.title, inches), parse_math=False, fontsize=SIZE)
 
 
-def marks_of(picture: Picture) -> list[tuple[Mark, list[tuple[float, float]]]]:
+def marks_of(picture: Picture) -> list[tuple[Mark, list[Point]]]:
     """Return what is marked on a picture: each mark with its points in grid coordinates."""
-    marks: list[tuple[Mark, list[tuple[float, float]]]] = [
-        (style.START, [picture.start]),
-        (style.GOAL, [picture.goal]),
-        (style.VIA, [*picture.via]),
-    ]
+    ends = {style.START: [picture.start], style.GOAL: [picture.goal], style.VIA: picture.via}
+    marks: dict[Mark, Sequence[Point]] = {**ends}
     for status, mark in style.WAYPOINTS.items():
-        marks.append((mark, [(x, y) for x, y, found in picture.waypoints if found == status]))
-    on_map = [
-        (mark, [point for point in points if picture.is_on_map(*point)]) for mark, points in marks
-    ]
-    return [(mark, points) for mark, points in on_map if points]
+        marks[mark] = [(x, y) for x, y, found in picture.waypoints if found == status]
+    return [(mark, points) for mark, every in marks.items() if (points := picture.on_map(every))]
 
 
 def write_labels(axes: Axes, picture: Picture) -> None:
@@ -309,12 +310,10 @@ def write_labels(axes: Axes, picture: Picture) -> None:
     labels = Labels(axes, picture.on_axes(picture.path))
     marks = [picture.on_axes(points) for _, points in marks_of(picture)]
     labels.take(np.concatenate([np.empty((0, 2)), *marks]))
-    numbered: list[tuple[str, tuple[float, float]]] = [
-        *((str(number), (x, y)) for number, (x, y, _) in enumerate(picture.waypoints, start=1)),
-        *((f'via {number}', cell) for number, cell in enumerate(picture.via, start=1)),
-    ]
-    for text, point in numbered:
-        if picture.is_on_map(*point):
+    numbered = {str(number): point[:2] for number, point in enumerate(picture.waypoints, start=1)}
+    numbered |= {f'via {number}': cell for number, cell in enumerate(picture.via, start=1)}
+    for text, point in numbered.items():
+        if picture.on_map([point]):
             labels.add_number(text, *picture.on_axes([point])[0])
     write_names(labels, picture.places, picture.project)
 
@@ -425,12 +424,7 @@ def comparison_figure(pictures: Sequence[Picture]) -> Figure:
     """Draw plans on one map, at least one, beside each other or below each other."""
     pictures = on_one_window(pictures)
     figure = Figure(layout='constrained')
-    panels = panels_for(figure, pictures, (0.95, 0.5))
-    for axes, picture in zip(panels, pictures):
-        draw(axes, picture)
-    add_legend(figure, panels)
-    for axes, picture in zip(panels, pictures):
-        write_labels(axes, picture)
+    draw_panels(figure, panels_for(figure, pictures, (0.95, 0.5)), pictures)
     return figure
 
 

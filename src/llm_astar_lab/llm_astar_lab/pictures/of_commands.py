@@ -15,7 +15,7 @@ from llm_astar_lab.pictures.places import places_figure
 def draw_plan(plan: Plan, route: Route, offset: Point, path: str) -> None:
     """Draw a plan with places and instruction. Raises OSError, and ValueError for the name."""
     grid_map = drawable_map(route.costmap.grid_map, route.costmap.config)
-    save_picture(picture_of(plan, grid_map, plan.start, plan.goal, offset, route=route), path)
+    save_picture(picture_of(plan, grid_map, offset, route=route), path)
 
 
 def draw_places(places: Places, grid_map: GridMap | None, path: str) -> None:

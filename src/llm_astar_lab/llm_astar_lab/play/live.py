@@ -109,7 +109,8 @@ class LiveFeed:
         if 'map' in shown and 'plan' in shown:
             # Cells of a path are those of a layout of the map.
             numbers['plan'] = numbers['plan'], shown['map'].layout
-            make['plan'] = partial(readable_plan_json, *shown['plan'], shown['map'])
+            points, report = shown['plan']
+            make['plan'] = partial(readable_plan_json, points, report, shown['map'])
         fresh = [kind for kind in make if sent.get(kind) != numbers[kind]]
         sent.update((kind, numbers[kind]) for kind in fresh)
         return [(kind, make[kind]()) for kind in fresh]

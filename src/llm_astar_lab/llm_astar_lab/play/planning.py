@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -74,16 +73,12 @@ class PlanningService:
     def planner_for(self, request: PlayRequest) -> Planner:
         """Return a prepared planner for the map, the rules and the walls of a request."""
         config = costmap_config(request.values)
-        walls = hashlib.sha256(request.walls.blocked.tobytes() + b'|')
-        walls.update(request.walls.freed.tobytes())
-        key = request.play_map.id, config, walls.digest()
-        planner = self._planners.get(key)
-        if planner is None:
-            barriers = None if request.walls.are_edited else request.play_map.barriers
-            grid_map = request.walls.apply(request.play_map.grid_map)
-            planner = Planner(grid_map, config, barriers).prepare()
-            self._planners[key] = planner
-        return planner
+        barriers = None if request.walls.are_edited else request.play_map.barriers
+        grid_map = request.walls.apply(request.play_map.grid_map)
+        key = request.play_map.id, config, barriers is None, grid_map.digest
+        if key not in self._planners:
+            self._planners[key] = Planner(grid_map, config, barriers).prepare()
+        return self._planners[key]
 
     def plan(self, request: PlayRequest, stop: StopFlag) -> tuple[Planner, list[PlayedPlan]]:
         """Return the planner, the chosen plan and those to compare it with, until stopped."""

@@ -9,8 +9,13 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable
 
-from llm_astar_lab.analysis.paired import METRICS, SampleChange, VariantChange
-from llm_astar_lab.analysis.run_comparison import Run, RunComparison
+from llm_astar_lab.analysis.run_comparison import (
+    METRICS,
+    Run,
+    RunComparison,
+    SampleChange,
+    VariantChange,
+)
 from llm_astar_lab.report.pages import bullets, markdown_page
 from llm_astar_lab.report.sentences import counted
 from llm_astar_lab.report.table import Table, columns, counts, json_of, percents, text, texts
@@ -90,11 +95,9 @@ class Judgement:
 
     def tables_of(self, comparison: RunComparison, end: str = '') -> list[Table]:
         """Return the tables of one run that have rows; `end` makes their names distinct."""
-        made = (
-            variant_table(comparison, self, f'compared{end}'),
-            sample_table(comparison, self, f'changed{end}'),
-        )
-        return [table for table in made if table.rows]
+        compared = variant_table(comparison, self, f'compared{end}')
+        changed = sample_table(comparison, self, f'changed{end}')
+        return [table for table in (compared, changed) if table.rows]
 
     def as_text(self) -> str:
         """Return the comparison for a terminal."""
@@ -144,8 +147,9 @@ class Judgement:
 
     def change_json(self, change: VariantChange) -> dict[str, Any]:
         """Return the figures of a variant by name, and whether it is a regression."""
-        regression = change.regression(self.metric, self.threshold)
-        return json_of(change) | {'variant': str(change.variant), 'regression': regression}
+        values: dict[str, Any] = json_of(change)
+        values['regression'] = change.regression(self.metric, self.threshold)
+        return values | {'variant': str(change.variant)}
 
 
 def remarks(comparison: RunComparison) -> Iterator[str]:
@@ -162,9 +166,7 @@ def remarks(comparison: RunComparison) -> Iterator[str]:
         yield ONE_MAP
 
 
-def variant_table(
-    comparison: RunComparison, judgement: Judgement, name: str = 'compared'
-) -> Table:
+def variant_table(comparison: RunComparison, judgement: Judgement, name: str) -> Table:
     """Return a row for each variant: ratios to the base, and how many samples changed."""
     decisive = f'metrics.{judgement.metric}'
     heads = (
@@ -192,10 +194,8 @@ def sample_table(
         *VARIANT,
         *counts({'Map': 'map', 'Pair': 'pair', 'Scale': 'scale'}),
         *texts({'Code, base': lambda item: item.codes[0], 'Code': lambda item: item.codes[1]}),
-        *columns(
-            {f'{label}, base': lambda item: item.metric[0], label: lambda item: item.metric[1]},
-            digits=digits,
-        ),
+        *columns({f'{label}, base': lambda item: item.metric[0]}, digits=digits),
+        *columns({label: lambda item: item.metric[1]}, digits=digits),
         *columns(
             {'Length, base': lambda item: item.length[0], 'Length': lambda item: item.length[1]}
         ),

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
-from llm_astar_planner.search.result import Cell, describe_expansions
+from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
+from llm_astar_planner.search.paper import SearchOptions, astar, llm_astar
+from llm_astar_planner.search.result import Cell, SearchResult, describe_expansions
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from llm_astar_lab.analysis.paired import VariantChange
-from llm_astar_lab.analysis.run_comparison import RunComparison
+from llm_astar_lab.analysis.run_comparison import RunComparison, VariantChange
 from llm_astar_lab.analysis.statistics import Interval
 from llm_astar_lab.analysis.summary import Growth, VariantSummary
-from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.pictures import style
 from llm_astar_lab.report.sentences import has_waypoints, variant_label
 
@@ -129,23 +129,47 @@ def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) 
 def showcase_figure() -> Figure:
     """Draw LLM-A* target by target and against A*, chebyshev, as the paper's Figure 4."""
     blocked, goal = SHOWCASE.to_grid().blocked(), SHOWCASE_ENDPOINTS[1]
-    guided = trace(blocked, *SHOWCASE_ENDPOINTS, [*SHOWCASE_WAYPOINTS, goal], 'chebyshev')
-    plain = trace(blocked, *SHOWCASE_ENDPOINTS, (), 'chebyshev')
-    stages = [*guided.switches, len(guided.order)]
+    guided, path = traced(llm_astar, blocked, [*SHOWCASE_WAYPOINTS, goal])
+    plain, shortest = traced(astar, blocked, ())
+    expanded = cells_of(guided, blocked)
+    # The next waypoint becomes the target where the one before is a neighbour of a cell.
+    stages: list[int] = []
+    for number, cell in enumerate(expanded, start=1):
+        for waypoint in SHOWCASE_WAYPOINTS[len(stages) :]:
+            if max(abs(cell[0] - waypoint[0]), abs(cell[1] - waypoint[1])) > 1:
+                break
+            stages.append(int(guided.steps[np.searchsorted(guided.steps[:, 1], number), 0]))
+    stages.append(guided.expansions)
     figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
     *panels, beyond = figure.subplots(1, len(stages) + 1)
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
         aim = 'the goal' if axes is panels[-1] else f'waypoint {number}'
-        draw_cells(axes, blocked, (guided.order[:count], style.EXPANDED))
+        draw_cells(axes, blocked, (expanded[: guided.cells_after(count)], style.EXPANDED))
         mark_points(axes, SHOWCASE_ENDPOINTS, SHOWCASE_WAYPOINTS)
         axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
-    draw_cells(beyond, blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
+    draw_cells(beyond, blocked, (expanded, style.EXPANDED), (cells_of(plain, blocked), BEYOND))
     mark_points(beyond, SHOWCASE_ENDPOINTS, ())
-    all_of_astar = describe_expansions(len(plain.order))
+    all_of_astar = describe_expansions(plain.expansions)
     beyond.set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
-    for axes, path in ((panels[-1], guided.path), (beyond, plain.path)):
-        axes.plot(*zip(*path), color=style.PATH, linewidth=2, zorder=1.99)
+    for axes, cells in ((panels[-1], path), (beyond, shortest)):
+        axes.plot(*zip(*cells), color=style.PATH, linewidth=2, zorder=1.99)
     return figure
+
+
+def traced(
+    method: Callable[..., SearchResult], blocked: NDArray[np.bool_], targets: Sequence[Cell]
+) -> tuple[ExpansionOrder, NDArray[np.int32]]:
+    """Search on the showcase, chebyshev; return the order of expansion and the path [n, 2]."""
+    recorder = ExpansionRecorder(blocked.shape, blocked.size)
+    options = SearchOptions('chebyshev', recorder=recorder)
+    path = method(blocked, *SHOWCASE_ENDPOINTS, targets, options).path
+    return recorder.order(), path
+
+
+def cells_of(order: ExpansionOrder, blocked: NDArray[np.bool_]) -> list[Cell]:
+    """Return the cells (x, y) in the order of their expansion."""
+    y, x = np.divmod(order.order, blocked.shape[1])
+    return list(zip(x.tolist(), y.tolist()))
 
 
 def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Path]:

@@ -86,9 +86,7 @@ def drawn_row(
     planner, request = request_again(problem, problem.samples[row.pair], row, settings)
     plan = planner.plan(request)
     grid_map = drawable_map(planner.grid_map, settings.costmap)
-    picture = picture_of(
-        plan, grid_map, plan.start, plan.goal, problem.offset, costmap=planner.costmap
-    )
+    picture = picture_of(plan, grid_map, problem.offset, costmap=planner.costmap)
     name, length = variant_label(row.variant), describe_length(plan, grid_map.resolution)
     title = f'{name}\n{length}, {describe_expansions(plan.expansions)}'
     recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
@@ -189,10 +187,11 @@ def browser_data(
     """
     variants = dict(sorted(by_variant(shown.rows).items(), key=lambda item: report_order(item[0])))
     samples = sorted({(row.map, row.pair) for row in shown.rows})
+    wanted = {map_id for map_id, _ in samples}
     drawn = {
         item.id: map_data(item, costmap) | {'places': places_data(item, places)}
         for item in maps
-        if any(item.id == map_id for map_id, _ in samples)
+        if item.id in wanted
     }
     every = 1
     while True:
@@ -264,7 +263,8 @@ def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
     grid_map = problem.to_grid()
 
     def cells(points: NDArray[np.float64]) -> list[list[float]]:
-        return grid_map.world_to_grid(points).round(2).tolist()
+        found: list[list[float]] = grid_map.world_to_grid(points).round(2).tolist()
+        return found
 
     return [
         [

@@ -57,9 +57,10 @@ class Column(NamedTuple):
         return cell
 
 
-def columns(
-    *heads: str | Mapping[str, Value], factor: float = 1.0, digits: int = 2
-) -> tuple[Column, ...]:
+Columns = tuple[Column, ...]
+
+
+def columns(*heads: str | Mapping[str, Value], factor: float = 1.0, digits: int = 2) -> Columns:
     """Return columns of one unit, by their heads or with what each says of an item."""
     named = [part if isinstance(part, Mapping) else {part: ''} for part in heads]
     return tuple(
@@ -80,18 +81,13 @@ class Table:
 
     name: str
     title: str
-    columns: tuple[Column, ...]
+    columns: Columns
     rows: Sequence[tuple[Cell, ...]]
     note: str = ''
 
     @classmethod
     def of(
-        cls,
-        name: str,
-        title: str,
-        columns: tuple[Column, ...],
-        items: Iterable[object],
-        note: str = '',
+        cls, name: str, title: str, columns: Columns, items: Iterable[object], note: str = ''
     ) -> Table:
         """Return the table of what its columns say of each item."""
         rows = [tuple(column.cell(item) for column in columns) for item in items]

@@ -37,10 +37,10 @@ from llm_astar_lab.results.row import (
     Variant,
 )
 
-MEMORY = '128MB'
+# What reading takes at most, and what queries about one variant do.
+MEMORY, QUERY_MEMORY = '112MB', '32MB'
 SETTINGS: dict[str, Any] = {
     'threads': 1,
-    'memory_limit': MEMORY,
     'max_temp_directory_size': '32GB',
     'autoinstall_known_extensions': False,
     'autoload_known_extensions': False,
@@ -80,24 +80,23 @@ class StoredRows:
         Raises ResultsError, which names the file and the row.
         """
         self._beside, self.schema = beside, next(SCHEMAS)
-        if beside is None:
-            self._place = Path(tempfile.mkdtemp(prefix='llm_astar_rows_'))
-            weakref.finalize(self, shutil.rmtree, self._place, ignore_errors=True)
-            settings = SETTINGS | {'temp_directory': str(self._place / 'spilled')}
-            self._connection = duckdb.connect(self._place / 'rows.duckdb', config=settings)
-        else:
-            self._place, self._connection = beside._place, beside._connection.cursor()
-        self._query(f'CREATE SCHEMA {self.schema}; SET schema = {self.schema}')
-        # Whole numbers are read as floats first: DuckDB would round others without a word.
-        self._create('stored', SQL_TYPES | {'int': 'DOUBLE'})
-        for file in files:
-            self._load(file)
-        self._create('rows', SQL_TYPES)
-        last = f'SELECT max(rowid) FROM stored GROUP BY {KEY}'
-        self._query(
-            f'INSERT INTO rows FROM stored WHERE rowid IN ({last}) '
-            'ORDER BY map, pair, scale, rowid; DROP TABLE stored'
-        )
+        file: Path | str = 'the rows'
+        try:
+            self._connect()
+            self._query(f"SET memory_limit = '{MEMORY}'")
+            # Whole numbers are read as floats first: DuckDB would round others without a word.
+            self._create('stored', SQL_TYPES | {'int': 'DOUBLE'})
+            for file in files:
+                self._load(file)
+            self._create('rows', SQL_TYPES)
+            last = f'SELECT max(rowid) FROM stored GROUP BY {KEY}'
+            self._query(
+                f'INSERT INTO rows FROM stored WHERE rowid IN ({last}) '
+                'ORDER BY map, pair, scale, rowid; DROP TABLE stored'
+            )
+            self._query(f"CHECKPOINT; SET memory_limit = '{QUERY_MEMORY}'")
+        except (duckdb.Error, csv.Error, ValueError, OSError) as error:
+            raise ResultsError(f'{file}: {describe(error)}') from None
 
     @classmethod
     def of(cls, rows: Iterable[Row] | StoredRows) -> StoredRows:
@@ -106,7 +105,7 @@ class StoredRows:
             return rows
         stored, listed = cls(), list(rows)
         types = {'int': np.int64, 'float': np.float64, 'str': np.object_}
-        given = {
+        given: dict[str, NDArray[Any]] = {
             name: np.array([getattr(row, name) for row in listed], dtype=types[kind])
             for name, kind in COLUMNS.items()
         }
@@ -159,31 +158,37 @@ class StoredRows:
                 f'COPY (SELECT {what} FROM rows WHERE {condition}) TO {quoted(path)} '
                 f'({how}, USE_TMP_FILE false)'
             )
-        except duckdb.IOException as error:
-            number = re.search(r'"errno":"(\d+)"', str(error))
-            code = int(number[1]) if number else 0
-            raise OSError(code, os.strerror(code) if code else describe(error)) from None
+        except duckdb.Error as error:
+            raise OSError(0, describe(error)) from None
+
+    def _connect(self) -> None:
+        if self._beside is None:
+            self._place = Path(tempfile.mkdtemp(prefix='llm_astar_rows_'))
+            weakref.finalize(self, shutil.rmtree, self._place, ignore_errors=True)
+            settings = SETTINGS | {'temp_directory': str(self._place / 'spilled')}
+            self._connection = duckdb.connect(self._place / 'rows.duckdb', config=settings)
+        else:
+            self._place, self._connection = self._beside._place, self._beside._connection.cursor()
+        self._query(f'CREATE SCHEMA {self.schema}; SET schema = {self.schema}')
 
     def _load(self, path: Path) -> None:
-        """Append the rows of a file. Raises ResultsError."""
+        """Append the rows of a file. Raises ValueError, OSError, csv.Error or duckdb.Error."""
+        # Before it is opened: a FIFO would be waited for until somebody writes to it.
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ValueError('is not a regular file')
         begin = self._number('count(*) FROM stored')
-        check_regular(path)
-        load = self._load_part if path.suffix == '.parquet' else self._load_csv
-        try:
-            load(path)
-        except (duckdb.Error, csv.Error) as error:
-            raise ResultsError(f'{path}: {describe(error)}') from None
+        (self._load_part if path.suffix == '.parquet' else self._load_csv)(path)
         whole = ' AND '.join(f'{n} = trunc({n}) AND abs({n}) < {MAX_INTEGER}' for n in INTEGERS)
         query = f'coalesce(min(rowid), -1) FROM stored WHERE rowid >= {begin} AND NOT ({whole})'
         if (odd := self._number(query)) >= 0:
             what = f'{", ".join(INTEGERS)}: whole numbers below {MAX_INTEGER} are expected'
-            raise ResultsError(f'{path}: row {odd - begin + 1}: {what}')
+            raise ValueError(f'row {odd - begin + 1}: {what}')
 
     def _load_csv(self, path: Path) -> None:
         with path.open('rb') as file:
             header = file.readline(MAX_LINE_BYTES)
             names = next(csv.reader([header.decode(errors='replace')]), [])
-            check_header(path, names if header.endswith(b'\n') else [])
+            check_header(names if header.endswith(b'\n') else [])
             complete = complete_bytes(file)
         if complete < path.stat().st_size:
             path = Path(shutil.copyfile(path, self._place / 'complete.csv'))
@@ -207,14 +212,14 @@ class StoredRows:
         for number, rows, size in groups:
             if rows > MAX_GROUP_ROWS or size > MAX_GROUP_BYTES:
                 limit = f'{MAX_GROUP_ROWS} rows or {MAX_GROUP_BYTES / 1e6:.3g} MB'
-                raise ResultsError(f'{path}: row group {number} has over {limit}')
+                raise ValueError(f'row group {number} has over {limit}')
         scan = f'read_parquet({name}, hive_partitioning = false)'
         described = self._query(f'SELECT column_name, column_type FROM (DESCRIBE FROM {scan})')
         types = dict(described.fetchall())
-        check_header(path, list(types))
+        check_header(list(types))
         for column, found in types.items():
             if found != SQL_TYPES[COLUMNS[column]]:
-                raise ResultsError(f'{path}: {wrong_column(column)}')
+                raise ValueError(wrong_column(column))
         self._query(f'INSERT INTO stored {select(types)} FROM {scan}')
 
     def _create(self, table: str, types: Mapping[str, str]) -> None:
@@ -244,20 +249,11 @@ def select(names: Collection[str]) -> str:
     return f'SELECT {", ".join(chosen)}'
 
 
-def check_header(path: Path, names: Sequence[str]) -> None:
-    """Raise ResultsError where columns are not those of a row, perhaps of an older version."""
+def check_header(names: Sequence[str]) -> None:
+    """Raise ValueError where columns are not those of a row, perhaps of an older version."""
     if list(names) != [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]:
         version = llm_astar_planner.__version__
-        raise ResultsError(f'{path}: its columns are not those of version {version}')
-
-
-def check_regular(path: Path) -> None:
-    """Raise ResultsError for what is no regular file: a FIFO would be waited for."""
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise ResultsError(f'{path}: is not a regular file')
-    except OSError as error:
-        raise ResultsError(f'{path}: {error.strerror or error}') from None
+        raise ValueError(f'its columns are not those of version {version}')
 
 
 def complete_bytes(file: BinaryIO) -> int:
@@ -273,7 +269,7 @@ def complete_bytes(file: BinaryIO) -> int:
 
 
 def describe(error: Exception) -> str:
-    """Say in one line what DuckDB found in a file, with the row of a CSV file."""
+    """Say in one line what is wrong with a file, with the line of a CSV file."""
     text = str(error)
     line = re.search(r'CSV Error on Line: (\d+)', text)
     columns = re.search(r'Expected Number of Columns: (\d+)', text)
@@ -281,12 +277,15 @@ def describe(error: Exception) -> str:
     known = re.search(
         r'(?m)^(Error when converting|Value with|Invalid unicode|Maximum line).*', text
     )
-    if columns:
-        problem = f'{columns[1]} values are expected'
-    elif missing:
-        problem = wrong_column(missing[1])
-    else:
-        problem = shortened(known[0] if known else text.partition('\n')[0])
+    of_system = re.search(r'"errno":"(\d+)"', text)
+    if isinstance(error, OSError):
+        return error.strerror or text
+    if of_system:
+        return os.strerror(int(of_system[1]))
+    if missing:
+        return wrong_column(missing[1])
+    problem = shortened(known[0] if known else text.partition('\n')[0])
+    problem = f'{columns[1]} values are expected' if columns else problem
     return f'line {line[1]}: {problem}' if line else problem
 
 

@@ -1,4 +1,4 @@
-"""What one run covers, and how it is started, resumed, shown and written to its folder."""
+"""What one run covers, and how it is started, resumed, spread, shown and written to its folder."""
 
 from __future__ import annotations
 
@@ -28,8 +28,7 @@ from llm_astar_lab.runner.engine import (
     make_tasks,
     run_tasks,
 )
-from llm_astar_lab.runner.recorded import Coverage
-from llm_astar_lab.runner.sources import SourceSpec
+from llm_astar_lab.runner.sources import Coverage, SourceSpec
 
 # How rows are stored; a run of at least so many is large.
 FORMATS = CSV, PARQUET = 'csv', 'parquet'

@@ -14,7 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from cachetools import LRUCache, cached
@@ -37,7 +37,6 @@ from llm_astar_planner.waypoints.source import (
 
 from llm_astar_lab.analysis.replies import problems_column
 from llm_astar_lab.datasets.samples import GRID_CONFIG, BenchmarkSample
-from llm_astar_lab.evaluation.recorded_plans import RecordedPlan
 from llm_astar_lab.results.row import (
     PAPER_ASTAR,
     WAYPOINTS_ONLY,
@@ -84,6 +83,17 @@ class SearchSettings:
         if self.paper_corners and has_barriers:
             return replace(self.costmap, corner_cutting=True)
         return self.costmap
+
+
+class RecordedPlan(Protocol):
+    """What the robot's own stack planned for a request of a bag, at `time` (ns since 1970)."""
+
+    @property
+    def time(self) -> int:
+        """The time of the request."""
+
+    def columns(self, planner: Planner) -> dict[str, Any]:
+        """Return the columns of a row that describe the plan, on the map of a planner."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,10 +2,10 @@
 
 import numpy as np
 from benchmark_samples import rows_of, tasks_of
-from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.datasets.samples import load_samples
 from llm_astar_lab.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.segment import KEPT_BY_PAPER
+from reference_trace import trace
 
 
 def test_the_traced_search_equals_the_compiled_one(dataset):

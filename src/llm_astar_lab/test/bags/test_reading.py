@@ -18,7 +18,7 @@ from llm_astar_lab.bags.files import (
 )
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.types import Decoder, bag_types, define
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as Ros2Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
@@ -129,13 +129,11 @@ def test_a_missing_file_is_named_and_the_others_are_read(tmp_path):
     assert 'bag_1.mcap: is missing' in problems.left_out[0]
 
 
-def mcap_of(folder, messages, compression, chunk_size=1 << 20, crcs=True):
+def mcap_of(folder, messages, compression, chunk_size=1 << 20, **options):
     """Write a file by the mcap library, with ROS 2 schemas."""
     folder.mkdir()
     with (folder / 'bag.mcap').open('wb') as stream:
-        writer = McapWriter(
-            stream, chunk_size=chunk_size, compression=compression, enable_crcs=crcs
-        )
+        writer = McapWriter(stream, chunk_size=chunk_size, compression=compression, **options)
         writer.start(profile='ros2')
         channels = {}
         for name, seconds, message in messages:
@@ -165,6 +163,19 @@ def test_files_of_the_mcap_library_are_read_as_far_as_they_are_complete(tmp_path
     assert found_at == sorted(found_at, reverse=True)
     assert found_at[0] == 4  # only the index is missing
     assert found_at[-1] < 4
+
+
+@pytest.mark.parametrize('index_types', list(IndexType))
+@pytest.mark.parametrize(
+    'options', [{}, {'repeat_channels': False, 'repeat_schemas': False}, {'use_chunking': False}]
+)
+def test_files_are_read_without_parts_of_their_summary(tmp_path, index_types, options):
+    options = {'chunk_size': 500, 'index_types': index_types, **options}
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.ZSTD, **options)
+    found, problems = read(file)
+    assert found == SEEN
+    assert not problems.notes
+    assert not problems.left_out
 
 
 def test_a_cut_chunk_gives_the_messages_before_the_cut(tmp_path):

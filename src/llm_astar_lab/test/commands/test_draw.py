@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from llm_astar_lab.analysis.trace import distance, trace
 from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.figures import Picture, draw
 from llm_astar_lab.report.figures import (
@@ -10,10 +9,12 @@ from llm_astar_lab.report.figures import (
     SHOWCASE_ENDPOINTS,
     SHOWCASE_WAYPOINTS,
     cell_image,
+    showcase_figure,
 )
 from llm_astar_planner.cli import main as cli
 from matplotlib.figure import Figure
 from PIL import Image, ImageColor
+from reference_trace import trace
 
 ROBOT_MAP = """image: hall.pgm
 resolution: 0.1
@@ -93,6 +94,9 @@ def test_the_showcase_expands_less_with_waypoints():
     plain = trace(blocked, *SHOWCASE_ENDPOINTS, (), 'chebyshev')
     assert len(guided.switches) == len(SHOWCASE_WAYPOINTS)
     assert len(guided.order) < len(plain.order)
+    titles = [axes.get_title() for axes in showcase_figure().axes]
+    expansions = [*guided.switches, len(guided.order), len(plain.order)]
+    assert [int(title.split()[-2]) for title in titles] == expansions
     assert guided.path[-1] == plain.path[-1] == SHOWCASE_ENDPOINTS[1]
 
 
@@ -103,12 +107,6 @@ def test_obstacles_cover_expanded_cells():
     assert image[1, 0].tolist() == [0.0, 0.0, 1.0]
     assert image[0, 0].max() < 0.3
     assert image[1, 1].tolist() == [1.0, 1.0, 1.0]
-
-
-def test_only_some_heuristics_can_be_traced():
-    assert distance('chebyshev', (0, 0), (3, 4)) == 4
-    with pytest.raises(ValueError, match='octile'):
-        distance('octile', (0, 0), (1, 1))
 
 
 def test_a_title_is_never_wider_than_its_picture(tmp_path):

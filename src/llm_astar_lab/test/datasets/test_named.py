@@ -5,7 +5,7 @@ import json
 import shutil
 
 import pytest
-from llm_astar_lab.datasets import movingai_sets
+from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.named import (
     NAMES,
     DrawRules,
@@ -120,7 +120,7 @@ def test_missing_and_ambiguous_files_of_a_set_are_named(tmp_path, monkeypatch):
     with pytest.raises(ValueError, match='has no scenarios of dao'):
         load_named(['movingai/dao'], folder, DrawRules())
     make_set(tmp_path / 'sets')
-    monkeypatch.setattr(movingai_sets, 'MAX_ENTRIES', 2)
+    monkeypatch.setattr(named, 'MAX_ENTRIES', 2)
     with pytest.raises(ValueError, match='over 2 files'):
         load_named(['movingai/dao'], folder, DrawRules())
 

@@ -16,12 +16,10 @@ from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.instruct_bench.summary import (
     Share,
     grouped,
-    summarise,
-    summary_to_json,
-)
-from llm_astar_lab.instruct_bench.thresholds import (
     missed_suite_thresholds,
     parse_suite_threshold,
+    summarise,
+    summary_to_json,
 )
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -19,6 +18,7 @@ from llm_astar_planner.planning.segment import target_list
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.waypoints.replay import FixedReply
+from reference_trace import trace
 
 REPLY = FixedReply('[[20, 60], [50, 20], [70, 60]]')
 START, GOAL = (3, 3), (86, 84)

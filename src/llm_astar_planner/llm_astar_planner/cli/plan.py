@@ -27,7 +27,6 @@ from llm_astar_planner.instructions.specification import Unknown
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
-from llm_astar_planner.search.numba_start import start_numba
 
 USAGE = """\
 llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
@@ -67,7 +66,6 @@ def run(arguments: argparse.Namespace) -> int:
     drawing = find_drawing('plan') if arguments.png else None
     asked = read_problem(arguments)
     planner = asked.planner
-    start_numba()
     # So that the time of the plan is for planning; says so where it takes long.
     with compile_progress():
         planner.prepare().compile(asked.request)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -55,10 +54,12 @@ def cover_window(geometry: BaseGeometry, grid_map: GridMap, window: Window) -> C
     """Return what `cover` does, of the cells of a window alone, in O(cells in it)."""
     shape = window.bottom - window.top, window.right - window.left
     inside, border = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-    outlines = list(rings(geometry))
-    if outlines and inside.size:
-        points = grid_map.world_to_grid(np.concatenate(outlines)) - (window.left, window.top)
-        kernels.cover(points, np.cumsum(list(map(len, outlines))), ON_BORDER, inside, border)
+    # The parts of a collection may be multipolygons themselves.
+    rings = shapely.get_rings(shapely.get_parts(shapely.get_parts(geometry)))
+    if len(rings) and inside.size:
+        points = grid_map.world_to_grid(shapely.get_coordinates(rings)) - (window.left, window.top)
+        ends = np.cumsum(shapely.get_num_coordinates(rings))
+        kernels.cover(points, ends, ON_BORDER, inside, border)
     return Cover(inside & ~border, inside, inside | border)
 
 
@@ -114,14 +115,3 @@ def crossing_moves(
     inside = shapely.length(shapely.intersection(lines, geometry))
     crossing: NDArray[np.int64] = moves[inside > ON_BORDER * grid_map.resolution]
     return crossing
-
-
-def rings(geometry: BaseGeometry) -> Iterator[NDArray[np.float64]]:
-    """Yield the rings of all polygons: the points [n, 2], closed, first equal to last."""
-    for part in shapely.get_parts(geometry):
-        if part.geom_type == 'Polygon' and not part.is_empty:
-            yield shapely.get_coordinates(part.exterior)
-            for hole in part.interiors:
-                yield shapely.get_coordinates(hole)
-        elif part.geom_type in ('MultiPolygon', 'GeometryCollection'):
-            yield from rings(part)

@@ -160,7 +160,8 @@ def compile_plans(config: CostmapConfig, like: PlanRequest, *, has_landmarks: bo
             footprint=None, time_limit=PATIENCE,
         )  # fmt: skip
         plan = planner.direct_plan(request, no_stop())
-        nearest_places(plan.path, np.zeros((1, 2)))
+        if has_source:
+            nearest_places(plan.path, np.zeros((1, 2)))
 
 
 def compile_kernels() -> None:

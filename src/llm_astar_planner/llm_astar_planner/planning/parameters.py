@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from llm_astar_planner.costmap import config as costmap
@@ -43,6 +44,9 @@ def instruction_problem(instruction: str) -> str | None:
     return None
 
 
+# Those that only nodes have, and of these those that are fixed at their start.
+NodeParameter = partial(Parameter, node_only=True)
+StartParameter = partial(NodeParameter, read_only=True)
 COSTMAP = tuple(costmap.COSTMAP.values())
 SEARCH = (
     Parameter(
@@ -90,7 +94,7 @@ REQUESTS = (
         cli_reason='since no robot is waiting, and a language model may take half a minute',
         short_flags=('time_limit',),
     ),
-    Parameter(
+    NodeParameter(
         'costmap_update_timeout',
         2.5,
         'How long a plan waits for a map: for the first one (then `TIMEOUT`); after a failure, if '
@@ -100,7 +104,6 @@ REQUESTS = (
         '`max_planning_time`. 0: never',
         unit='s',
         between=(0.0, 3600.0),
-        node_only=True,
     ),
     Parameter(
         'tolerance',
@@ -118,18 +121,16 @@ REQUESTS = (
         bench_default=0.0,
         bench_reason='as paths from different starts do not compare',
     ),
-    Parameter(
+    NodeParameter(
         'use_final_approach_orientation',
         False,
         'Whether the last pose keeps the direction of travel instead of the orientation of the '
         'goal',
-        node_only=True,
     ),
-    Parameter(
+    NodeParameter(
         'robot_base_frame',
         'base_link',
         'Frame of the robot in tf; the start, where a request has none',
-        node_only=True,
     ),
 )
 BODY = (
@@ -144,12 +145,10 @@ BODY = (
 )
 WAYPOINTS = (
     Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
-    Parameter(
+    StartParameter(
         'llm_client',
         'llm_client_node',
         'Node that provides waypoints; empty: plan without one',
-        read_only=True,
-        node_only=True,
     ),
     Parameter(
         'source_timeout',
@@ -180,52 +179,42 @@ WAYPOINTS = (
     ),
 )
 NODE = (
-    Parameter(
+    StartParameter(
         'filter_info_topic',
         'costmap_filter_info',
         "Topic that names the masks of Nav2's keepout and speed filters, which become costs; "
         'empty: none are used',
-        read_only=True,
-        node_only=True,
     ),
-    Parameter(
+    NodeParameter(
         'max_speed',
         0.0,
         'Speed of the robot, which masks of speed limits in m/s need; 0: they are not used',
         unit='m/s',
         between=(0.0, 100.0),
-        node_only=True,
     ),
-    Parameter(
+    NodeParameter(
         'replan_on_map',
         False,
         'Whether each new map replans the last path even if that path is still free',
-        node_only=True,
     ),
-    Parameter(
+    StartParameter(
         'autostart',
         True,
         'Whether the node configures and activates itself; false: a lifecycle manager does',
-        read_only=True,
-        node_only=True,
     ),
-    Parameter(
+    StartParameter(
         'bond_heartbeat_period',
         0.1,
         'Time between the heartbeats to a lifecycle manager (bond) while active; 0 or less: none',
         unit='s',
         between=(-1.0, 3600.0),
-        read_only=True,
-        node_only=True,
     ),
-    Parameter(
+    StartParameter(
         'introspection_mode',
         'contents',
         'What `~/get_plan/_service_event` publishes of each request and response; recordings '
         'need `contents`',
         choices=('disabled', 'metadata', 'contents'),
-        read_only=True,
-        node_only=True,
     ),
 )
 SOURCE = tuple(waypoints.SOURCE.values())
@@ -246,35 +235,29 @@ CLIENT = (
         )
         for item in COSTMAP
     ),
-    Parameter(
+    NodeParameter(
         'dataset',
         '',
         'Barrier maps whose ids are the keys of transcripts: a path, or a name in `maps/`',
-        node_only=True,
     ),
-    Parameter(
+    StartParameter(
         'fixed_endpoint',
         True,
         f'Whether {", ".join(f"`{name}`" for name in FIXED)} keep the values of the start; '
         'otherwise any participant of the graph can change where the key is sent and which files '
         'are read and written',
-        read_only=True,
-        node_only=True,
     ),
 )
 MAP = (
-    Parameter(
+    NodeParameter(
         'map_file',
         'demo.json',
         'Barrier-map JSON file, a path or a name in `maps/`; or a map_server YAML file, which '
         'states its own resolution, so that `map_id` and `resolution` have no effect',
-        node_only=True,
     ),
-    Parameter('map_id', 0, 'Which map of the file', between=(0, 2**31 - 1), node_only=True),
-    Parameter(
-        'resolution', 1.0, 'Width of a cell', unit='m', between=(0.001, 1000.0), node_only=True
-    ),
-    Parameter('frame_id', 'map', 'Frame of the map', node_only=True),
+    NodeParameter('map_id', 0, 'Which map of the file', between=(0, 2**31 - 1)),
+    NodeParameter('resolution', 1.0, 'Width of a cell', unit='m', between=(0.001, 1000.0)),
+    NodeParameter('frame_id', 'map', 'Frame of the map'),
 )
 # The client's parameters that planner_node sets before each query. Neither the source nor its
 # cache depends on them, and no file needs to set them.

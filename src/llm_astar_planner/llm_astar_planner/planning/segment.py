@@ -33,9 +33,9 @@ from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.methods import (
     SEARCH_METHODS,
+    PluginMethod,
     uses_waypoints,
 )
-from llm_astar_planner.search.plugins import PluginMethod
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import (
     BoundedResult,

@@ -18,17 +18,61 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # Expansions between two looks at the stop flag and the clock: about half a millisecond.
 EXPANSION_SLICE = 16384
+# How a search ended, by what its kernel returns; the other codes say how to go on.
+ENDED = {
+    kernels.FOUND: SearchStatus.FOUND,
+    kernels.EXHAUSTED: SearchStatus.EXHAUSTED,
+    kernels.STOPPED: SearchStatus.STOPPED,
+}
 
 
 class PathTooLongError(LlmAstarError, ArithmeticError):
     """A path whose cost is too large for the 32-bit records of the search."""
 
 
-class PlainSearch:
-    """An exact A* that runs in slices.
+class SlicedSearch:
+    """A search that runs in slices on a borrowed workspace; return that with `close`.
 
-    `best` is the cost in units of the best path known, NO_PATH without one, and `bound` a lower
-    bound on the cost of every path; they are equal at the end. Return the workspace with `close`.
+    `best` is the cost in units of the best path known, NO_PATH without one. `work` is what has
+    been done in the unit of a quota.
+    """
+
+    def __init__(self, grid: GridGraph, start: Cell, goal: Cell) -> None:
+        """Take the query; nothing is searched yet. Raises ValueError for a cell off the grid."""
+        self.grid, self._cells = grid, grid.cells
+        self.start, self.goal = grid.index(start), grid.index(goal)
+        self.best = kernels.NO_PATH
+        self.work = self.expansions = self.storage = 0
+        self.status: SearchStatus | None = None
+        self.workspace = grid.borrow()
+        self.generation = self.workspace.next_generation()
+
+    def note(self, ended: int) -> None:
+        """Note how a call of the kernel ended; give it more space. Raises OverflowError."""
+        if ended == kernels.NEED_SPACE:
+            self.workspace.grow_pool()
+        elif ended == kernels.OVERFLOW:
+            raise OverflowError
+        self.status = ENDED.get(ended)
+
+    def path(self) -> tuple[NDArray[np.int32], float, int]:
+        """Return the path that the records hold, its length in cells and its cost in units."""
+        return self.workspace.trace(self.grid, self.start, self.goal)
+
+    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
+        """Set `expanded` [height, width] where this search has expanded a cell."""
+        kernels.add_expanded(self.workspace.records, self.generation, expanded)
+
+    def close(self) -> None:
+        """Return the workspace."""
+        self.grid.give_back(self.workspace)
+
+
+class PlainSearch(SlicedSearch):
+    """An exact A*.
+
+    `bound` is a lower bound on the cost of every path in units; it is `best` at the end. A quota
+    counts expansions.
     """
 
     # The place of `best` in the control array of the kernel.
@@ -44,12 +88,8 @@ class PlainSearch:
         every_move: bool = False,
     ) -> None:
         """Take the query; nothing is searched yet. Raises ValueError for a cell off the grid."""
-        self.grid = grid
-        self.start, self.goal = grid.index(start), grid.index(goal)
-        self.best = kernels.NO_PATH
+        super().__init__(grid, start, goal)
         self.bound = grid.octile(start, goal)
-        self.expansions = self.storage = 0
-        self.status: SearchStatus | None = None
         self.distances, self.active = NO_DISTANCES, NONE_ACTIVE
         if landmarks is not None:
             active = landmarks.active(grid, start, goal)
@@ -63,42 +103,27 @@ class PlainSearch:
         enclosed = self.start != self.goal and not grid.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
             self.status = SearchStatus.EXHAUSTED
-        self.workspace = workspace = grid.borrow()
-        self.generation = workspace.next_generation()
         self._every_move = every_move or grid.cell_surcharge.size > 0
-        self._control = workspace.control
+        self._control = self.workspace.control
         self._control[:] = 0
         self._control[self.BEST_SLOT] = kernels.NO_PATH
 
-    @property
-    def work(self) -> int:
-        """What has been done, in the unit of a quota: expansions."""
-        return self.expansions
-
     def advance(self, quota: int) -> None:
-        """Expand up to `quota` cells; set `status` if that ends the search.
+        """Search for up to `quota` units of work; set `status` if that ends the search.
 
         Raises OverflowError where the cost of a path does not fit the records.
         """
-        grid, workspace, control = self.grid, self.workspace, self._control
+        workspace, control = self.workspace, self._control
         ended = kernels.astar(
-            grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
-            self.start, self.goal, self._every_move, self.distances, self.active,
+            self._cells, self.start, self.goal, self._every_move, self.distances, self.active,
             self.generation, workspace.records, workspace.pool, workspace.heads, control, quota,
         )  # fmt: skip
-        self.best = int(control[kernels.A_BEST])
-        floor = int(control[kernels.A_BASE] + (control[kernels.A_BUCKET] << kernels.BUCKET_BITS))
-        self.bound = max(self.bound, min(floor, self.best))
-        self.expansions = int(control[kernels.A_EXPANSIONS])
-        self.storage = int(control[kernels.A_STORAGE])
+        _, base, bucket, self.best, self.expansions, self.storage, *_ = control.tolist()
+        self.work = self.expansions
+        self.bound = max(self.bound, min(base + (bucket << kernels.BUCKET_BITS), self.best))
         if ended == kernels.FOUND:
-            self.status, self.bound = SearchStatus.FOUND, self.best
-        elif ended == kernels.EXHAUSTED:
-            self.status = SearchStatus.EXHAUSTED
-        elif ended == kernels.NEED_SPACE:
-            workspace.grow_pool()
-        elif ended == kernels.OVERFLOW:
-            raise OverflowError
+            self.bound = self.best
+        self.note(ended)
 
     def learn(self, best: int, bound: int = 0) -> None:
         """Take over what another search knows: a path of cost `best`, a lower bound; in units.
@@ -108,18 +133,6 @@ class PlainSearch:
         self.best = min(self.best, best)
         self._control[self.BEST_SLOT] = self.best
         self.bound = max(self.bound, bound)
-
-    def path(self) -> tuple[NDArray[np.int32], float, int]:
-        """Return the path that the records hold, its length in cells and its cost in units."""
-        return self.workspace.trace(self.grid, self.start, self.goal)
-
-    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
-        """Set `expanded` [height, width] where this search has expanded a cell."""
-        kernels.add_expanded(self.workspace.records, self.generation, expanded)
-
-    def close(self) -> None:
-        """Return the workspace."""
-        self.grid.give_back(self.workspace)
 
 
 def exact_astar(
@@ -155,27 +168,18 @@ def exact_astar(
     finally:
         search.close()
     return exact_astar(
-        grid.coarse(),
-        start,
-        goal,
-        stop=stop,
-        deadline=deadline,
-        want_expanded=want_expanded,
+        grid.coarse(), start, goal, stop=stop, deadline=deadline, want_expanded=want_expanded,
         every_move=every_move,
-    )
+    )  # fmt: skip
 
 
 @search_method()
 def exact_method(problem: SearchProblem) -> BoundedResult:
     """Search by `exact_astar`."""
     return exact_astar(
-        problem.grid,
-        problem.start,
-        problem.goal,
-        stop=problem.stop,
-        deadline=problem.deadline,
+        problem.grid, problem.start, problem.goal, stop=problem.stop, deadline=problem.deadline,
         want_expanded=problem.want_expanded,
-    )
+    )  # fmt: skip
 
 
 def shortest_path(
@@ -203,20 +207,9 @@ def make_result(search: PlainSearch, *, want_expanded: bool) -> BoundedResult:
     expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
     if want_expanded:
         search.add_expanded(expanded)
+    counts = search.expansions, search.storage
     if search.best == kernels.NO_PATH:
-        return BoundedResult(status, search.expansions, search.storage, expanded)
+        return BoundedResult(status, *counts, expanded)
     path, length, units = search.path()
-    cost, lower_bound, ratio = grid.proven(path, units, search.bound)
-    return BoundedResult(
-        status,
-        search.expansions,
-        search.storage,
-        expanded,
-        path,
-        length,
-        cost=cost,
-        lower_bound=lower_bound,
-        suboptimality_bound=ratio,
-        first_expansions=search.expansions,
-        first_cost=cost,
-    )
+    proven = grid.proven(path, units, search.bound)
+    return BoundedResult(status, *counts, expanded, path, length, *proven, counts[0], proven[0])

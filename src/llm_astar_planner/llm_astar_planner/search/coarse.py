@@ -46,9 +46,8 @@ class CoarseGraph:
         self._prices = np.ones(nodes if grid.cell_surcharge.size else 0, dtype=np.float32)
         self._is_open = np.zeros(tiles.counts.shape, dtype=np.bool_)
         kernels.describe_nodes(
-            tiles.labels, tiles.shift, tiles.counts, tiles.nodes, grid.cell_surcharge,
-            self._places, self._prices, self._is_open,
-        )  # fmt: skip
+            tiles.tables, grid.cell_surcharge, self._places, self._prices, self._is_open
+        )
         self._highest_price = float(self._prices.max(initial=1.0))
         self._spare: list[RouteWorkspace] = []
 
@@ -67,19 +66,17 @@ class CoarseGraph:
             return None
         points = self._route(start, goal, most)
         rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-        return kernels.taut(*rules, tiles.shift, points)
+        return kernels.taut(rules, tiles.shift, points)
 
     def _route(self, start: Cell, goal: Cell, most: int) -> NDArray[np.int64]:
         """Return the cells of a cheapest route, start and goal included: int64 [n, 2]."""
-        tiles = self._tiles
         try:
             workspace = self._spare.pop()
         except IndexError:
             workspace = RouteWorkspace(self._places.size)
         workspace.generation += 1
         ended, node = kernels.route(
-            tiles.labels, tiles.shift, tiles.corner_cutting, self._is_open, tiles.nodes,
-            tiles.starts, tiles.contacts, self._places, self._prices, self._highest_price,
+            self._tiles.tables, self._is_open, self._places, self._prices, self._highest_price,
             start, goal, workspace.generation, workspace.costs, workspace.parents,
             workspace.stamps, most,
         )  # fmt: skip

@@ -33,9 +33,9 @@ class FreestMap:
 
     def __init__(self, grid: GridGraph) -> None:
         """Start with one map: copies its moves and surcharges."""
-        self.moves = grid.moves.copy()
-        self.cell_surcharge = grid.cell_surcharge.copy()
-        self.width, self.straight, self.diagonal = grid.width, grid.straight, grid.diagonal
+        self.moves, self.cell_surcharge = grid.moves.copy(), grid.cell_surcharge.copy()
+        self.cells = grid.cells._replace(moves=self.moves, cell_surcharge=self.cell_surcharge)
+        self.width, self.straight, self.diagonal = self.cells[2:]
         self.ring = grid.ring
         self.free = int(np.count_nonzero(self.moves))
         # Cells that were free on none of the earlier maps, over all merges.
@@ -58,9 +58,7 @@ class FreestMap:
     def merge(self, grid: GridGraph) -> NDArray[np.int64]:
         """Merge a map like this; return the numbers of the cells that became freer or cheaper."""
         changed = np.empty(self.moves.size, dtype=np.int64)
-        freed, cheaper, self.stricter = kernels.merge_freer(
-            grid.moves, grid.cell_surcharge, self.moves, self.cell_surcharge, changed
-        )
+        freed, cheaper, self.stricter = kernels.merge_freer(grid.cells, self.cells, changed)
         self.ring = max(self.ring, grid.ring)
         self.new_cells += freed
         parts = [changed[:freed].copy(), changed[changed.size - cheaper :].copy()]
@@ -68,21 +66,15 @@ class FreestMap:
             marks = np.zeros(self.moves.size, dtype=np.uint8)
             # Obstacles side by side may have cells around them in common.
             changed = np.empty(6 * self.moves.size, dtype=np.int64)
-            count = kernels.free_isolated(
-                self.moves, self.cell_surcharge, self.width, ISOLATED_CELLS, parts[0], marks,
-                changed,
-            )  # fmt: skip
+            count = kernels.free_isolated(self.cells, ISOLATED_CELLS, parts[0], marks, changed)
             parts.append(changed[:count])
         return np.concatenate(parts)
 
 
 def is_alike(one: GridGraph | FreestMap, other: GridGraph) -> bool:
     """Tell whether two maps have the same size and units and both or neither graded costs."""
-    return (
-        (one.moves.size, one.width) == (other.moves.size, other.width)
-        and (one.straight, one.diagonal) == (other.straight, other.diagonal)
-        and one.cell_surcharge.size == other.cell_surcharge.size
-    )
+    sizes, other_sizes = ((len(it.moves), len(it.cell_surcharge)) for it in (one, other))
+    return sizes == other_sizes and one.cells[2:] == other.cells[2:]
 
 
 class DistanceRows:
@@ -141,10 +133,7 @@ class DistanceRows:
             if left <= 0:
                 yield False
                 left = REPAIR_STEP
-            count = kernels.find_seeds(
-                self._map.moves, self._map.cell_surcharge, self._map.width,
-                self._map.straight, self._map.diagonal, changed, distances, seeds,
-            )  # fmt: skip
+            count = kernels.find_seeds(self._map.cells, changed, distances, seeds)
             self._clear()
             while True:
                 expanded = self._control[kernels.D_EXPANDED]
@@ -169,11 +158,9 @@ class DistanceRows:
         self, row: int, seeds: NDArray[np.int64], canonical: bool, quota: int, stop: StopFlag
     ) -> int:
         """Call the kernel, with a longer pool when it needs one; return how it ended."""
-        freest = self._map
         while True:
             status = kernels.propagate(
-                freest.moves, freest.cell_surcharge, freest.width, freest.straight,
-                freest.diagonal, canonical, seeds, self._distances[row], self._pool,
+                self._map.cells, canonical, seeds, self._distances[row], self._pool,
                 self._heads, self._control, quota, stop,
             )  # fmt: skip
             if status != NEED_SPACE:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
-from llm_astar_planner.search._kernels import moves as move_kernels
-from llm_astar_planner.search.packed_grid import PackedGrid
+from llm_astar_planner.search._kernels import jump as jump_kernels
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 5e-8. The coarse pair is for
@@ -71,9 +71,8 @@ class Workspace:
         """
         while True:
             count, diagonals, units = kernels.trace(
-                grid.width, grid.straight, grid.diagonal, grid.cell_surcharge,
-                start, goal, self.records, self.path,
-            )  # fmt: skip
+                grid.cells, start, goal, self.records, self.path
+            )
             if count <= len(self.path):
                 length = count - 1 - diagonals + diagonals * math.sqrt(2.0)
                 return self.path[-count:].copy(), length, units
@@ -83,6 +82,52 @@ class Workspace:
         """Double the pool of queue entries and keep its content."""
         self.pool = np.concatenate((self.pool, np.empty_like(self.pool)))
         self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
+
+
+@dataclass(frozen=True, eq=False)
+class PackedGrid:
+    """Where a map is blocked and where scans stop, as bits along rows and columns.
+
+    Immutable; about a byte a cell. `blocked_cells` and `jump_points` count; a jump point counts
+    once for each of the four directions in which a scan stops there.
+    """
+
+    words: NDArray[np.int64]
+    blocked_cells: int
+    jump_points: int
+
+    @classmethod
+    def build(cls, blocked: NDArray[np.bool_]) -> PackedGrid:
+        """Pack bool [height, width]: a millisecond per million cells."""
+        height, width = blocked.shape
+        groups = (height + 2) * ((width + 65) // 64) + (width + 2) * ((height + 65) // 64)
+        # A map whose cells are all blocked, with a group more at either end, is updated.
+        words = np.full(jump_kernels.PLANES * (groups + 2), -1, dtype=np.int64)
+        return cls(words, blocked.size, 0).updated(blocked, whole(blocked.shape))
+
+    def updated(self, blocked: NDArray[np.bool_], windows: NDArray[np.int64]) -> PackedGrid:
+        """Return the packed form of `blocked`, which differs in `windows` only.
+
+        `windows` is int [n, 4]: top, bottom, left, right in cells, half open.
+        """
+        words, count, jump_points = self.words.copy(), self.blocked_cells, self.jump_points
+        height, width = blocked.shape
+        columns = jump_kernels.PLANES * (1 + (height + 2) * ((width + 65) // 64))
+        for top, bottom, left, right in windows.tolist():
+            if top < bottom and left < right:
+                more, jumps = jump_kernels.pack_window(
+                    blocked, words, jump_kernels.PLANES, (top, bottom, left, right)
+                )
+                count, jump_points = count + more, jump_points + jumps
+                across = (left, right, top, bottom)
+                _, jumps = jump_kernels.pack_window(blocked.T, words, columns, across)
+                jump_points += jumps
+        return PackedGrid(words, count, jump_points)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        return self.words.nbytes
 
 
 class GridGraph:
@@ -121,7 +166,7 @@ class GridGraph:
             self.cell_surcharge = cell_surcharges(cost, grid.shape, cost_multiplier, unknown_cost)
         self.straight, self.diagonal = FINE_UNITS
         self.moves = np.empty(grid.size, dtype=np.uint8)
-        move_kernels.build_moves(grid, corner_cutting, whole(grid.shape), self.moves)
+        kernels.build_moves(grid, corner_cutting, whole(grid.shape), self.moves)
         self.ring = self._ring()
         self._spare: list[Workspace] = []
         self._coarse: GridGraph | None = None
@@ -139,7 +184,7 @@ class GridGraph:
         grid = copy.copy(self)
         grid.blocked, grid.cost = blocked, cost
         grid.moves = self.moves.copy()
-        move_kernels.build_moves(blocked, self.corner_cutting, windows, grid.moves)
+        kernels.build_moves(blocked, self.corner_cutting, windows, grid.moves)
         if cost is None:
             grid.cell_surcharge = np.zeros(0, dtype=np.uint16)
         elif self.cell_surcharge.size == 0:
@@ -149,7 +194,7 @@ class GridGraph:
         else:
             grid.cell_surcharge = self.cell_surcharge.copy()
             table = surcharge_table(self.cost_multiplier, self.unknown_cost)
-            move_kernels.fill_surcharges(cost, table, windows, grid.cell_surcharge)
+            kernels.fill_surcharges(cost, table, windows, grid.cell_surcharge)
         grid.ring = grid._ring()
         if grid.ring != self.ring:
             grid._spare = []
@@ -157,6 +202,13 @@ class GridGraph:
         if 'packed' in vars(self):
             grid.packed = self.packed.updated(blocked, windows)
         return grid
+
+    @property
+    def cells(self) -> kernels.Cells:
+        """The cells as the compiled loops take them."""
+        return kernels.Cells(
+            self.moves, self.cell_surcharge, self.width, self.straight, self.diagonal
+        )
 
     def _ring(self) -> int:
         """Return the number of buckets that a search's queue needs, a power of two."""
@@ -299,7 +351,7 @@ def cell_surcharges(
         return surcharges_of(values, cost_multiplier, unknown_cost).reshape(-1)
     surcharges = np.empty(values.size, dtype=np.uint16)
     table = surcharge_table(cost_multiplier, unknown_cost)
-    move_kernels.fill_surcharges(values, table, whole(shape), surcharges)
+    kernels.fill_surcharges(values, table, whole(shape), surcharges)
     return surcharges
 
 

@@ -12,13 +12,19 @@ import time
 from collections import deque
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
-from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError, PlainSearch
+from llm_astar_planner.search.astar import (
+    EXPANSION_SLICE,
+    PathTooLongError,
+    PlainSearch,
+    SlicedSearch,
+)
 from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph, as_grid
 from llm_astar_planner.search.jump import JumpSearch
@@ -150,7 +156,6 @@ class GuidedSearch:
         grid, landmarks = self._grid, self._landmarks
         while True:
             run = _Run(self._query, grid, landmarks)
-            searched = grid
             try:
                 yield from run.solutions()
                 self._result = run.result(want_expanded=want_expanded)
@@ -168,9 +173,9 @@ class GuidedSearch:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
             finally:
-                searched.give_back(run.plain.workspace)
+                run.plain.close()
                 if run.waypoint_search is not None:
-                    searched.give_back(run.waypoint_search.workspace)
+                    run.waypoint_search.close()
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
@@ -185,15 +190,10 @@ def guided_method(
 ) -> Generator[AnytimeSolution, None, GuidedResult]:
     """Search along the waypoints of a problem, those included that come in meanwhile."""
     search = GuidedSearch(
-        problem.grid,
-        problem.start,
-        problem.goal,
-        max_suboptimality=problem.max_suboptimality,
-        landmarks=problem.landmarks,
-        stop=problem.stop,
-        deadline=problem.deadline,
+        problem.grid, problem.start, problem.goal, max_suboptimality=problem.max_suboptimality,
+        landmarks=problem.landmarks, stop=problem.stop, deadline=problem.deadline,
         inbox=problem.arrivals,
-    )
+    )  # fmt: skip
     if problem.waypoints:
         problem.arrivals.appendleft(np.array(problem.waypoints, dtype=np.float64))
     return search.solutions(want_expanded=problem.want_expanded)
@@ -205,29 +205,13 @@ def guided(
     goal: Cell,
     waypoints: ArrayLike,
     *,
-    corner_cutting: bool = False,
-    max_suboptimality: float | None = None,
-    landmarks: Landmarks | None = None,
-    stop: StopFlag | None = None,
-    weight: float = WEIGHT,
-    work_factor: float | None = None,
     want_expanded: bool = True,
+    **options: Any,  # noqa: ANN401 - those of GuidedSearch
 ) -> GuidedResult:
-    """Search along `waypoints` to the end; the other parameters are those of `GuidedSearch`."""
-    search = GuidedSearch(
-        blocked,
-        start,
-        goal,
-        corner_cutting=corner_cutting,
-        max_suboptimality=max_suboptimality,
-        landmarks=landmarks,
-        stop=stop,
-        weight=weight,
-        work_factor=work_factor,
-    )
+    """Search along `waypoints` to the end; the options are those of `GuidedSearch`."""
+    search = GuidedSearch(blocked, start, goal, **options)
     search.guide(waypoints)
-    for _ in search.solutions(want_expanded=want_expanded):
-        pass
+    deque(search.solutions(want_expanded=want_expanded), maxlen=0)
     return search.result()
 
 
@@ -255,7 +239,7 @@ class _Query:
         return plain.best * kernels.ONE <= plain.bound * limit
 
 
-class WaypointSearch:
+class WaypointSearch(SlicedSearch):
     """The search along waypoints: its records, its queue and its counts.
 
     It ends when it reaches the goal (FOUND) or cannot find a path cheaper than the best known.
@@ -263,64 +247,37 @@ class WaypointSearch:
 
     def __init__(self, query: _Query, plain: PlainSearch) -> None:
         """Search the grid of the plain search, with its estimate; `follow` starts it."""
-        self.grid = grid = plain.grid
-        self.workspace = grid.borrow()
-        self.generation = self.workspace.next_generation()
-        self.status: SearchStatus | None = None
-        self.best = plain_kernels.NO_PATH
-        self.expansions = self.storage = 0
+        super().__init__(plain.grid, query.start, query.goal)
         self._plain = plain
         self._control = np.array([
-            plain.start, plain.goal, self.generation, grid.straight, grid.diagonal, grid.width,
-            grid.height, round(query.weight * kernels.ONE), round(PASSING_RADIUS * grid.straight),
-            *[0] * (kernels.G_SIZE - kernels.G_FREE),
+            self.start, self.goal, self.generation, round(query.weight * kernels.ONE),
+            round(PASSING_RADIUS * plain.grid.straight), *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
-
-    @property
-    def work(self) -> int:
-        """What has been done, in the unit of a quota: expansions."""
-        return self.expansions
 
     def follow(self, waypoints: NDArray[np.float64]) -> None:
         """Follow new waypoints [n, 2] from here on; see `GuidedSearch.guide`."""
         workspace, plain = self.workspace, self._plain
         self._targets, self._heads = kernels.follow(
-            waypoints, workspace.records, workspace.pool, workspace.keys, self._heads,
-            plain.distances, plain.active, self._control,
+            self._cells, waypoints, workspace.records, workspace.pool, workspace.keys,
+            self._heads, plain.distances, plain.active, self._control,
         )  # fmt: skip
 
-    def advance(self, quota: int, best: int) -> None:
-        """Expand up to `quota` cells, looking only for paths that cost less than `best`.
+    def advance(self, quota: int) -> None:
+        """Expand up to `quota` cells, looking only for paths cheaper than the plain search's.
 
         Sets `status` if that ends the search. Raises OverflowError.
         """
-        grid, workspace, control = self.grid, self.workspace, self._control
-        control[kernels.G_BEST] = min(control[kernels.G_BEST], best)
+        workspace, plain, control = self.workspace, self._plain, self._control
+        control[kernels.G_BEST] = min(control[kernels.G_BEST], plain.best)
         ended = kernels.advance(
-            grid.moves, grid.cell_surcharge, workspace.records, workspace.pool, workspace.keys,
-            self._heads, self._targets, self._plain.distances, self._plain.active, control, quota,
+            self._cells, workspace.records, workspace.pool, workspace.keys,
+            self._heads, self._targets, plain.distances, plain.active, control, quota,
         )  # fmt: skip
-        self.best = int(control[kernels.G_BEST])
-        self.expansions = int(control[kernels.G_EXPANSIONS])
-        self.storage = int(control[kernels.G_STORAGE])
-        if ended == plain_kernels.FOUND:
-            self.status = SearchStatus.FOUND
-        elif ended == plain_kernels.EXHAUSTED:
-            self.status = SearchStatus.EXHAUSTED
-        elif ended == plain_kernels.NEED_SPACE:
-            workspace.grow_pool()
-        elif ended == plain_kernels.OVERFLOW:
-            raise OverflowError
-
-    def path(self) -> tuple[NDArray[np.int32], float, int]:
-        """Return the path that the records hold, its length in cells and its cost in units."""
-        return self.workspace.trace(self.grid, self._plain.start, self._plain.goal)
-
-    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
-        """Set `expanded` [height, width] where this search has expanded a cell."""
-        plain_kernels.add_expanded(self.workspace.records, self.generation, expanded)
+        self.best, self.expansions, self.storage = control[kernels.G_BEST :].tolist()
+        self.work = self.expansions
+        self.note(ended)
 
 
 class _Run:
@@ -355,8 +312,7 @@ class _Run:
                 self.status = SearchStatus.STOPPED
                 return
             searched = self.step()
-            led = self.waypoint_search
-            self.expansions = self.plain.expansions + (0 if led is None else led.expansions)
+            self.expansions = self.count()
             if searched.best < self.best:
                 self.best = searched.best
                 solution = self.take_solution(searched)
@@ -380,10 +336,7 @@ class _Run:
         quota = min(int(allowed) - led.expansions, EXPANSION_SLICE)
         if quota <= 0:
             return self.step_plain(max(_MIN_PLAIN_STEP, plain.expansions // _PLAIN_SHARE))
-        if query.recorder is None:
-            led.advance(quota, plain.best)
-        else:
-            self.record_waypoint_search(led, quota, query.recorder)
+        self.advance(led, quota)
         if led.status is SearchStatus.EXHAUSTED:
             # No path costs less than the best one known, if there is one.
             plain.learn(led.best, led.best)
@@ -394,35 +347,27 @@ class _Run:
                 self.status = SearchStatus.FOUND
         return led
 
-    def record_waypoint_search(
-        self, led: WaypointSearch, quota: int, recorder: ExpansionRecorder
-    ) -> None:
-        """Expand a slice along the waypoints and record it."""
+    def advance(self, search: PlainSearch | WaypointSearch, quota: int) -> None:
+        """Advance one of the searches, and record what it expands if that is wanted."""
+        if self.query.recorder is None:
+            search.advance(quota)
+            return
 
         def run(step: int) -> int:
-            led.advance(step, self.plain.best)
-            return self.plain.expansions + led.expansions
+            search.advance(step)
+            return self.count()
 
-        recorder.advance(led, quota, run)
+        self.query.recorder.advance(search, quota, run)
 
-    def record_plain_search(self, quota: int, recorder: ExpansionRecorder) -> None:
-        """Expand a slice of the plain A* and record it."""
-        plain, led = self.plain, self.waypoint_search
-        others = 0 if led is None else led.expansions
-
-        def run(step: int) -> int:
-            plain.advance(step)
-            return plain.expansions + others
-
-        recorder.advance(plain, quota, run)
+    def count(self) -> int:
+        """Return the expansions of both searches."""
+        led = self.waypoint_search
+        return self.plain.expansions + (0 if led is None else led.expansions)
 
     def step_plain(self, quota: int) -> PlainSearch:
         """Let the plain A* expand `quota` cells; set the status if that ends the search."""
         plain = self.plain
-        if self.query.recorder is None:
-            plain.advance(quota)
-        else:
-            self.record_plain_search(quota, self.query.recorder)
+        self.advance(plain, quota)
         if plain.status is not None:
             self.status = plain.status
         elif self.query.max_suboptimality is not None and self.query.is_met(plain):
@@ -459,14 +404,9 @@ class _Run:
             self.first = self.expansions, cost
         elif cost > self.solution.cost:
             return None
+        nothing = np.zeros((0, 0), dtype=np.bool_)
         self.solution = AnytimeSolution(
-            SearchStatus.STOPPED,
-            self.expansions,
-            0,
-            np.zeros((0, 0), dtype=np.bool_),
-            path,
-            length,
-            *proven,
+            SearchStatus.STOPPED, self.expansions, 0, nothing, path, length, *proven
         )
         self.units = units
         return self.solution
@@ -485,15 +425,9 @@ class _Run:
             costs = plain.grid.proven(best.path, self.units, plain.bound)
         elif status is not SearchStatus.EXHAUSTED:
             costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
+        storage, led_expansions = (led.storage, led.expansions) if led else (0, 0)
+        found = (best.path, best.length) if best else (empty_path(), math.nan)
         return GuidedResult(
-            status,
-            self.expansions,
-            plain.storage + (0 if led is None else led.storage),
-            expanded,
-            empty_path() if best is None else best.path,
-            math.nan if best is None else best.length,
-            *costs,
-            *self.first,
-            0 if led is None else led.expansions,
-            plain.expansions,
-        )
+            status, self.expansions, plain.storage + storage, expanded, *found, *costs,
+            *self.first, led_expansions, plain.expansions,
+        )  # fmt: skip

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import time
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -18,19 +17,15 @@ from numpy.typing import NDArray
 from shapely import affinity
 
 from llm_astar_planner.search._kernels import headings as kernels
-from llm_astar_planner.search._kernels.astar import (
-    EXHAUSTED,
-    FOUND,
-    NEED_SPACE,
-    OVERFLOW,
-    RUNNING,
-)
-from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError
+from llm_astar_planner.search._kernels.astar import NEED_SPACE, OVERFLOW, RUNNING, heap_push
+from llm_astar_planner.search.astar import ENDED, EXPANSION_SLICE, PathTooLongError
 from llm_astar_planner.search.distances import DistanceRows, FreestMap
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
 from llm_astar_planner.search.stop import StopFlag
 
+Obstacles = kernels.Obstacles
+SweptCells = kernels.SweptCells
 HEADINGS = 8
 EVERY_HEADING = (1 << HEADINGS) - 1
 # Cells by which what is swept is widened: more than the inaccuracy of any check of a path.
@@ -39,24 +34,6 @@ MARGIN = 0.08
 ARC, MAX_SAMPLES = 0.2, 64
 # Footprints prepared that are kept.
 CACHED = 8
-
-
-class SweptCells(NamedTuple):
-    """The cells that each motion of a polygon sweeps, relative to the cell where it begins.
-
-    `spans` is int64 [n, 3], (row, first column, last column); those from `begins[k]` to
-    `begins[k + 1]` are of motion k: moves by heading, then turns to the next heading. No motion
-    leaves the square of `reach` cells to each side.
-    """
-
-    spans: NDArray[np.int64]
-    begins: NDArray[np.int64]
-    reach: int
-
-
-# What a polygon must not meet: cells int8 [height, width], the occupancy from which they are
-# lethal, and whether unknown ones are too.
-Obstacles = tuple[NDArray[np.int8], int, bool]
 
 
 @lru_cache(CACHED)
@@ -108,7 +85,7 @@ class HeadingSearch:
         """Take the query: costs are those of the grid. Raises ValueError for a cell off it."""
         self.grid = grid
         self.start, self.goal = grid.index(start), grid.index(goal)
-        self._checks = (*obstacles, *swept)
+        self._checks = obstacles, swept
         cells = grid.moves.size
         self._to_goal = np.zeros((1, cells), dtype=np.int32)
         self._known, self._free = (np.zeros(cells, dtype=np.uint16) for _ in range(2))
@@ -137,16 +114,15 @@ class HeadingSearch:
         self._push_starts(start_headings, keys, heap)
         while time.monotonic() < deadline and not stop[0]:
             ended = kernels.search(
-                grid.moves, grid.cell_surcharge, grid.straight, grid.diagonal, self._to_goal[0],
-                *self._checks, self._known, self._free, self._costs, self._came, keys, heap,
-                self._control, self.goal, goal_headings, EXPANSION_SLICE,
+                grid.cells, *self._checks, self._to_goal[0], self._known, self._free, self._costs,
+                self._came, keys, heap, self._control, self.goal, goal_headings, EXPANSION_SLICE,
             )  # fmt: skip
             if ended == OVERFLOW:
                 raise PathTooLongError('the cost of a path for the footprint does not fit')
             if ended == NEED_SPACE:
                 keys, heap = (np.concatenate((part, np.empty_like(part))) for part in (keys, heap))
             elif ended != RUNNING:
-                self.status = {FOUND: SearchStatus.FOUND, EXHAUSTED: SearchStatus.EXHAUSTED}[ended]
+                self.status = ENDED[ended]
                 break
         self.expansions += int(self._control[kernels.H_EXPANSIONS])
         return self.status
@@ -163,7 +139,7 @@ class HeadingSearch:
                 state = HEADINGS * self.start + heading
                 self._costs[state], self._came[state] = 1, kernels.STARTED
                 size = int(self._control[kernels.H_SIZE])
-                kernels.push(keys, heap, size, left << 31 | left, state)
+                heap_push(keys, heap, size, left << 31 | left, state, False)
                 self._control[kernels.H_SIZE] += 1
 
     def reached(self, cell: Cell) -> list[int]:
@@ -188,11 +164,10 @@ class HeadingSearch:
     def result(self, state: int, *, want_expanded: bool) -> BoundedResult:
         """Describe the cheapest path to a state that was expanded."""
         path = np.empty((512, 2), dtype=np.int32)
-        while True:
-            count, _ = kernels.trace(self._came, self.grid.width, state, path)
-            if count <= len(path):
-                break
+        count, _ = kernels.trace(self._came, self.grid.width, state, path)
+        if count > len(path):
             path = np.empty((count, 2), dtype=np.int32)
+            kernels.trace(self._came, self.grid.width, state, path)
         path = path[-count:].copy()
         units = int(self._costs[state]) - 1
         proven = self.grid.proven(path, units, units)

@@ -15,15 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import jump as kernels
-from llm_astar_planner.search._kernels.astar import (
-    EXHAUSTED,
-    FOUND,
-    NEED_SPACE,
-    NO_PATH,
-    OVERFLOW,
-)
+from llm_astar_planner.search._kernels.astar import EXHAUSTED, FOUND, NO_PATH
 from llm_astar_planner.search.astar import PlainSearch, make_result, run
-from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
+from llm_astar_planner.search.result import BoundedResult, Cell
 from llm_astar_planner.search.stop import StopFlag
 
 if TYPE_CHECKING:
@@ -50,45 +44,31 @@ class JumpSearch(PlainSearch):
         self._control = np.zeros(kernels.J_SIZE, dtype=np.int64)
         self._control[self.BEST_SLOT] = NO_PATH
         self._heads = np.empty(kernels.BUCKETS, dtype=np.int32)
-
-    @property
-    def work(self) -> int:
-        """What has been done, in the unit of a quota: scans."""
-        return int(self._control[kernels.J_SCANS])
+        self._found = 0
 
     def advance(self, quota: int) -> None:
-        """Scan at least `quota` times; set `status` if that ends the search.
-
-        Raises OverflowError where the cost of a path does not fit the records.
-        """
-        grid, workspace, control = self.grid, self.workspace, self._control
+        """Scan at least `quota` times; see `PlainSearch.advance`."""
+        workspace, control = self.workspace, self._control
         ended = kernels.jump_search(
-            grid.moves, grid.packed.words, grid.width, grid.straight, grid.diagonal,
+            self._cells, self.grid.packed.words,
             self.start, self.goal, self.distances, self.active, self.generation,
             workspace.records, workspace.pool, self._heads, control, quota,
         )  # fmt: skip
-        self.best = int(control[kernels.J_BEST])
-        above = int(control[kernels.J_BUCKET]) << kernels.BUCKET_BITS
-        floor = int(control[kernels.J_ORIGIN]) + above
-        self.bound = max(self.bound, min(floor, self.best))
-        self.expansions = int(control[kernels.J_EXPANSIONS])
-        self.storage = int(control[kernels.J_STORAGE])
+        (
+            _, origin, bucket, self.best, self.expansions, self.storage, self._found, self.work, _
+        ) = control.tolist()  # fmt: skip
+        self.bound = max(self.bound, min(origin + (bucket << kernels.BUCKET_BITS), self.best))
         if ended in (FOUND, EXHAUSTED):
-            is_found = self.best < NO_PATH
-            self.status = SearchStatus.FOUND if is_found else SearchStatus.EXHAUSTED
+            ended = FOUND if self.best < NO_PATH else EXHAUSTED
             self.bound = self.best
-        elif ended == NEED_SPACE:
-            workspace.grow_pool()
-        elif ended == OVERFLOW:
-            raise OverflowError
+        self.note(ended)
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:
         """Return the path found, as single moves, its length in cells and its cost in units."""
         grid, workspace = self.grid, self.workspace
-        found = int(self._control[kernels.J_GOAL])
         path = workspace.path
         while True:
-            count, diagonals = kernels.trace(grid.width, found, workspace.pool, path)
+            count, diagonals = kernels.trace(grid.width, self._found, workspace.pool, path)
             if count <= len(path):
                 break
             path = np.empty((count, 2), dtype=np.int32)

@@ -13,33 +13,42 @@ import shutil
 import stat
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
-from numba.core import config
-from numba.core.caching import _CacheLocator
+from numba import config, njit
 
 NAME = 'llm_astar_planner'
 SHARED_MEMORY = '/dev/shm'  # noqa: S108 - the folder there is checked
 # The folder that was chosen here, None while numba's own are good.
 _CHOSEN: list[Path] = []
+# A small part of inner loops, written out where it is called.
+inlined: Any = njit(inline='always')
 
 
-def prepare_cache(kernels: str) -> None:
-    """Make sure that numba can keep what it compiles of a package, given its `__file__`."""
-    folder = Path(kernels).parent
-    if not _CHOSEN:
-        if config.CACHE_DIR and not is_writable(Path(config.CACHE_DIR)):
-            say(f'warning: NUMBA_CACHE_DIR={config.CACHE_DIR} cannot be written and is ignored')
-            # Also for the processes that this one starts.
-            os.environ.pop('NUMBA_CACHE_DIR', None)
-            config.CACHE_DIR = ''
-        if config.CACHE_DIR or is_writable(folder / '__pycache__'):
-            return
+def jit(loop: Callable[..., Any]) -> Any:  # noqa: ANN401 - numba is not typed
+    """Return a loop that numba compiles at its first call and keeps; other threads run on."""
+    folder = Path(loop.__code__.co_filename).parent
+    prepare_cache(folder)
+    compiled = njit(cache=True, nogil=True)(loop)
+    if _CHOSEN:
+        copy_compiled(folder / '__pycache__', Path(compiled.stats.cache_path))
+    return compiled
+
+
+@cache
+def prepare_cache(folder: Path) -> None:
+    """Make sure that numba can keep what it compiles of the modules in a folder."""
+    if config.CACHE_DIR and not is_writable(Path(config.CACHE_DIR)):
+        say(f'warning: NUMBA_CACHE_DIR={config.CACHE_DIR} cannot be written and is ignored')
+        # Also for the processes that this one starts.
+        os.environ.pop('NUMBA_CACHE_DIR', None)
+        config.CACHE_DIR = ''
+    if not (config.CACHE_DIR or is_writable(folder / '__pycache__')):
         _CHOSEN.append(writable_folder())
         config.CACHE_DIR = str(_CHOSEN[0])
-    copy_compiled(
-        folder / '__pycache__', _CHOSEN[0] / _CacheLocator.get_suitable_cache_subpath(kernels)
-    )
 
 
 def say(sentence: str) -> None:
@@ -99,6 +108,7 @@ def temporary_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix=NAME, dir=parent))
 
 
+@cache
 def copy_compiled(source: Path, target: Path) -> None:
     """Copy numba's files that are missing or older in `target`, each in one step.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -17,12 +16,12 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import layered as kernels
-from llm_astar_planner.search._kernels import layers
+from llm_astar_planner.search.astar import ENDED
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
-MAX_REGIONS = layers.MAX_REGIONS
+MAX_REGIONS = kernels.MAX_REGIONS
 # A price that counts before all lengths; higher ones are refused.
 MAX_PRICE = 1e6
 MAX_RULES = 32
@@ -31,20 +30,12 @@ MAX_LAYERS = 1 << 16
 # Bytes that the states of one search may take: 9 for each cell of each layer that it enters.
 MAX_BYTES = 2_000_000_000
 STATE_BYTES = 9
-# A search leaves so much memory at most to the next one.
-MAX_IDLE_BYTES = 64 * 1024 * 1024
 # Caps on the cost of entering a region count paths that leave its box by so many cells, and are
 # measured after so many expansions per cell of that.
 CAP_MARGIN = 16
 CAP_PATIENCE = 2
 # Expansions between two looks at the deadline.
 EXPANSION_SLICE = 8192
-
-_STATUS = {
-    plain_kernels.FOUND: SearchStatus.FOUND,
-    plain_kernels.EXHAUSTED: SearchStatus.EXHAUSTED,
-    plain_kernels.STOPPED: SearchStatus.STOPPED,
-}
 
 
 class VisitProblemError(LlmAstarError, ValueError):
@@ -141,57 +132,6 @@ def check_problem(graph: GridGraph, problem: VisitProblem) -> None:
         raise VisitProblemError(f'price: not all values are in 0 to {MAX_PRICE:g}')
 
 
-class StateMemory:
-    """What one running search writes: states, a queue and what is known of each cell.
-
-    Idle memory is kept for the next search, so that small queries touch no new pages.
-    """
-
-    _idle: ClassVar[list[StateMemory]] = []
-
-    def __init__(self, cells: int) -> None:
-        """Make memory for a grid of `cells` cells, without room for states yet."""
-        self.cells = cells
-        self.costs = np.empty(0, dtype=np.float64)
-        self.tags = np.zeros(0, dtype=np.uint8)
-        self.cell_bits = np.zeros(cells, dtype=np.uint32)
-        self.queue = make_queue(4096)
-
-    @classmethod
-    def borrow(cls, cells: int) -> StateMemory:
-        """Take idle memory, or make some."""
-        try:
-            memory = cls._idle.pop()
-        except IndexError:
-            return cls(cells)
-        return memory if memory.cells == cells else cls(cells)
-
-    def give_back(self, slots: int) -> None:
-        """Clear what a search with so many layers wrote and keep it, if it is not too much."""
-        if self.tags.size * STATE_BYTES <= MAX_IDLE_BYTES and not self._idle:
-            self.tags[: slots * self.cells] = 0
-            self.cell_bits[:] = 0
-            self.queue.heads[:] = 0
-            self._idle.append(self)
-
-    def grow_states(self, slots: int) -> None:
-        """Make room for `slots` layers and keep the content."""
-        costs = np.empty(slots * self.cells, dtype=np.float64)
-        tags = np.zeros(slots * self.cells, dtype=np.uint8)
-        costs[: self.costs.size] = self.costs
-        tags[: self.tags.size] = self.tags
-        self.costs, self.tags = costs, tags
-
-    def grow_queue(self) -> None:
-        """Double the room for entries of the queue and keep the content."""
-        keys, entries = self.queue.keys, self.queue.entries
-        self.queue = kernels.Queue(
-            self.queue.heads,
-            np.concatenate((keys, np.empty_like(keys))),
-            np.concatenate((entries, np.empty_like(entries))),
-        )
-
-
 class LayeredSearch:
     """One run of the layered search on one grid."""
 
@@ -201,9 +141,7 @@ class LayeredSearch:
         Raises LayersTooLargeError.
         """
         self._graph, self._start, self._problem = graph, start, problem
-        self._units = graph.straight, graph.diagonal
-        self._memory = StateMemory.borrow(graph.moves.size)
-        self._tables, self._counts = make_tables(graph, goal, problem, self._memory.cell_bits)
+        self._tables, self._counts = make_tables(graph, goal, problem)
         firsts = int(self._tables.rules.first_mask[0]).bit_count()
         count = self._tables.groups.base_group.size << firsts
         if count > MAX_LAYERS:
@@ -212,65 +150,70 @@ class LayeredSearch:
             )
         self._limit = min(count, max(1, MAX_BYTES // (STATE_BYTES * graph.moves.size)))
         self._layers = make_layers(count, self._limit)
+        self._states = kernels.States(np.empty(0), np.zeros(0, dtype=np.uint8))
+        heads = np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32)
+        self._queue = kernels.Queue(heads, *np.empty((2, 4096), dtype=np.int64))
         self._control = np.zeros(kernels.C_SIZE, dtype=np.int64)
         self._best = np.full(1, np.inf)
 
     def run(self, stop: StopFlag, deadline: float) -> SearchStatus:
         """Search to the end, or until stopped. Raises LayersTooLargeError."""
-        graph, tables, memory = self._graph, self._tables, self._memory
+        graph, tables = self._graph, self._tables
         wanted = [region for group in self._problem.visits for region in group]
         if graph.blocked.reshape(-1)[self._start] or not all(
             self._counts[region] for region in (*wanted, MAX_REGIONS)
         ):
             return SearchStatus.EXHAUSTED
-        if memory.tags.size == 0:
-            self.add_slots()
+        self.add_slots()
         kernels.begin(
-            tables, self._layers, memory.queue, memory.costs, memory.tags, graph.width,
-            self._start, self._control, self._best,
+            tables, self._layers, self._queue, self._states, self._start, self._control,
+            self._best,
         )  # fmt: skip
         prices = tables.rules.prices
-        every_move = bool(tables.cell_surcharge.size or tables.price.size)
+        every_move = bool(tables.grid.cell_surcharge.size or tables.price.size)
         every_move |= bool(((prices > 0.0) & (prices < np.inf)).any())
         while not stop[0] and time.monotonic() < deadline:
             ended = kernels.advance(
-                tables, self._layers, memory.queue, memory.costs, memory.tags,
-                graph.width, self._units, every_move,
+                tables, self._layers, self._queue, self._states, every_move,
                 self._control, self._best, EXPANSION_SLICE, stop,
             )  # fmt: skip
             if ended == plain_kernels.NEED_SPACE:
-                memory.grow_queue()
+                heads, *pool = self._queue
+                longer = (np.concatenate((part, np.empty_like(part))) for part in pool)
+                self._queue = kernels.Queue(heads, *longer)
             elif ended == kernels.NEED_SLOT:
                 self.add_slots()
             elif ended != plain_kernels.RUNNING:
-                return _STATUS[ended]
+                return ENDED[ended]
             else:
-                layers.measure_caps(
-                    tables, self._layers, memory.costs, memory.tags,
-                    int(self._control[kernels.C_SLOTS]), graph.width, self._units,
-                    CAP_MARGIN, CAP_PATIENCE,
-                )  # fmt: skip
+                slots = int(self._control[kernels.C_SLOTS])
+                kernels.measure_caps(
+                    tables, self._layers, self._states, slots, CAP_MARGIN, CAP_PATIENCE
+                )
         return SearchStatus.STOPPED
 
     def add_slots(self) -> None:
         """Make room for more layers. Raises LayersTooLargeError beyond the limit of memory."""
         cells = self._graph.moves.size
-        have = self._memory.tags.size // cells
+        have = self._states.tags.size // cells
         if have >= self._limit or cells * STATE_BYTES > MAX_BYTES:
             raise LayersTooLargeError(
                 f'the layers of {cells} cells take over {MAX_BYTES / 1e9:g} GB'
             )
-        self._memory.grow_states(min(self._limit, max(4, 2 * have)))
+        slots = min(self._limit, max(4, 2 * have))
+        costs, tags = np.empty(slots * cells), np.zeros(slots * cells, dtype=np.uint8)
+        costs[: have * cells], tags[: have * cells] = self._states
+        self._states = kernels.States(costs, tags)
 
     def result(self, status: SearchStatus, *, want_expanded: bool) -> LayeredResult:
-        """Describe how the search ended, and release its memory. Call it once."""
+        """Describe how the search ended."""
         graph, control = self._graph, self._control
         slots = int(control[kernels.C_SLOTS])
         expanded: NDArray[np.bool_] = np.zeros((0, 0), dtype=np.bool_)
         if want_expanded and slots == 0:
             expanded = np.zeros_like(graph.blocked)
         elif want_expanded:
-            tags = self._memory.tags[: slots * graph.moves.size].reshape(slots, -1)
+            tags = self._states.tags[: slots * graph.moves.size].reshape(slots, -1)
             every = np.bitwise_or.reduce(tags, axis=0)
             expanded = (every & kernels.EXPANDED).astype(np.bool_).reshape(graph.blocked.shape)
         counts = int(control[kernels.C_EXPANSIONS]), int(control[kernels.C_STORAGE])
@@ -285,29 +228,17 @@ class LayeredSearch:
             visited_at = self.visited_at(path)
             cost = lower_bound = float(self._best[0]) / graph.straight
             ratio = graph.rounding
-        self._memory.give_back(slots)
         return LayeredResult(
-            status,
-            *counts,
-            expanded,
-            path,
-            path_length(path),
-            cost,
-            lower_bound,
-            ratio,
-            counts[0],
-            cost,
-            visited_at,
-            slots,
-        )
+            status, *counts, expanded, path, path_length(path), cost, lower_bound, ratio,
+            counts[0], cost, visited_at, slots,
+        )  # fmt: skip
 
     def path(self) -> NDArray[np.int32]:
         """Return the path found: int32 [n, 2]."""
-        graph, memory, path = self._graph, self._memory, np.empty((1024, 2), dtype=np.int32)
+        path = np.empty((1024, 2), dtype=np.int32)
         while True:
             count = kernels.trace(
-                self._tables, self._layers, memory.costs, memory.tags,
-                graph.width, self._units, self._start, self._control, path,
+                self._tables, self._layers, self._states, self._start, self._control, path
             )  # fmt: skip
             if count <= len(path):
                 return path[-count:].copy()
@@ -326,12 +257,13 @@ class LayeredSearch:
 
 
 def make_tables(
-    graph: GridGraph, goal: int, problem: VisitProblem, cell_bits: NDArray[np.uint32]
-) -> tuple[layers.Tables, list[int]]:
-    """Fill `cell_bits`, which is zero, and return the tables of a problem.
+    graph: GridGraph, goal: int, problem: VisitProblem
+) -> tuple[kernels.Tables, list[int]]:
+    """Return the tables of a problem and the numbers of free cells of the regions.
 
-    Also returns the number of free cells of each region and, as number MAX_REGIONS, of the goals.
+    That of the goals is number MAX_REGIONS.
     """
+    cell_bits = np.zeros(graph.moves.size, dtype=np.uint32)
     boxes = np.zeros((MAX_REGIONS + 1, 4), dtype=np.int64)
     counts = [0] * (MAX_REGIONS + 1)
     masks = dict(enumerate(problem.regions))
@@ -339,45 +271,38 @@ def make_tables(
         masks[MAX_REGIONS] = problem.goals
     else:
         y, x = divmod(goal, graph.width)
-        cell_bits[goal] = layers.GOAL_BIT
+        cell_bits[goal] = kernels.GOAL_BIT
         boxes[-1] = x, x, y, y
         counts[-1] = int(not graph.blocked[y, x])
     for region, mask in masks.items():
         rows = np.flatnonzero(mask.any(axis=1))
         if rows.size:
             boxes[region, 2:] = rows[0], rows[-1]
-            counts[region] = layers.mark_region(
+            counts[region] = kernels.mark_region(
                 mask, graph.blocked, 1 << region, cell_bits, boxes[region]
             )
     price = np.zeros(0, dtype=np.float32)
     if problem.price is not None:
         price = np.ascontiguousarray(problem.price, dtype=np.float32).reshape(-1)
     groups = make_groups(problem.visits)
-    tables = layers.Tables(
-        graph.moves,
-        graph.cell_surcharge,
-        price,
-        cell_bits,
-        groups,
-        make_rules(problem.before),
-        boxes,
-        make_slopes(graph),
-        np.empty((groups.candidates.size, layers.SLOPES)),
-    )
-    layers.fill_offsets(tables)
+    tables = kernels.Tables(
+        graph.cells, price, cell_bits, groups, make_rules(problem.before),
+        boxes, make_slopes(graph), np.empty((groups.candidates.size, kernels.SLOPES)),
+    )  # fmt: skip
+    kernels.fill_offsets(tables)
     return tables, counts
 
 
-def make_rules(before: tuple[tuple[int, int, float], ...]) -> layers.Rules:
+def make_rules(before: tuple[tuple[int, int, float], ...]) -> kernels.Rules:
     """Return the tables of the rules `before`."""
     firsts = np.array([first for first, _, _ in before], dtype=np.int64)
     seconds = np.array([second for _, second, _ in before], dtype=np.int64)
     masks = (np.bitwise_or.reduce(1 << numbers, keepdims=True) for numbers in (firsts, seconds))
     prices = np.array([price for _, _, price in before], dtype=np.float64)
-    return layers.Rules(firsts, seconds, prices, *masks)
+    return kernels.Rules(firsts, seconds, prices, *masks)
 
 
-def make_groups(visits: tuple[tuple[int, ...], ...]) -> layers.Groups:
+def make_groups(visits: tuple[tuple[int, ...], ...]) -> kernels.Groups:
     """Return the tables of the base layers. Raises LayersTooLargeError."""
     groups = [set(group) for group in visits if group]
     sizes = [(1 << len(group)) - 1 for group in groups]
@@ -389,8 +314,8 @@ def make_groups(visits: tuple[tuple[int, ...], ...]) -> layers.Groups:
     masks = np.array([sum(1 << region for region in group) for group in groups], dtype=np.int64)
     base_group, base_visited = np.zeros((2, first_base[-1] + 1), dtype=np.int64)
     none = np.empty(0, dtype=np.int64)
-    tables = layers.Groups(masks, first_base, base_group, base_visited, none, none)
-    layers.fill_bases(tables)
+    tables = kernels.Groups(masks, first_base, base_group, base_visited, none, none)
+    kernels.fill_bases(tables)
     due = np.append(masks, 1 << MAX_REGIONS)[base_group] & ~base_visited
     rows, candidates = np.nonzero(due[:, None] >> np.arange(MAX_REGIONS + 1) & 1)
     begin = np.searchsorted(rows, np.arange(len(due) + 1))
@@ -412,24 +337,11 @@ def make_slopes(graph: GridGraph) -> NDArray[np.float64]:
     return np.array(slopes, dtype=np.float64).T.copy()
 
 
-def make_layers(count: int, slots: int) -> layers.Layers:
+def make_layers(count: int, slots: int) -> kernels.Layers:
     """Return the table of `count` layers, of which as many as `slots` may be entered."""
-    return layers.Layers(
-        np.full(count, -1, dtype=np.int32),
-        np.zeros(slots, dtype=np.int64),
-        np.zeros(slots, dtype=np.int64),
-        np.zeros(slots, dtype=np.int64),
-        np.zeros(slots, dtype=np.int64),
-        np.zeros(slots, dtype=np.int64),
-        np.zeros(slots, dtype=np.int64),
+    numbers = np.zeros((6, slots), dtype=np.int64)
+    base, entered, pending, reached, expansions, measured = numbers
+    return kernels.Layers(
+        np.full(count, -1, dtype=np.int32), base, entered, pending, reached, expansions, measured,
         np.empty((slots, MAX_REGIONS)),
-    )
-
-
-def make_queue(size: int) -> kernels.Queue:
-    """Return an empty queue with room for `size` entries."""
-    return kernels.Queue(
-        np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32),
-        np.empty(size, dtype=np.int64),
-        np.empty(size, dtype=np.int64),
-    )
+    )  # fmt: skip

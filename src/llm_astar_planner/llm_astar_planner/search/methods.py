@@ -1,12 +1,162 @@
-"""The names of the search methods and heuristics, for tables and messages that run no search."""
+"""The search methods by name: the package's own, and those of other packages."""
 
-from llm_astar_planner.plugins import Plugins
-from llm_astar_planner.search.plugins import make_plugin_method
+from __future__ import annotations
 
+import time
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
+from llm_astar_planner.search.problem import SearchProblem
+from llm_astar_planner.search.result import SearchResult, SearchStatus, empty_path
+
+_T = TypeVar('_T')
+# Seconds after its time in which a method may still return what it has.
+GRACE_S = 0.05
 GUIDED = 'guided'
 EXACT = 'exact_astar'
 # The paper's, which `search.paper` has by these names.
 PAPER_NAMES = ('astar', 'weighted_astar', 'dynamic_weighted_astar', 'llm_astar')
+# The largest coordinate of a path.
+MAX_COORDINATE = 2**31 - 1
+
+
+@dataclass(frozen=True, eq=False)
+class PluginMethod:
+    """The method of a plug-in. Its paths count as those of a method that proves nothing."""
+
+    name: str
+    function: Callable[[SearchProblem], Any]
+    uses_waypoints: bool
+    takes_late_waypoints: ClassVar[bool] = False
+    as_published: ClassVar[bool] = False
+
+    def __call__(self, problem: SearchProblem) -> Generator[SearchResult, None, SearchResult]:
+        """Search; a method whose time is over has its last result, or stopped without any.
+
+        Raises PluginError where the method fails.
+        """
+        best = nothing = SearchResult(SearchStatus.STOPPED, 0, 0, expanded_cells((), problem))
+        answer: Any = None
+        try:
+            answer = in_time(lambda: self.function(problem), problem)
+            if not isinstance(answer, Generator):
+                return call(lambda: checked_result(answer, problem))
+            goes_on = True
+            # Looked at here too: a generator of many short steps is never late in any of them.
+            while goes_on and time.monotonic() < problem.deadline and not problem.stop[0]:
+                better, goes_on = in_time(lambda: next_answer(answer, problem), problem)
+                # A last result without a path, such as STOPPED, takes back none.
+                if better is not None and (len(better.path) or best is nothing):
+                    best = better
+                    if goes_on:
+                        yield best
+            if best is nothing and not goes_on:
+                raise PluginError('yielded no result')
+            return replace(best, status=SearchStatus.STOPPED) if goes_on else best
+        except TimeoutError as error:
+            log_failure(self.name, error)
+            return replace(best, status=SearchStatus.STOPPED)
+        except PluginError as error:
+            log_failure(self.name, error)
+            raise PluginError(f'search method {self.name}: {error}') from None
+        finally:
+            self.close(answer)
+
+    def close(self, answer: Any) -> None:  # noqa: ANN401 - of foreign code
+        """End a generator that has not ended, and with it what it holds open."""
+        if isinstance(answer, Generator):
+            try:
+                call(answer.close)
+            except PluginError as error:
+                log_failure(self.name, error)
+
+
+def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN401 - foreign
+    """Return the method that a plug-in's function is. Raises PluginError for none."""
+    if not callable(function):
+        raise PluginError(f'is {type(function).__name__}, not a function of a SearchProblem')
+    return PluginMethod(name, function, getattr(function, 'uses_waypoints', False) is True)
+
+
+def in_time(function: Callable[[], _T], problem: SearchProblem) -> _T:
+    """Return what a plug-in's function returns until the deadline, or a moment after it.
+
+    Raises PluginError where it raises anything, and TimeoutError where it was late.
+    """
+    result = call(function)
+    late = time.monotonic() - problem.deadline
+    if late > GRACE_S and not problem.stop[0]:
+        raise TimeoutError(f'came back {late:.2f} s after its time was over')
+    return result
+
+
+def next_answer(
+    answers: Iterator[Any], problem: SearchProblem
+) -> tuple[SearchResult | None, bool]:
+    """Return the next of a generator's results, and whether others may follow.
+
+    After the last that is what it returns, None for nothing. Raises PluginError.
+    """
+    try:
+        return checked_result(next(answers), problem), True
+    except StopIteration as end:
+        return None if end.value is None else checked_result(end.value, problem), False
+
+
+def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa: ANN401
+    """Return a plug-in's result made of plain values; what it proves is not taken over.
+
+    The length is measured on the path. Raises PluginError, which names the field.
+    """
+    if not isinstance(answer, SearchResult):
+        raise PluginError(f'returned {type(answer).__name__}, not a SearchResult')
+    path = checked_path(answer.path, problem)
+    return SearchResult(
+        SearchStatus(answer.status),
+        checked_count(answer.expansions, 'expansions'),
+        checked_count(answer.storage, 'storage'),
+        expanded_cells(answer.expanded, problem),
+        path,
+        float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) else float('nan'),
+    )
+
+
+def checked_path(path: Any, problem: SearchProblem) -> NDArray[np.int32]:  # noqa: ANN401
+    """Return a plug-in's path as int32 [n, 2], n at most the cells of the map.
+
+    Raises PluginError.
+    """
+    cells = np.asarray(path)
+    if cells.size == 0:
+        return empty_path()
+    if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in 'iu':
+        raise PluginError(f'path: {cells.dtype} {cells.shape} is not whole numbers [n, 2]')
+    if len(cells) > problem.grid.blocked.size:
+        raise PluginError(f'path: has {len(cells)} cells, more than the map')
+    if cells.min() < 0 or cells.max() > MAX_COORDINATE:
+        raise PluginError('path: leaves the map')
+    return cells.astype(np.int32)
+
+
+def expanded_cells(expanded: Any, problem: SearchProblem) -> NDArray[np.bool_]:  # noqa: ANN401
+    """Return a copy of a plug-in's picture of expanded cells, [0, 0] where none is wanted.
+
+    Without a picture no cell is expanded. Raises PluginError for one of another shape.
+    """
+    shape = problem.grid.blocked.shape if problem.want_expanded else (0, 0)
+    picture = np.asarray(expanded, dtype=np.bool_)
+    if picture.size == 0 or not problem.want_expanded:
+        return np.zeros(shape, dtype=np.bool_)
+    if picture.shape != shape:
+        raise PluginError(f'expanded: has shape {picture.shape}, the map {shape}')
+    return picture.copy()
+
+
 # The package's own by name, in the order in which they are listed; each is a SearchMethod.
 # Of our own searches, the first two, paths carry a suboptimality bound: docs/guided-search.md.
 HERE = 'llm_astar_planner.search'

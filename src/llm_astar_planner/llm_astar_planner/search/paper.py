@@ -7,21 +7,22 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import paper as kernels
+from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, RUNNING, STOPPED
 from llm_astar_planner.search.any_angle import can_see, string_pull
-from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.astar import ENDED, exact_astar
 from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
-from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.result import Cell, SearchResult
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
 HEURISTICS = {
@@ -37,12 +38,6 @@ DYNAMIC_DECAY = 0.99
 SLICE = 16384
 _FIRST_HEAP = 1024
 _NOT_WANTED = np.zeros((0, 0), dtype=np.bool_)
-
-_STATUS = {
-    kernels.FOUND: SearchStatus.FOUND,
-    kernels.EXHAUSTED: SearchStatus.EXHAUSTED,
-    kernels.STOPPED: SearchStatus.STOPPED,
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +60,16 @@ class SearchOptions:
     recorder: ExpansionRecorder | None = None
 
 
-class Method(Protocol):
-    """One of the paper's search methods."""
+@dataclass(frozen=True)
+class PaperMethod:
+    """One of the paper's search methods: f = g + w h(goal), with h(target) more for targets.
+
+    `weight` is w, None that of the options, and is multiplied by `decay` at each pop, down to 1.
+    """
+
+    weight: float | None = 1.0
+    decay: float = 1.0
+    uses_targets: bool = False
 
     def __call__(
         self,
@@ -81,75 +84,40 @@ class Method(Protocol):
         `targets` [n, 2] is the paper's target list without its start, in cells; methods that
         use no waypoints ignore it.
         """
+        weight = options.weight if self.weight is None else self.weight
+        chosen: ArrayLike = targets if self.uses_targets else []
+        return run_kernel(blocked, start, goal, chosen, options, weight=weight, decay=self.decay)
 
 
-def astar(
-    blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
-) -> SearchResult:
-    """Search by the paper's A*: stale queue entries are expanded too, ties go by (f, x, y)."""
-    del targets
-    return run_kernel(blocked, start, goal, [], options, weight=1.0)
-
-
-def weighted_astar(
-    blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
-) -> SearchResult:
-    """Search by weighted A* with the static weight of the options: f = g + w h(goal)."""
-    del targets
-    return run_kernel(blocked, start, goal, [], options, weight=options.weight)
-
-
-def dynamic_weighted_astar(
-    blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
-) -> SearchResult:
-    """Search by the paper's dynamic weighted A*: w = max(1, 2 * 0.99^k) at the k-th pop."""
-    del targets
-    return run_kernel(
-        blocked, start, goal, [], options, weight=DYNAMIC_WEIGHT, decay=DYNAMIC_DECAY
-    )
-
-
-def llm_astar(
-    blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
-) -> SearchResult:
-    """Search by LLM-A* as the paper's published code does: f = g + (h(goal) + h(target)).
-
-    The target advances when a neighbour equals it; a target between lattice points is never
-    reached. The length of the path has no bound.
-    """
-    return run_kernel(blocked, start, goal, targets, options, weight=1.0)
-
-
-PAPER_METHODS: dict[str, Method] = {
+# Stale queue entries are expanded too, ties go by (f, x, y).
+astar = PaperMethod()
+# The target advances when a neighbour equals it; a target between lattice points is never
+# reached. The length of the path has no bound.
+llm_astar = PaperMethod(uses_targets=True)
+PAPER_METHODS = {
     'astar': astar,
-    'weighted_astar': weighted_astar,
-    'dynamic_weighted_astar': dynamic_weighted_astar,
+    'weighted_astar': PaperMethod(weight=None),
+    'dynamic_weighted_astar': PaperMethod(DYNAMIC_WEIGHT, DYNAMIC_DECAY),
     'llm_astar': llm_astar,
 }
 
 
-def search_as_published(method: Method, problem: SearchProblem) -> SearchResult:
+def search_as_published(method: PaperMethod, problem: SearchProblem) -> SearchResult:
     """Search by one of the paper's methods; without waypoints the goal is its only target."""
     grid = problem.grid
     options = SearchOptions(
-        problem.heuristic,
-        problem.weight,
-        grid.corner_cutting,
-        problem.stop,
-        problem.deadline,
+        problem.heuristic, problem.weight, grid.corner_cutting, problem.stop, problem.deadline,
         problem.want_expanded,
-    )
+    )  # fmt: skip
     targets = problem.waypoints or [problem.goal]
     return method(grid.blocked, problem.start, problem.goal, targets, options)
 
 
-astar_method = search_method()(partial(search_as_published, astar))
-weighted_astar_method = search_method()(partial(search_as_published, weighted_astar))
-dynamic_weighted_astar_method = search_method()(
-    partial(search_as_published, dynamic_weighted_astar)
-)
-llm_astar_method = search_method(uses_waypoints=True, as_published=True)(
-    partial(search_as_published, llm_astar)
+astar_method, weighted_astar_method, dynamic_weighted_astar_method, llm_astar_method = (
+    search_method(uses_waypoints=method.uses_targets, as_published=method.uses_targets)(
+        partial(search_as_published, method)
+    )
+    for method in PAPER_METHODS.values()
 )
 
 
@@ -184,7 +152,7 @@ def run_kernel(
     options: SearchOptions,
     *,
     weight: float,
-    decay: float = 1.0,
+    decay: float,
 ) -> SearchResult:
     """Run the loop that all of the paper's methods share, with their weight, decay and targets."""
     height, width = blocked.shape
@@ -206,8 +174,8 @@ def run_kernel(
         search = recorded(search, recorder, closed.reshape(width, height).T, counts)
     code = run_slices(search, options.deadline)
     expanded = closed.reshape(width, height).T if options.want_expanded else _NOT_WANTED
-    found = _STATUS[code], int(counts[kernels.EXPANSIONS]), int(counts[kernels.STORAGE]), expanded
-    if code != kernels.FOUND:
+    found = ENDED[code], int(counts[kernels.EXPANSIONS]), int(counts[kernels.STORAGE]), expanded
+    if code != FOUND:
         return SearchResult(*found)
     path, diagonals = kernels.trace_back(move_to, first, last, height)
     return SearchResult(*found, path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0))
@@ -224,7 +192,7 @@ def recorded(
     def run(*heap: NDArray[Any]) -> int:
         code = search(*heap)
         expansions = int(counts[kernels.EXPANSIONS])
-        if code != kernels.RUNNING or recorder.is_due(expansions):
+        if code != RUNNING or recorder.is_due(expansions):
             recorder.look(closed, expansions)
         return code
 
@@ -239,8 +207,8 @@ def run_slices(search: Callable[..., int], deadline: float) -> int:
     keys, nodes = np.empty(_FIRST_HEAP), np.empty(_FIRST_HEAP, dtype=np.int64)
     while time.monotonic() < deadline:
         code = search(keys, nodes)
-        if code == kernels.NEED_SPACE:
+        if code == NEED_SPACE:
             keys, nodes = np.concatenate((keys, keys)), np.concatenate((nodes, nodes))
-        elif code != kernels.RUNNING:
+        elif code != RUNNING:
             return code
-    return kernels.STOPPED
+    return STOPPED

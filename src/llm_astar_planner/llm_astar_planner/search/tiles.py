@@ -8,6 +8,7 @@ components of the whole grid. After a change only the tiles that it touches are 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
@@ -88,6 +89,14 @@ class Tiles:
         return joined(
             labels, counts, changed, old, shift=self.shift, corner_cutting=self.corner_cutting
         )
+
+    @cached_property
+    def tables(self) -> kernels.TileTables:
+        """The arrays as the compiled loops take them."""
+        return kernels.TileTables(
+            self.labels, self.shift, self.corner_cutting, self.counts, self.nodes, self.starts,
+            self.contacts,
+        )  # fmt: skip
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from llm_astar_planner.search._kernels import walls as kernels
+from llm_astar_planner.search._kernels import line_of_sight as kernels
 
 # Ends of lines up to this many cells from the first are computed in 64 bits.
 MOST_CELLS = 1 << 24

@@ -15,6 +15,7 @@ from grids import assert_path, dijkstra, queries
 from hypothesis import given, settings
 from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_planner.search import grid_graph
+from llm_astar_planner.search._kernels.astar import CANONICAL_SUCCESSORS, STEP_X, STEP_Y
 from llm_astar_planner.search.astar import exact_astar, shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
@@ -221,3 +222,39 @@ def test_every_claim_holds_for_exact_costs(multiplier):
             worst = max(worst, exact_astar(grid, start, goal).suboptimality_bound)
         assert found.suboptimality_bound <= 1.02
     assert 1.0 < worst <= grid.rounding
+
+
+def ways_around(move, mask):
+    """The shortest ways from the previous cell to each neighbour, around a cell at (0, 0).
+
+    The cell was entered by `move` and has the legal moves `mask`, whose ends are surely free. A
+    way is (length, whether its last move is diagonal); of equal ones a straight end is better.
+    """
+    steps = list(zip(STEP_X.tolist(), STEP_Y.tolist()))
+    before = (-steps[move][0], -steps[move][1])
+    free = {step for bit, step in enumerate(steps) if mask >> bit & 1} | {before}
+    ways, known = {before: (0.0, False)}, None
+    while ways != known:
+        known = dict(ways)
+        for (x, y), (length, _) in known.items():
+            for step_x, step_y in steps:
+                end, is_diagonal = (x + step_x, y + step_y), bool(step_x and step_y)
+                corners = {(x + step_x, y), (x, y + step_y)} if is_diagonal else {end}
+                if end in free and corners <= free | {(0, 0)}:
+                    way = round(length + math.hypot(step_x, step_y), 9), is_diagonal
+                    ways[end] = min(ways.get(end, way), way)
+    return ways
+
+
+def test_a_move_is_left_out_where_the_cell_before_reaches_its_end_as_well_around_this_cell():
+    for move in range(8):
+        for mask in range(256):
+            ways, kept = ways_around(move, mask), 0
+            for bit in range(8):
+                end = int(STEP_X[bit]), int(STEP_Y[bit])
+                direct = round(math.hypot(*end) + (1.0 if move < 4 else math.sqrt(2.0)), 9)
+                around, ends_diagonal = ways.get(end, (math.inf, True))
+                is_equal = around == direct and bit >= 4 and not ends_diagonal
+                if mask >> bit & 1 and not (around < direct or is_equal):
+                    kept |= 1 << bit
+            assert CANONICAL_SUCCESSORS[move << 8 | mask] == kept, (move, mask)

@@ -1,6 +1,7 @@
 """numba keeps its kernels where this process can write, and finds those of the installation."""
 
 import os
+import runpy
 import tempfile
 from pathlib import Path
 
@@ -8,14 +9,22 @@ import pytest
 from llm_astar_planner.search import kernel_cache
 from numba.core import config
 
+LOOP = """
+from llm_astar_planner.search.kernel_cache import jit
+
+@jit
+def loop():
+    return 1
+"""
+
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
     """A package of kernels on a read-only disk, compiled at the installation."""
     kernels = tmp_path / 'installed' / '_kernels'
     (kernels / '__pycache__').mkdir(parents=True)
-    (kernels / '__init__.py').touch()
-    for name in ('loop.py311.nbi', 'loop.py311.1.nbc', 'loop.cpython-311.pyc'):
+    (kernels / 'loop.py').write_text(LOOP)
+    for name in ('loop.py311.nbi', 'loop.py311.1.nbc', 'other.cpython-311.pyc'):
         (kernels / '__pycache__' / name).write_text(name)
     is_writable = kernel_cache.is_writable
     monkeypatch.setattr(
@@ -26,7 +35,14 @@ def install(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, '_CHOSEN', [])
     monkeypatch.setattr(config, 'CACHE_DIR', '')
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'home'))
-    return kernels / '__init__.py'
+    return kernels / 'loop.py'
+
+
+def start(install):
+    """Import the kernels as a new process does."""
+    kernel_cache.prepare_cache.cache_clear()
+    kernel_cache.copy_compiled.cache_clear()
+    return runpy.run_path(str(install))['loop']
 
 
 def copied():
@@ -34,12 +50,12 @@ def copied():
 
 
 def test_a_read_only_installation_is_copied_to_the_users_cache(install, tmp_path):
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     assert Path(config.CACHE_DIR) == tmp_path / 'home' / 'llm_astar_planner'
     assert copied() == ['loop.py311.1.nbc', 'loop.py311.nbi']
     (newer,) = Path(config.CACHE_DIR).glob('_kernels_*/*.nbi')
     newer.write_text('compiled here')
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     assert newer.read_text() == 'compiled here'
 
 
@@ -48,12 +64,12 @@ def test_without_a_home_a_temporary_folder_of_this_user_is_used_and_named(
 ):
     monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     folder = Path(config.CACHE_DIR)
     assert folder.parent == tmp_path
     assert folder.stat().st_mode & 0o077 == 0
     assert copied()
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     (said,) = capsys.readouterr().err.splitlines()
     assert f'compiled searches are kept in {folder}' in said
     assert 'NUMBA_CACHE_DIR' in said
@@ -68,25 +84,25 @@ def test_without_any_folder_for_temporary_files_shared_memory_serves(
     monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
     monkeypatch.setattr(tempfile, 'gettempdir', gettempdir)
     monkeypatch.setattr(kernel_cache, 'SHARED_MEMORY', str(tmp_path))
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     assert Path(config.CACHE_DIR).parent == tmp_path
 
 
 def test_a_temporary_folder_that_others_may_write_is_not_trusted(install, tmp_path, monkeypatch):
     monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     before = Path(config.CACHE_DIR)
     before.chmod(0o777)
     kernel_cache._CHOSEN.clear()
     config.CACHE_DIR = ''
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     assert Path(config.CACHE_DIR) != before
 
 
 def test_the_users_own_choice_stays(install, tmp_path):
     config.CACHE_DIR = str(tmp_path / 'chosen')
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     assert str(tmp_path / 'chosen') == config.CACHE_DIR
     assert not copied()
 
@@ -96,8 +112,8 @@ def test_a_choice_that_cannot_be_written_is_named_once_and_ignored(
 ):
     config.CACHE_DIR = '/proc/nowhere'
     monkeypatch.setenv('NUMBA_CACHE_DIR', '/proc/nowhere')
-    kernel_cache.prepare_cache(str(install))
-    kernel_cache.prepare_cache(str(install))
+    start(install)
+    start(install)
     assert Path(config.CACHE_DIR) == tmp_path / 'home' / 'llm_astar_planner'
     assert 'NUMBA_CACHE_DIR' not in os.environ
     (said,) = capsys.readouterr().err.splitlines()
@@ -108,5 +124,5 @@ def test_a_choice_that_cannot_be_written_is_named_once_and_ignored(
 
 def test_a_folder_that_numba_can_write_stays_its_own(install, monkeypatch):
     monkeypatch.setattr(kernel_cache, 'is_writable', lambda _: True)
-    kernel_cache.prepare_cache(str(install))
+    start(install)
     assert not config.CACHE_DIR

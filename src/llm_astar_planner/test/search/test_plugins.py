@@ -15,10 +15,10 @@ from llm_astar_planner.search.methods import (
     METHODS,
     SEARCH_METHODS,
     WAYPOINT_METHODS,
+    make_plugin_method,
     uses_waypoints,
 )
 from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
-from llm_astar_planner.search.plugins import make_plugin_method
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.waypoints.replay import FixedReply

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from llm_astar_planner.search.kernel_cache import jit
 
 # Cells on a side of the squares in which changes are looked for.
 TILE = 64
 # With more windows than this, one for the whole map is less work.
 MOST_WINDOWS = 256
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
+@jit
 def changed_windows(
     before: NDArray[np.int8], after: NDArray[np.int8], margin: int
 ) -> NDArray[np.int64]:
@@ -84,7 +81,7 @@ def changed_windows(
     return whole if 2 * covered > height * width else windows[:count].copy()
 
 
-@_jit
+@jit
 def has_graded(cost: NDArray[np.int8], blocked: NDArray[np.bool_], unknown_cost: int) -> bool:
     """Tell whether any free cell costs something; `cost` and `blocked` are [height, width]."""
     unknown = 0 if unknown_cost > 0 else -128  # cells below it cost something

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from llm_astar_planner.search.kernel_cache import jit
 
 # Rows inflated at a time, so that what is kept of them stays in the processor's cache.
 BAND_ROWS = 64
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
+@jit
 def inflate(
     cells: NDArray[np.int8],
     threshold: int,

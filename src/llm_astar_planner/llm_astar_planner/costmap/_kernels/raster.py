@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-_jit: Any = njit(cache=True, nogil=True)
+from llm_astar_planner.search.kernel_cache import jit
 
 
-@_jit
+@jit
 def cover(
     points: NDArray[np.float64],
     ends: NDArray[np.int64],
@@ -63,7 +61,7 @@ def cover(
             inside[y, x] = is_inside
 
 
-@_jit
+@jit
 def raise_to_mask(
     mask: NDArray[np.int8],
     table: NDArray[np.int8],

@@ -252,11 +252,11 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     'y = 3' is an axis in Spanish, too, and 'um A' is around it in German, 'um 3 m' by so much.
     """
     result: list[Lexeme] = []
-    for at, lexeme in enumerate(lexemes):
+    for at, (lexeme, after) in enumerate(zip(lexemes, kinds_after(lexemes))):
         before = result[-1].kind if result else ''
         is_other = (
             (lexeme.other == AXIS and is_sign(lexemes, at + 1, '='))
-            or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after_kind(lexemes, at)))
+            or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
             or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
         )
@@ -264,9 +264,9 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return result
 
 
-def after_kind(lexemes: Sequence[Lexeme], at: int) -> str:
-    """Return the kind of the lexeme after one, '' at the end."""
-    return lexemes[at + 1].kind if at + 1 < len(lexemes) else ''
+def kinds_after(lexemes: Sequence[Lexeme]) -> list[str]:
+    """Return the kind of the lexeme after each, '' at the end."""
+    return [*(lexeme.kind for lexeme in lexemes[1:]), '']
 
 
 def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -274,14 +274,11 @@ def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
     An ordinal is told from an order word by what follows ('first aisle', 'first the dock').
     """
-    result: list[Lexeme] = []
-    for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
-        following = after.kind if after else ''
-        if following in GO_WITH.get(lexeme.kind, ()):
-            continue
-        is_counted = lexeme.other == 'ORDINAL' and following == 'NOUN'
-        result.append(lexeme.as_other() if is_counted else lexeme)
-    return result
+    return [
+        lexeme.as_other() if lexeme.other == 'ORDINAL' and following == 'NOUN' else lexeme
+        for lexeme, following in zip(lexemes, kinds_after(lexemes))
+        if following not in GO_WITH.get(lexeme.kind, ())
+    ]
 
 
 # After these 'it' stands for a place; elsewhere it says nothing: 'it is important that'.

@@ -65,8 +65,7 @@ def avoid_of(things: Things, metres: float = 0.0) -> tuple[spec.Clause, ...]:
         elif thing.is_point and metres:
             clauses.append(spec.Avoid(region=with_radius(thing, metres)))
         else:
-            regions = thing.regions if thing.together is None else (thing.together,)
-            clauses += [spec.Avoid(region=region, margin=metres) for region in regions]
+            clauses += [spec.Avoid(region=region, margin=metres) for region in thing.each]
     return tuple(clauses)
 
 
@@ -76,12 +75,10 @@ def distance_of(things: Things, metres: float) -> tuple[spec.Clause, ...]:
     for thing in things:
         if thing.any_one == 'one':
             raise Unclear('a distance from which one')
-        if thing.is_walls:
-            clauses.append(spec.KeepDistance(metres=positive(metres)))
-        elif thing.is_point:
+        if thing.is_point:
             clauses.append(spec.Avoid(region=with_radius(thing, positive(metres))))
         else:
-            regions = thing.regions if thing.together is None else (thing.together,)
+            regions = (None,) if thing.is_walls else thing.each
             clauses += [spec.KeepDistance(metres=positive(metres), region=one) for one in regions]
     return tuple(clauses)
 

@@ -152,13 +152,16 @@ class Selection:
     is_limit: bool = False
 
     @property
+    def each(self) -> tuple[spec.Region, ...]:
+        """The regions, or the one that stands for them."""
+        return self.regions if self.together is None else (self.together,)
+
+    @property
     def one(self) -> spec.Region:
         """The regions as one. Raises Unclear where there are several."""
-        if self.together is not None:
-            return self.together
-        if len(self.regions) != 1:
+        if len(self.each) != 1:
             raise Unclear('several places where one is expected')
-        return self.regions[0]
+        return self.each[0]
 
     @property
     def place(self) -> Place:

@@ -155,12 +155,8 @@ def said_orders(clauses: Sequence[spec.Clause], structure: Structure) -> list[sp
     """Return the clauses with two visits as one clause where 'before' puts one first."""
     joined: list[spec.Clause] = []
     for clause in clauses:
-        last = joined[-1] if joined else None
-        order = said_order(last, clause, structure)
-        if order is None:
-            joined.append(clause)
-        else:
-            joined[-1] = order
+        order = said_order(joined[-1], clause, structure) if joined else None
+        joined[-1:] = [order] if order else [*joined[-1:], clause]
     return joined
 
 
@@ -196,7 +192,7 @@ def both(first: Evidence, second: Evidence) -> Evidence:
 
 
 def said_order(
-    first: spec.Clause | None, second: spec.Clause, structure: Structure
+    first: spec.Clause, second: spec.Clause, structure: Structure
 ) -> spec.Before | None:
     """Return the clause of two visits between which 'before' puts the first one first."""
     if not (isinstance(first, spec.Visit) and isinstance(second, spec.Visit)):
@@ -272,11 +268,12 @@ def read_back_problems(clause: spec.Clause, sentence: Sentence) -> list[str]:
     numbers = [mention for mention in sentence.mentions if mention.numbers]
     strip = any(isinstance(region, spec.Along) for region in spec.regions_of(clause))
     values = [mention.numbers[0] for mention in shown.mentions if mention.numbers]
-    for value in values:
-        is_default = strip and value == spec.ALONG_WIDTH
-        if not is_default and not any(holds(mention, value) for mention in numbers):
-            problems.append(f'the sentence does not say {value:g}')
-    return problems
+    return problems + [
+        f'the sentence does not say {value:g}'
+        for value in values
+        if not (strip and value == spec.ALONG_WIDTH)
+        and not any(holds(mention, value) for mention in numbers)
+    ]
 
 
 def without_extras(weighed: Weighed) -> Weighed:
@@ -286,15 +283,13 @@ def without_extras(weighed: Weighed) -> Weighed:
     """
     standing = [evidence.tokens for _, evidence in weighed if not evidence.problems]
     taken = set().union(*standing)
-    kept: Weighed = []
-    for clause, evidence in weighed:
+
+    def is_extra(evidence: Evidence) -> bool:
         if evidence.problems:
-            is_extra = bool(evidence.tokens) and evidence.tokens <= taken
-        else:
-            is_extra = any(evidence.tokens < other for other in standing)
-        if not is_extra:
-            kept.append((clause, evidence))
-    return kept
+            return bool(evidence.tokens) and evidence.tokens <= taken
+        return any(evidence.tokens < other for other in standing)
+
+    return [(clause, evidence) for clause, evidence in weighed if not is_extra(evidence)]
 
 
 def words_half_read(clauses: Sequence[spec.Clause], sentence: Sentence) -> set[int]:

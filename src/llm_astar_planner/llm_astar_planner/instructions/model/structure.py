@@ -128,9 +128,7 @@ class Structure:
 
     def _joins_numbers(self, index: int) -> bool:
         """Return whether numbers stand on both sides of a token."""
-        around = (
-            self.sentence.tokens[index - 1 : index] + self.sentence.tokens[index + 1 : index + 2]
-        )
+        around = self.sentence.tokens[max(0, index - 1) : index + 2 : 2] if index else ()
         return len(around) == 2 and all(token.is_number for token in around)
 
     def _number_predicates(self) -> None:

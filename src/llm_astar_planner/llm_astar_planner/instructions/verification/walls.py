@@ -82,20 +82,12 @@ class Walls:
         corners = self._grid_map.world_to_grid(path.corners)
         around = reach / self._grid_map.resolution + 1.0
         for begin, end, place in pieces_of(corners, path.at):
-            xs, ys = self._cells_between(
-                np.minimum(begin, end) - around, np.maximum(begin, end) + around
-            )
+            low, high = np.minimum(begin, end) - around, np.maximum(begin, end) + around
+            x0, y0 = np.maximum(np.floor(low), 0.0).astype(np.intp)
+            x1, y1 = np.maximum(np.ceil(high) + 1.0, 0.0).astype(np.intp)
+            ys, xs = np.nonzero(self._grid_map.cells[y0:y1, x0:x1] >= self._threshold)
             if len(xs):
-                yield StraightPiece(begin, end, place, np.column_stack((xs, ys)))
-
-    def _cells_between(
-        self, low: NDArray[np.float64], high: NDArray[np.float64]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the lethal cells in a window of the map."""
-        x0, y0 = np.maximum(np.floor(low), 0.0).astype(np.intp)
-        x1, y1 = np.maximum(np.ceil(high) + 1.0, 0.0).astype(np.intp)
-        ys, xs = np.nonzero(self._grid_map.cells[y0:y1, x0:x1] >= self._threshold)
-        return xs + x0, ys + y0
+                yield StraightPiece(begin, end, place, np.column_stack((xs + x0, ys + y0)))
 
     def outline(self, metres: float) -> BaseGeometry:
         """Return everything within `metres` of the walls near the path as a polygon, to draw."""

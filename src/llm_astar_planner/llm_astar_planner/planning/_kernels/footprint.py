@@ -7,23 +7,20 @@ each side. A cell is lethal from `threshold` up, and where it is unknown if `unk
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.headings import is_lethal
+from llm_astar_planner.search.kernel_cache import jit
 
 HALF = 0.5
 # Cells that a point of the polygon may move between two looks, at first and if that finds a
 # collision: cells are taken to be half of it larger, so that nothing between two looks is missed.
 STEPS = (0.5, 0.1)
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
+@jit
 def touches(corners: NDArray[np.float64], x: float, y: float, half: float) -> bool:
     """Tell whether a polygon [n, 2], its inside too, meets the square of 2 * half at (x, y)."""
     inside = False
@@ -47,7 +44,7 @@ def touches(corners: NDArray[np.float64], x: float, y: float, half: float) -> bo
     return inside
 
 
-@_jit
+@jit
 def collides(
     cells: NDArray[np.int8],
     threshold: int,
@@ -88,7 +85,7 @@ def collides(
     return False
 
 
-@_jit
+@jit
 def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
     """Set the cells that a polygon at a pose (x, y, yaw) touches to 0, free."""
     height, width = cells.shape
@@ -104,7 +101,7 @@ def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np
                 cells[y, x] = 0
 
 
-@_jit
+@jit
 def all_collisions(
     cells: NDArray[np.int8],
     threshold: int,
@@ -120,7 +117,7 @@ def all_collisions(
     return found
 
 
-@_jit
+@jit
 def motion_collides(
     cells: NDArray[np.int8],
     threshold: int,
@@ -149,7 +146,7 @@ def motion_collides(
     return True
 
 
-@_jit
+@jit
 def turn_collides(
     cells: NDArray[np.int8],
     threshold: int,
@@ -169,7 +166,7 @@ def turn_collides(
     return True
 
 
-@_jit
+@jit
 def path_collides(
     cells: NDArray[np.int8],
     threshold: int,

@@ -11,11 +11,11 @@ a lethal cell. It begins with zeros; threads may share it, since all write the s
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from llm_astar_planner.search.kernel_cache import jit
 
 # More than any squared distance on a map.
 NO_LETHAL = 2**62
@@ -28,10 +28,8 @@ UNSEEN, EMPTY, LETHAL = range(3)
 # What is wrong with a path.
 FINE, ENDS, OUTSIDE, OBSTACLE, JUMP, CORNER = range(6)
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
+@jit
 def nearest_in_row(row: NDArray[np.int8], threshold: int, x: int, first: int, last: int) -> int:
     """Return the distance from column x to the nearest lethal cell of a row in first to last."""
     cells = row[max(first, 0) : max(last + 1, 0)]
@@ -47,7 +45,7 @@ def nearest_in_row(row: NDArray[np.int8], threshold: int, x: int, first: int, la
     return nearest
 
 
-@_jit
+@jit
 def nearest_lethal(
     cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, x: int, y: int, limit: int
 ) -> int:
@@ -69,7 +67,7 @@ def nearest_lethal(
     return nearest_by_tiles(cells, tiles, threshold, x, y, best)
 
 
-@_jit
+@jit
 def nearest_by_tiles(
     cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, x: int, y: int, best: int
 ) -> int:
@@ -102,7 +100,7 @@ def nearest_by_tiles(
     return best
 
 
-@_jit
+@jit
 def tile_has_lethal(
     cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, row: int, column: int
 ) -> bool:
@@ -114,7 +112,7 @@ def tile_has_lethal(
     return tiles[row, column] == LETHAL
 
 
-@_jit
+@jit
 def has_lethal(tile: NDArray[np.int8], threshold: int) -> bool:
     """Tell whether any cell of a tile is lethal."""
     found = False
@@ -125,7 +123,7 @@ def has_lethal(tile: NDArray[np.int8], threshold: int) -> bool:
     return found
 
 
-@_jit
+@jit
 def squared_clearance(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -170,7 +168,7 @@ def squared_clearance(
     return best
 
 
-@_jit
+@jit
 def box_has_lethal(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -191,7 +189,7 @@ def box_has_lethal(
     return False
 
 
-@_jit
+@jit
 def first_blocked(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -218,7 +216,7 @@ def first_blocked(
     return own
 
 
-@_jit
+@jit
 def path_fault(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -267,7 +265,7 @@ def path_fault(
     return FINE, 0
 
 
-@_jit
+@jit
 def segment_fault(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -320,7 +318,7 @@ def segment_fault(
     return FINE, 0, 0
 
 
-@_jit
+@jit
 def measure(
     cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, path: NDArray[np.int64]
 ) -> tuple[int, float, int]:
@@ -343,7 +341,7 @@ def measure(
     return squared, unknown, turns
 
 
-@_jit
+@jit
 def first_missed(path: NDArray[np.int64], via: NDArray[np.int64]) -> int:
     """Return the index of the first cell of `via` [m, 2] that a path does not pass in turn, or -1.
 
@@ -358,7 +356,7 @@ def first_missed(path: NDArray[np.int64], via: NDArray[np.int64]) -> int:
     return -1
 
 
-@_jit
+@jit
 def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return for each of the points [m, 2] the first of its nearest cells on a path: int64 [m].
 
@@ -385,7 +383,7 @@ def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDAr
     return places
 
 
-@_jit
+@jit
 def invalid_poses(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],

@@ -1,4 +1,4 @@
-"""Compiled loops of the bucket-queue searches: the tables of moves, exact A*.
+"""Compiled loops that searches share: legal moves, queues of buckets, heaps; and exact A*.
 
 Cells are numbered row by row, `index = y * width + x`. A legal move is a bit of `moves[index]`:
 bits 0 to 3 are +x, +y, -x, -y, bits 4 to 7 the diagonals +x+y, -x+y, -x-y, +x-y. Lengths are
@@ -9,12 +9,12 @@ here`. A record of another generation counts as never seen, so a query clears no
 
 from __future__ import annotations
 
-import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from llm_astar_planner.search.kernel_cache import inlined, jit
 
 STEP_X = np.array([1, 0, -1, 0, 1, -1, -1, 1], dtype=np.int64)
 STEP_Y = np.array([0, 1, 0, -1, 1, 1, -1, -1], dtype=np.int64)
@@ -22,79 +22,38 @@ STEP_Y = np.array([0, 1, 0, -1, 1, 1, -1, -1], dtype=np.int64)
 LOWEST = np.array([(mask & -mask).bit_length() - 1 for mask in range(256)], dtype=np.int64)
 
 
-def ways_around(move: int, mask: int) -> dict[tuple[int, int], tuple[float, bool]]:
-    """Return the shortest ways from the previous cell to each neighbour, around this cell.
-
-    This cell is (0, 0), entered by `move`; `mask` holds its legal moves, which tell which
-    neighbours are surely free. A way is (length, whether its last move is diagonal); among ways
-    of equal length one that ends with a straight move is preferred.
-    """
-    steps = [(int(x), int(y)) for x, y in zip(STEP_X, STEP_Y)]
-    before = (-steps[move][0], -steps[move][1])
-    free = {step for bit, step in enumerate(steps) if mask >> bit & 1} | {before}
-    ways = {before: (0.0, False)}
-    known_before: dict[tuple[int, int], tuple[float, bool]] = {}
-    while ways != known_before:
-        known_before = dict(ways)
-        for cell in known_before:
-            for step_x, step_y in steps:
-                x, y = cell[0] + step_x, cell[1] + step_y
-                corners = {(x, cell[1]), (cell[0], y)} if step_x and step_y else {(x, y)}
-                if (x, y) in free and corners <= free | {(0, 0)}:
-                    way = (ways[cell][0] + math.hypot(step_x, step_y), bool(step_x and step_y))
-                    known = ways.get((x, y), (math.inf, True))
-                    if way[0] < known[0] - 1e-9 or (way[0] < known[0] + 1e-9 and way < known):
-                        ways[x, y] = (min(way[0], known[0]), way[1])
-    return ways
-
-
 def canonical_successors(move: int, mask: int) -> int:
     """Return the moves of `mask` to try in a cell entered by `move`, on uniform costs.
 
     A move is dropped if the previous cell reaches the same neighbour around this cell by a
     shorter way, or by an equally long one whose last move is straight while the move is
-    diagonal. Some shortest path remains (proof in docs/guided-search.md).
+    diagonal. Some shortest path remains (proof in docs/guided-search.md). So beside a straight
+    move the cells obliquely behind decide, beside a diagonal one those straight behind.
     """
-    ways = ways_around(move, mask)
-    length = 1.0 if move < 4 else math.sqrt(2.0)
-    kept = 0
-    for bit in range(8):
-        if mask >> bit & 1:
-            direct = length + (1.0 if bit < 4 else math.sqrt(2.0))
-            around, ends_diagonal = ways.get(
-                (int(STEP_X[bit]), int(STEP_Y[bit])), (math.inf, True)
-            )
-            shorter = around < direct - 1e-9
-            equal = around < direct + 1e-9 and bit >= 4 and not ends_diagonal
-            if not (shorter or equal):
-                kept |= 1 << bit
-    return kept
-
-
-def turned(mask: int, turns: int) -> int:
-    """Return a mask of moves after 0 to 3 quarter turns to the left."""
-    straight, diagonal = (mask & 15) << turns, (mask >> 4) << turns
-    return (straight | straight >> 4) & 15 | ((diagonal | diagonal >> 4) & 15) << 4
-
-
-def successor_table() -> NDArray[np.uint8]:
-    """Return `canonical_successors` of all moves and masks, and a last row that keeps all moves.
-
-    Those of the moves +x and +x+y are computed, and the others turned from them.
-    """
-    table = np.zeros((9, 256), dtype=np.uint8)
-    table[8] = np.arange(256)
-    for first in (0, 4):
-        for mask in range(256):
-            kept = canonical_successors(first, mask)
-            for turns in range(4):
-                table[first + turns, turned(mask, turns)] = turned(kept, turns)
-    return table.ravel()
+    first = move % 4
+    left, back, right = (first + 1) % 4, (first + 2) % 4, (first + 3) % 4
+    kept = 1 << move
+    if move >= 4:
+        kept |= 1 << first | 1 << left
+        for straight, diagonal in ((right, 4 + right), (back, 4 + left)):
+            if not mask >> straight & 1:
+                kept |= 1 << diagonal
+        return kept & mask
+    for side, ahead, behind in ((left, move, left), (right, right, back)):
+        if not mask >> 4 + behind & 1:
+            kept |= 1 << side | 1 << 4 + ahead
+        elif not mask >> side & 1:
+            kept |= 1 << 4 + ahead
+    return kept & mask
 
 
 # Indexed by move << 8 | legal moves; row 8 keeps all moves, for the start and graded costs.
 EVERY_MOVE = 8 << 8
-CANONICAL_SUCCESSORS = successor_table()
+CANONICAL_SUCCESSORS = np.array(
+    [canonical_successors(move, mask) for move in range(8) for mask in range(256)]
+    + list(range(256)),
+    dtype=np.uint8,
+)
 
 TAG_BITS = 12
 CLOSED = 8
@@ -111,56 +70,120 @@ RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
     A_STARTED, A_BASE, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE,
 ) = range(10)  # fmt: skip
 
-_jit: Any = njit(cache=True, nogil=True)
 
+class Cells(NamedTuple):
+    """The cells of a grid as the loops see them, and the lengths of moves in units.
 
-@_jit
-def choose_landmarks(
-    landmark_distances: NDArray[np.int32],
-    start: int,
-    goal: int,
-    octile: int,
-    active: NDArray[np.int64],
-) -> int:
-    """Fill `active` [k, 2] with the landmarks that prove most for a query; return their number.
-
-    A landmark is its row and its distance to the goal. Those that prove less than half of the
-    octile distance are left out. Returns -1 if they prove that no path joins the cells.
+    `cell_surcharge` is empty, or the surcharge of each cell in 1/256: a move costs its length
+    times 1 plus the mean of the surcharges at its two ends.
     """
-    count = 0
-    most = active.shape[0]
-    for row in range(landmark_distances.shape[0]):
-        first = np.int64(landmark_distances[row, start])
-        last = np.int64(landmark_distances[row, goal])
-        if (first < 0) != (last < 0):
-            return -1
-        gap = abs(first - last)
-        if first < 0 or 2 * gap <= octile:
-            continue
-        # Insertion into the list, the largest gap first.
-        place = count
-        while place > 0:
-            before = active[place - 1]
-            other = abs(np.int64(landmark_distances[before[0], start]) - before[1])
-            if other >= gap:
-                break
-            if place < most:
-                active[place, 0], active[place, 1] = before[0], before[1]
-            place -= 1
-        if place < most:
-            active[place, 0] = row
-            active[place, 1] = last
-            count = min(count + 1, most)
-    return count
+
+    moves: NDArray[np.uint8]  # [cells]
+    cell_surcharge: NDArray[np.uint16]  # [cells] or empty
+    width: int
+    straight: int
+    diagonal: int
 
 
-@_jit
+@inlined
+def octile(straight: int, extra: int, delta_x: int, delta_y: int) -> int:
+    """Return the octile distance over so many columns and rows, in units."""
+    delta_x, delta_y = abs(delta_x), abs(delta_y)
+    return straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+
+
+@inlined
+def estimate_to_goal(
+    landmark_distances: NDArray[np.int32], active: NDArray[np.int64], cell: int, distance: int
+) -> int:
+    """Return a lower bound on a cell's cost to the goal: the octile `distance` or a landmark's."""
+    for number in range(active.shape[0]):
+        gap = np.int64(landmark_distances[active[number, 0], cell]) - active[number, 1]
+        distance = max(distance, abs(gap))
+    return distance
+
+
+@inlined
+def push(
+    pool: NDArray[np.int64], heads: NDArray[np.int32], slot: int, item: int, free: int, top: int
+) -> tuple[int, int, int]:
+    """Queue `item`, a number << 32, in a bucket; return the entry, the first free one, the top.
+
+    Entries are numbered from 1 to `top`, in the pool as item | next entry; 0: no entry.
+    """
+    entry: Any = free
+    if free:
+        free = pool[entry - 1]
+    else:
+        top += 1
+        entry = top
+    pool[entry - 1] = item | heads[slot]
+    heads[slot] = entry
+    return entry, free, top
+
+
+@inlined
+def pop(
+    pool: NDArray[np.int64], heads: NDArray[np.int32], slot: int, free: int
+) -> tuple[Any, Any]:
+    """Take the last entry queued in a bucket; return its number and the first free entry."""
+    entry = np.int64(heads[slot])
+    item = pool[entry - 1]
+    heads[slot] = item & 0xFFFFFFFF
+    pool[entry - 1] = free
+    return item >> 32, entry
+
+
+@jit
+def comes_before(keys: Any, nodes: Any, a: int, b: int, by_node: bool) -> bool:
+    """Tell whether entry `a` is popped before entry `b`; of equal keys, perhaps `by_node`."""
+    return keys[a] < keys[b] or (by_node and keys[a] == keys[b] and nodes[a] < nodes[b])
+
+
+@jit
+def swap(keys: Any, nodes: Any, a: int, b: int) -> None:
+    """Swap two entries."""
+    keys[a], keys[b] = keys[b], keys[a]
+    nodes[a], nodes[b] = nodes[b], nodes[a]
+
+
+@jit
+def sift_down(keys: Any, nodes: Any, i: int, size: int, by_node: bool) -> None:
+    """Move entry `i` of `size` entries down to its place."""
+    while True:
+        child = 2 * i + 1
+        if child >= size:
+            return
+        if child + 1 < size and comes_before(keys, nodes, child + 1, child, by_node):
+            child += 1
+        if not comes_before(keys, nodes, child, i, by_node):
+            return
+        swap(keys, nodes, i, child)
+        i = child
+
+
+@jit
+def heap_push(keys: Any, nodes: Any, size: int, key: Any, node: int, by_node: bool) -> None:
+    """Add an entry to a heap of `size` entries."""
+    keys[size], nodes[size] = key, node
+    i = size
+    while i > 0 and comes_before(keys, nodes, i, (i - 1) >> 1, by_node):
+        swap(keys, nodes, i, (i - 1) >> 1)
+        i = (i - 1) >> 1
+
+
+@jit
+def heap_pop(keys: Any, nodes: Any, size: int, by_node: bool) -> Any:
+    """Remove the first entry from a heap of `size` entries; return its node."""
+    node = nodes[0]
+    keys[0], nodes[0] = keys[size - 1], nodes[size - 1]
+    sift_down(keys, nodes, 0, size - 1, by_node)
+    return node
+
+
+@jit
 def astar(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    width: int,
-    straight: int,
-    diagonal: int,
+    cells: Cells,
     start: int,
     goal: int,
     every_move: bool,
@@ -178,12 +201,11 @@ def astar(
     The estimate is the octile distance or what the `active` landmarks prove: their rows in
     `landmark_distances` and their distances to the goal. `heads` is a ring of buckets, each
     1 << BUCKET_BITS units of f wide and last in, first out; entries live in `pool` as
-    `cell << 32 | next entry + 1`. After NEED_SPACE call again with a longer pool that begins the
-    same. `cell_surcharge` is empty, or the surcharge of each cell in 1/256: a move costs its
-    length times 1 plus the mean of the surcharges at its two ends. `every_move` also tries the
-    moves that uniform costs make pointless; graded costs need it. The caller may lower
-    `control[A_BEST]` between calls to the cost of a path that it knows.
+    `cell << 32 | next entry`. After NEED_SPACE call again with a longer pool that begins the
+    same. `every_move` also tries the moves that uniform costs make pointless; graded costs need
+    it. The caller may lower `control[A_BEST]` between calls to the cost of a path that it knows.
     """
+    moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
     ring = heads.size - 1
     goal_y = goal // width
@@ -191,41 +213,23 @@ def astar(
     extra = diagonal - straight
     per_width = 1.0 / width
     tag = generation << TAG_BITS
-    landmarks = active.shape[0]
-    best: Any
     if control[A_STARTED] == 0:
         control[A_STARTED] = 1
         heads[:] = 0
-        delta_x = abs(start % width - goal_x)
-        delta_y = abs(start // width - goal_y)
-        estimate: Any = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
-        for number in range(landmarks):
-            distance = np.int64(landmark_distances[active[number, 0], start])
-            estimate = max(estimate, abs(distance - active[number, 1]))
+        distance = octile(straight, extra, start % width - goal_x, start // width - goal_y)
         # Buckets begin at the estimate: where that is exact, the first path ends the search.
-        base: Any = estimate
-        bucket: Any = 0
+        control[A_BASE] = estimate_to_goal(landmark_distances, active, start, distance)
         records[2 * start] = 0
         records[2 * start + 1] = tag
         pool[0] = np.int64(start) << 32
         heads[0] = 1
-        best = control[A_BEST] if start != goal else 0
-        expansions = 0
-        storage = 1
-        free: Any = 0
-        top = 1
-        live = 1
-    else:
-        base = control[A_BASE]
-        bucket = control[A_BUCKET]
-        best = control[A_BEST]
-        expansions = control[A_EXPANSIONS]
-        storage = control[A_STORAGE]
-        free = control[A_FREE]
-        top = control[A_TOP]
-        live = control[A_LIVE]
+        control[A_TOP] = control[A_LIVE] = control[A_STORAGE] = 1
+        if start == goal:
+            control[A_BEST] = 0
+    base, bucket, best = control[A_BASE], control[A_BUCKET], control[A_BEST]
+    expansions, storage = control[A_EXPANSIONS], control[A_STORAGE]
+    free, top, live = control[A_FREE], control[A_TOP], control[A_LIVE]
     limit = expansions + quota
-    entry: Any
     while True:
         while live > 0 and heads[bucket & ring] == 0:
             bucket += 1
@@ -238,14 +242,8 @@ def astar(
         if top + 8 > pool.size:
             status = NEED_SPACE
             break
-        slot = bucket & ring
-        entry = heads[slot]
-        item = pool[entry - 1]
-        heads[slot] = item & 0xFFFFFFFF
-        pool[entry - 1] = free
-        free = entry
+        cell, free = pop(pool, heads, bucket & ring, free)
         live -= 1
-        cell = item >> 32
         cell_tag = records[2 * cell + 1]
         if cell_tag & CLOSED:
             continue
@@ -262,71 +260,49 @@ def astar(
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
-            step_x = STEP_X[move]
-            step_y = STEP_Y[move]
-            other = cell + step_y * width + step_x
+            other_x = x + STEP_X[move]
+            other_y = y + STEP_Y[move]
+            other = other_y * width + other_x
             length = straight if move < 4 else diagonal
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
-            other_tag = records[2 * other + 1]
-            new = other_tag >> TAG_BITS != generation
-            if new or other_g < records[2 * other]:
-                delta_x = abs(x + step_x - goal_x)
-                delta_y = abs(y + step_y - goal_y)
-                estimate = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
-                for number in range(landmarks):
-                    distance = np.int64(landmark_distances[active[number, 0], other])
-                    estimate = max(estimate, abs(distance - active[number, 1]))
-                f = other_g + estimate
-                if f < best:
-                    storage += new
-                    records[2 * other] = other_g
-                    records[2 * other + 1] = tag | move
-                    if other == goal:
-                        best = other_g
-                    else:
-                        slot = (f - base >> BUCKET_BITS) & ring
-                        if free:
-                            entry = free
-                            free = pool[entry - 1]
-                        else:
-                            top += 1
-                            entry = top
-                        pool[entry - 1] = other << 32 | heads[slot]
-                        heads[slot] = entry
-                        live += 1
-    control[A_BASE] = base
-    control[A_BUCKET] = bucket
-    control[A_BEST] = best
-    control[A_EXPANSIONS] = expansions
-    control[A_STORAGE] = storage
-    control[A_FREE] = free
-    control[A_TOP] = top
-    control[A_LIVE] = live
+            new = records[2 * other + 1] >> TAG_BITS != generation
+            if not new and other_g >= records[2 * other]:
+                continue
+            distance = octile(
+                straight, extra, x + STEP_X[move] - goal_x, y + STEP_Y[move] - goal_y
+            )
+            f = other_g + estimate_to_goal(landmark_distances, active, other, distance)
+            if f >= best:
+                continue
+            storage += new
+            records[2 * other] = other_g
+            records[2 * other + 1] = tag | move
+            if other == goal:
+                best = other_g
+                continue
+            slot = (f - base >> BUCKET_BITS) & ring
+            _, free, top = push(pool, heads, slot, other << 32, free, top)
+            live += 1
+    control[A_BASE], control[A_BUCKET], control[A_BEST] = base, bucket, best
+    control[A_EXPANSIONS], control[A_STORAGE] = expansions, storage
+    control[A_FREE], control[A_TOP], control[A_LIVE] = free, top, live
     return status
 
 
-@_jit
+@jit
 def trace(
-    width: int,
-    straight: int,
-    diagonal: int,
-    cell_surcharge: NDArray[np.uint16],
-    start: int,
-    goal: int,
-    records: NDArray[np.int32],
-    path: NDArray[np.int32],
+    cells: Cells, start: int, goal: int, records: NDArray[np.int32], path: NDArray[np.int32]
 ) -> tuple[int, int, int]:
     """Write the path's cells (x, y) at the end of `path`.
 
     Returns their count, the path's diagonal moves and its cost in units. If `path` is too short
     it holds the last cells, and the count is the length needed.
     """
+    _, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
-    count = 0
-    diagonals = 0
-    units = 0
+    count = diagonals = units = 0
     y = goal // width
     x = goal - y * width
     row = path.shape[0]
@@ -335,23 +311,22 @@ def trace(
         count += 1
         row -= 1
         if row >= 0:
-            path[row, 0] = x
-            path[row, 1] = y
+            path[row, 0], path[row, 1] = x, y
         if cell == start:
             return count, diagonals, units
         move = records[2 * cell + 1] & 7
         diagonals += move >= 4
-        length = straight if move < 4 else diagonal
-        units += length
         x -= STEP_X[move]
         y -= STEP_Y[move]
         before = y * width + x
+        length = straight if move < 4 else diagonal
+        units += length
         if graded:
             units += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[before]) >> 9
         cell = before
 
 
-@_jit
+@jit
 def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]) -> None:
     """Set `expanded` [height, width] where a cell of this generation was expanded."""
     flat = expanded.reshape(-1)
@@ -360,3 +335,64 @@ def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[
         # Writing False elsewhere would make the system allocate every page of a large map.
         if records[2 * cell + 1] & mask == wanted:
             flat[cell] = True
+
+
+@jit
+def build_moves(
+    blocked: NDArray[np.bool_],
+    corner_cutting: bool,
+    windows: NDArray[np.int64],
+    moves: NDArray[np.uint8],
+) -> None:
+    """Fill `moves` [height * width] with the legal moves of each free cell, 0 where blocked.
+
+    A diagonal needs both adjacent cardinal cells free unless `corner_cutting`. Bits without
+    branches, so that the compiler handles many cells at once.
+    """
+    height, width = blocked.shape
+    cutting = 1 if corner_cutting else 0
+    for n in range(len(windows)):
+        top, bottom, left, right = windows[n]
+        size = right - left
+        first, last = max(left - 1, 0), min(right + 1, width)
+        # Whether cells are free, in three rows and with a column more on either side.
+        free = np.zeros((3, size + 2), dtype=np.uint8)
+        for y in range(top - 1, bottom + 1):
+            above = free[(y + 3) % 3]
+            above[:] = 0
+            if 0 <= y < height:
+                row = blocked[y, first:last]
+                inner = above[first - left + 1 : last - left + 1]
+                for x in range(row.size):
+                    inner[x] = not row[x]
+            if y <= top:
+                continue
+            here, below = free[(y + 2) % 3], free[(y + 1) % 3]
+            start = (y - 1) * width + left
+            out = moves[start : start + size]
+            for x in range(size):
+                east, west, up, down = here[x + 2], here[x], above[x + 1], below[x + 1]
+                mask = east | up << 1 | west << 2 | down << 3
+                mask |= (above[x + 2] & (east & up | cutting)) << 4
+                mask |= (above[x] & (west & up | cutting)) << 5
+                mask |= (below[x] & (west & down | cutting)) << 6
+                mask |= (below[x + 2] & (east & down | cutting)) << 7
+                out[x] = mask * here[x + 1]
+
+
+@jit
+def fill_surcharges(
+    cost: NDArray[np.int8],
+    table: NDArray[np.uint16],
+    windows: NDArray[np.int64],
+    surcharges: NDArray[np.uint16],
+) -> None:
+    """Fill `surcharges` [height * width] from `cost` [height, width] by a table of 256."""
+    width = cost.shape[1]
+    for n in range(len(windows)):
+        top, bottom, left, right = windows[n]
+        for y in range(top, bottom):
+            row = cost[y, left:right]
+            out = surcharges[y * width + left : y * width + right]
+            for x in range(row.size):
+                out[x] = table[np.uint8(row[x])]

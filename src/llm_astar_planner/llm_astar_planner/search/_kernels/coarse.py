@@ -9,7 +9,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y
@@ -22,10 +21,12 @@ from llm_astar_planner.search._kernels.tiles import (
     NUMBER_MASK,
     SIDE_SHIFT,
     SOUTH,
+    TileTables,
 )
+from llm_astar_planner.search.kernel_cache import jit
 
-_jit: Any = njit(cache=True, nogil=True)
-
+# Blocked cells, surcharges or none, and whether moves may cut corners, as `line_cost` takes them.
+Rules = tuple[NDArray[np.bool_], NDArray[np.uint16], bool]
 DIAGONAL = math.sqrt(2.0) - 1.0
 HALF_DIAGONAL = math.sqrt(0.5)
 # How a search ended: without a route, with one, or before either.
@@ -34,12 +35,9 @@ NO_ROUTE, ROUTE, OUT_OF_WORK = range(3)
 HALVINGS = 4
 
 
-@_jit
+@jit
 def describe_nodes(
-    labels: NDArray[np.uint8],
-    shift: int,
-    counts: NDArray[np.int32],
-    nodes: NDArray[np.int32],
+    tiles: TileTables,
     cell_surcharge: NDArray[np.uint16],
     places: NDArray[np.int64],
     prices: NDArray[np.float32],
@@ -52,6 +50,7 @@ def describe_nodes(
     becomes true for a tile that is free with all eight around it, none of them cut off by the
     edge of the grid.
     """
+    labels, shift, counts, nodes = tiles.labels, tiles.shift, tiles.counts, tiles.nodes
     height, width = labels.shape
     rows, columns = counts.shape
     graded = cell_surcharge.size > 0
@@ -101,7 +100,7 @@ def describe_nodes(
             is_open[row, column] = is_free[row - 1 : row + 2, column - 1 : column + 2].all()
 
 
-@_jit
+@jit
 def octile(x: Any, y: Any, to_x: Any, to_y: Any) -> float:
     """Return the length in cells of the shortest 8-connected path on an empty grid."""
     delta_x = abs(x - to_x)
@@ -109,15 +108,17 @@ def octile(x: Any, y: Any, to_x: Any, to_y: Any) -> float:
     return max(delta_x, delta_y) + DIAGONAL * min(delta_x, delta_y)
 
 
-@_jit
+@jit
+def add_row(found: NDArray[np.int32], count: int, row: tuple[int, ...]) -> int:
+    """Write a row of whole numbers behind the first `count`; return how many there are then."""
+    for column in range(len(row)):
+        found[count, column] = row[column]
+    return count + 1
+
+
+@jit
 def neighbours(
-    labels: NDArray[np.uint8],
-    shift: int,
-    corner_cutting: bool,
-    columns: int,
-    nodes: NDArray[np.int32],
-    starts: NDArray[np.int32],
-    contacts: NDArray[np.uint32],
+    tiles: TileTables,
     number: int,
     row: int,
     column: int,
@@ -128,7 +129,9 @@ def neighbours(
     A row is a node, the least and the greatest x and y of the cells at which one may leave to it,
     and the step in x and y there.
     """
+    labels, shift, corner_cutting, counts, nodes, starts, contacts = tiles
     height, width = labels.shape
+    columns = counts.shape[1]
     tile = row * columns + column
     top = row << shift
     left = column << shift
@@ -184,14 +187,10 @@ def neighbours(
                     begin += aside
                     end = begin
                     aside = -aside
-            found[count, 0] = node
-            found[count, 1] = border if is_east else begin
-            found[count, 2] = border if is_east else end
-            found[count, 3] = begin if is_east else border
-            found[count, 4] = end if is_east else border
-            found[count, 5] = step if is_east else aside
-            found[count, 6] = aside if is_east else step
-            count += 1
+            if is_east:
+                count = add_row(found, count, (node, border, border, begin, end, step, aside))
+            else:
+                count = add_row(found, count, (node, begin, end, border, border, aside, step))
     for step_y in (-1, 1):
         y = top if step_y < 0 else bottom - 1
         if not 0 <= y + step_y < height:
@@ -203,18 +202,12 @@ def neighbours(
             other = labels[y + step_y, x + step_x]
             is_wide = labels[y, x + step_x] != 0 and labels[y + step_y, x] != 0
             if other != 0 and (is_wide or corner_cutting):
-                found[count, 0] = nodes[tile + step_y * columns + step_x] + other
-                found[count, 1] = x
-                found[count, 2] = x
-                found[count, 3] = y
-                found[count, 4] = y
-                found[count, 5] = step_x
-                found[count, 6] = step_y
-                count += 1
+                node = nodes[tile + step_y * columns + step_x] + other
+                count = add_row(found, count, (node, x, x, y, y, step_x, step_y))
     return count
 
 
-@_jit
+@jit
 def open_neighbours(
     shift: int,
     columns: int,
@@ -240,30 +233,20 @@ def open_neighbours(
                     continue
             elif (move_x != 0 or move_y != 0) and (step_x != move_x or step_y != move_y):
                 continue
-            found[count, 0] = nodes[(row + step_y) * columns + column + step_x] + 1
-            found[count, 1] = (column + (step_x > 0)) << shift
-            found[count, 2] = ((column + (step_x >= 0)) << shift) - (step_x >= 0)
-            found[count, 3] = (row + (step_y > 0)) << shift
-            found[count, 4] = ((row + (step_y >= 0)) << shift) - (step_y >= 0)
-            if step_x > 0:
-                found[count, 1] -= 1
-            if step_y > 0:
-                found[count, 3] -= 1
-            found[count, 5] = step_x
-            found[count, 6] = step_y
-            count += 1
+            node = nodes[(row + step_y) * columns + column + step_x] + 1
+            least_x = (column + (step_x > 0) << shift) - (step_x > 0)
+            most_x = (column + (step_x >= 0) << shift) - (step_x >= 0)
+            least_y = (row + (step_y > 0) << shift) - (step_y > 0)
+            most_y = (row + (step_y >= 0) << shift) - (step_y >= 0)
+            row_found = node, least_x, most_x, least_y, most_y, step_x, step_y
+            count = add_row(found, count, row_found)
     return count
 
 
-@_jit
+@jit
 def route(
-    labels: NDArray[np.uint8],
-    shift: int,
-    corner_cutting: bool,
+    tiles: TileTables,
     is_open: NDArray[np.bool_],
-    nodes: NDArray[np.int32],
-    starts: NDArray[np.int32],
-    contacts: NDArray[np.uint32],
     places: NDArray[np.int64],
     prices: NDArray[np.float32],
     highest: float,
@@ -282,6 +265,7 @@ def route(
     which the route enters, and in `stamps` generation << 1 | expanded. A node with the stamp of
     another generation counts as never seen. `highest` is the highest price.
     """
+    labels, shift, nodes = tiles.labels, tiles.shift, tiles.nodes
     columns = is_open.shape[1]
     start_x, start_y = start
     goal_x, goal_y = goal
@@ -305,13 +289,10 @@ def route(
     costs[start_node] = 0.0
     parents[start_node, 0] = -1
     stamps[start_node] = generation << 1
-    pool[0, 0] = start_node
-    pool[0, 1] = 0
+    pool[0, 0], pool[0, 1] = start_node, 0
     heads[0] = 1
-    top = 1
-    live = 1
-    bucket = 0
-    expanded = 0
+    top = live = 1
+    bucket = expanded = 0
     best = math.inf if start_node != goal_node else 0.0
     while live > 0:
         entry = heads[bucket & (size - 1)] - 1
@@ -344,10 +325,8 @@ def route(
                 move_y = row - (places[before] >> 32 + shift)
             count = open_neighbours(shift, columns, nodes, row, column, move_x, move_y, found)
         else:
-            count = neighbours(
-                labels, shift, corner_cutting, columns, nodes, starts, contacts,
-                node - nodes[row * columns + column], row, column, found,
-            )  # fmt: skip
+            number = node - nodes[row * columns + column]
+            count = neighbours(tiles, number, row, column, found)
         cost_here = costs[node]
         if graded:
             price = prices[node]
@@ -377,27 +356,21 @@ def route(
             if f >= best or (not is_new and costs[other] <= cost):
                 continue
             costs[other] = cost
-            parents[other, 0] = node
-            parents[other, 1] = enter_x
-            parents[other, 2] = enter_y
+            parents[other, 0], parents[other, 1], parents[other, 2] = node, enter_x, enter_y
             stamps[other] = generation << 1
             if other == goal_node:
                 best = cost
                 continue
-            if top == pool.shape[0]:
-                grown = np.empty((2 * top, 2), dtype=np.int32)
-                grown[:top] = pool
-                pool = grown
+            pool = with_room(pool, top)
             slot = max(int((f - lowest) * per_width), bucket) & (size - 1)
-            pool[top, 0] = other
-            pool[top, 1] = heads[slot]
+            pool[top, 0], pool[top, 1] = other, heads[slot]
             top += 1
             heads[slot] = top
             live += 1
     return (ROUTE if best < math.inf else NO_ROUTE), goal_node
 
 
-@_jit
+@jit
 def trace(
     start: tuple[int, int],
     goal: tuple[int, int],
@@ -422,27 +395,29 @@ def trace(
     return points
 
 
-@_jit
+@jit
 def taut(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
-    corner_cutting: bool,
+    rules: Rules,
     shift: int,
     points: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Return the turns [n, 2] of a route pulled taut, without its ends."""
-    points = fill_in(blocked, cell_surcharge, corner_cutting, shift, points)
-    points = pull(blocked, cell_surcharge, corner_cutting, points)
-    tighten(blocked, cell_surcharge, corner_cutting, points)
-    points = pull(blocked, cell_surcharge, corner_cutting, points)
+    points = fill_in(rules, shift, points)
+    points = pull(rules, points)
+    tighten(rules, points)
+    points = pull(rules, points)
     return points[1 : len(points) - 1].copy()
 
 
-@_jit
+@jit
+def with_room(rows: NDArray[Any], count: int) -> NDArray[Any]:
+    """Return an array whose first `count` rows are used, or one twice as long if it is full."""
+    return rows if count < len(rows) else np.concatenate((rows, np.empty_like(rows)))
+
+
+@jit
 def fill_in(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
-    corner_cutting: bool,
+    rules: Rules,
     shift: int,
     points: NDArray[np.int64],
 ) -> NDArray[np.int64]:
@@ -450,6 +425,7 @@ def fill_in(
 
     Two successive points are connected within the square of tiles around both.
     """
+    blocked, _, corner_cutting = rules
     height, width = blocked.shape
     side = 2 << shift
     onward = np.empty((side, side), dtype=np.int8)
@@ -460,7 +436,7 @@ def fill_in(
     for index in range(1, len(points)):
         from_x, from_y = points[index - 1]
         x, y = points[index]
-        if line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y) < 0.0:
+        if line_cost(*rules, from_x, from_y, x, y) < 0.0:
             left = min(from_x, x) >> shift << shift
             top = min(from_y, y) >> shift << shift
             right = min(left + side, width)
@@ -490,23 +466,19 @@ def fill_in(
                 move = onward[from_y - top, from_x - left]
                 from_x += STEP_X[move]
                 from_y += STEP_Y[move]
-                if count + 1 == len(filled):
-                    filled = np.concatenate((filled, np.empty_like(filled)))
+                filled = with_room(filled, count)
                 filled[count] = from_x, from_y
                 count += 1
         else:
-            if count + 1 == len(filled):
-                filled = np.concatenate((filled, np.empty_like(filled)))
+            filled = with_room(filled, count)
             filled[count] = x, y
             count += 1
     return filled[:count]
 
 
-@_jit
+@jit
 def pull(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
-    corner_cutting: bool,
+    rules: Rules,
     points: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Return the points [n, 2] at which a route has to turn, with its ends.
@@ -520,7 +492,7 @@ def pull(
     for index in range(1, count):
         x, y = points[index - 1]
         to_x, to_y = points[index]
-        cost = line_cost(blocked, cell_surcharge, corner_cutting, x, y, to_x, to_y)
+        cost = line_cost(*rules, x, y, to_x, to_y)
         along[index] = along[index - 1] + cost
     kept = np.empty_like(points)
     kept[0] = points[0]
@@ -536,7 +508,7 @@ def pull(
             is_better = False
             if probe > far:
                 to_x, to_y = points[probe]
-                cost = line_cost(blocked, cell_surcharge, corner_cutting, x, y, to_x, to_y)
+                cost = line_cost(*rules, x, y, to_x, to_y)
                 is_better = 0.0 <= cost <= along[probe] - along[index] + 1e-6
             if is_better:
                 far = probe
@@ -549,11 +521,9 @@ def pull(
     return kept[:found]
 
 
-@_jit
+@jit
 def tighten(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
-    corner_cutting: bool,
+    rules: Rules,
     points: NDArray[np.int64],
 ) -> None:
     """Move each turn of a route towards the line between its neighbours while that is cheaper.
@@ -564,7 +534,7 @@ def tighten(
         x, y = points[index]
         from_x, from_y = points[index - 1]
         to_x, to_y = points[index + 1]
-        cost = through(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y, to_x, to_y)
+        cost = through(rules, from_x, from_y, x, y, to_x, to_y)
         delta_x = to_x - from_x
         delta_y = to_y - from_y
         length = delta_x * delta_x + delta_y * delta_y
@@ -579,10 +549,7 @@ def tighten(
         for _ in range(HALVINGS):
             new_x = round(x + part * (aim_x - x))
             new_y = round(y + part * (aim_y - y))
-            new_cost = through(
-                blocked, cell_surcharge, corner_cutting,
-                from_x, from_y, new_x, new_y, to_x, to_y,
-            )  # fmt: skip
+            new_cost = through(rules, from_x, from_y, new_x, new_y, to_x, to_y)
             if new_cost < cost:
                 cost = new_cost
                 points[index] = new_x, new_y
@@ -594,11 +561,9 @@ def tighten(
                 break
 
 
-@_jit
+@jit
 def through(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
-    corner_cutting: bool,
+    rules: Rules,
     from_x: int,
     from_y: int,
     x: int,
@@ -607,8 +572,8 @@ def through(
     to_y: int,
 ) -> float:
     """Return the cost of two straight lines over (x, y), inf where one is blocked."""
-    first = line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y)
+    first = line_cost(*rules, from_x, from_y, x, y)
     if first < 0.0:
         return math.inf
-    second = line_cost(blocked, cell_surcharge, corner_cutting, x, y, to_x, to_y)
+    second = line_cost(*rules, x, y, to_x, to_y)
     return first + second if second >= 0.0 else math.inf

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
@@ -26,7 +25,10 @@ from llm_astar_planner.search._kernels.astar import (
     STEP_X,
     STEP_Y,
     STOPPED,
+    Cells,
+    push,
 )
+from llm_astar_planner.search.kernel_cache import jit
 
 # Slots of the control array: the state of a run between two calls.
 D_BUCKET, D_SEED, D_FREE, D_TOP, D_LIVE, D_EXPANDED, D_SIZE = range(7)
@@ -36,24 +38,10 @@ _NEXT_MASK = (1 << _MOVE_SHIFT) - 1
 # The row of CANONICAL_SUCCESSORS that keeps all moves.
 _ANY_MOVE = 8
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
-def steps(width: int, straight: int, diagonal: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return what each move adds to a cell's number, and its length in units."""
-    lengths = np.full(8, straight, dtype=np.int64)
-    lengths[4:] = diagonal
-    return STEP_Y * width + STEP_X, lengths
-
-
-@_jit
+@jit
 def propagate(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    width: int,
-    straight: int,
-    diagonal: int,
+    cells: Cells,
     canonical: bool,
     seeds: NDArray[np.int64],
     distances: NDArray[np.int32],
@@ -71,16 +59,16 @@ def propagate(
     expanded. Returns FOUND when all is done, STOPPED, OVERFLOW, RUNNING (the quota is used up) or
     NEED_SPACE (the pool is full): after the last two call again, with a longer copy of the pool.
     """
+    moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
+    offsets = STEP_Y * width + STEP_X
     ring = heads.size - 1
     bucket, seed = control[D_BUCKET], control[D_SEED]
     free, top, live = control[D_FREE], control[D_TOP], control[D_LIVE]
-    offsets, _ = steps(width, straight, diagonal)
     count = 0
     status = FOUND
     # The bucket of the next seed.
     due = seeds[seed] >> 32 + BUCKET_BITS if seed < seeds.size else NO_PATH
-    entry: Any
     slot: Any
     while live > 0 or seed < seeds.size:
         if top + 8 > pool.size:
@@ -90,15 +78,8 @@ def propagate(
             bucket = max(bucket, due)
         slot = bucket & ring
         if bucket >= due:
-            if free:
-                entry = free
-                free = pool[entry - 1]
-            else:
-                top += 1
-                entry = top
-            cell = seeds[seed] & 0xFFFFFFFF
-            pool[entry - 1] = cell << 32 | _ANY_MOVE << _MOVE_SHIFT | heads[slot]
-            heads[slot] = entry
+            item = (seeds[seed] & 0xFFFFFFFF) << 32 | _ANY_MOVE << _MOVE_SHIFT
+            _, free, top = push(pool, heads, slot, item, free, top)
             live += 1
             seed += 1
             due = seeds[seed] >> 32 + BUCKET_BITS if seed < seeds.size else NO_PATH
@@ -133,48 +114,34 @@ def propagate(
         for move in range(8):
             if mask >> move & 1 == 0:
                 continue
-            length = straight if move < 4 else diagonal
             other = cell + offsets[move]
+            length = straight if move < 4 else diagonal
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
             # Unsigned, -1 is more than any distance.
             if other_g < np.uint32(distances[other]):
                 distances[other] = other_g
-                slot = (other_g >> BUCKET_BITS) & ring
-                if free:
-                    entry = free
-                    free = pool[entry - 1]
-                else:
-                    top += 1
-                    entry = top
                 kept = move if canonical else _ANY_MOVE
-                pool[entry - 1] = other << 32 | kept << _MOVE_SHIFT | heads[slot]
-                heads[slot] = entry
+                item = other << 32 | kept << _MOVE_SHIFT
+                _, free, top = push(pool, heads, other_g >> BUCKET_BITS & ring, item, free, top)
                 live += 1
-    control[D_BUCKET] = bucket
-    control[D_SEED] = seed
-    control[D_FREE] = free
-    control[D_TOP] = top
-    control[D_LIVE] = live
+    control[D_BUCKET], control[D_SEED] = bucket, seed
+    control[D_FREE], control[D_TOP], control[D_LIVE] = free, top, live
     control[D_EXPANDED] += count
     return status
 
 
-@_jit
-def merge_freer(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    least_moves: NDArray[np.uint8],
-    least_surcharge: NDArray[np.uint16],
-    changed: NDArray[np.int64],
-) -> tuple[int, int, int]:
+@jit
+def merge_freer(cells: Cells, freest: Cells, changed: NDArray[np.int64]) -> tuple[int, int, int]:
     """Add to the second map what is freer on the first: its moves and its lower surcharges.
 
     Surcharges count where a cell has moves. Of the cells that changed writes those that had no
     moves before to the front of `changed` [cells], the others to its end. Returns how many of
     each there are, and how many cells are now stricter on the first map than on the second.
     """
+    moves, cell_surcharge, _, _, _ = cells
+    least_moves, least_surcharge, _, _, _ = freest
     graded = cell_surcharge.size > 0
     blocks = moves.size // 256
     new = moves[: 256 * blocks].view(np.uint64).reshape(blocks, 32)
@@ -212,11 +179,9 @@ def merge_freer(
     return freed, cheaper_cells, stricter
 
 
-@_jit
+@jit
 def free_isolated(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    width: int,
+    cells: Cells,
     limit: int,
     freed: NDArray[np.int64],
     marks: NDArray[np.uint8],
@@ -228,6 +193,7 @@ def free_isolated(
     distance from it become 0. `marks` [cells] is zero at first. Writes the cells whose moves or
     surcharge change to `changed` [cells]; returns their number.
     """
+    moves, width = cells.moves, cells.width
     height = moves.size // width
     count = 0
     for start in freed:
@@ -255,15 +221,13 @@ def free_isolated(
                 for index in range(count, end):
                     marks[changed[index]] = 2
                 continue
-            count = remove(moves, cell_surcharge, width, 8 * limit, marks, changed, count, end)
+            count = remove(cells, 8 * limit, marks, changed, count, end)
     return count
 
 
-@_jit
+@jit
 def remove(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    width: int,
+    cells: Cells,
     limit: int,
     marks: NDArray[np.uint8],
     changed: NDArray[np.int64],
@@ -274,6 +238,7 @@ def remove(
 
     Appends at most `limit` cells more to `changed`; returns where they end.
     """
+    moves, cell_surcharge, width, _, _ = cells
     height = moves.size // width
     graded = cell_surcharge.size > 0
     last = end
@@ -305,7 +270,7 @@ def remove(
     return last
 
 
-@_jit
+@jit
 def neighbour(cell: int, move: int, width: int, height: int) -> int:
     """Return the cell that a move leads to, -1 if that is off the grid."""
     y = cell // width
@@ -314,7 +279,7 @@ def neighbour(cell: int, move: int, width: int, height: int) -> int:
     return y * width + x if 0 <= x < width and 0 <= y < height else -1
 
 
-@_jit
+@jit
 def moves_among(
     moves: NDArray[np.uint8], marks: NDArray[np.uint8], cell: int, width: int, height: int
 ) -> int:
@@ -335,13 +300,9 @@ def moves_among(
     return gained
 
 
-@_jit
+@jit
 def find_seeds(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    width: int,
-    straight: int,
-    diagonal: int,
+    cells: Cells,
     changed: NDArray[np.int64],
     distances: NDArray[np.int32],
     seeds: NDArray[np.int64],
@@ -351,8 +312,8 @@ def find_seeds(
     `changed` are cells that got more moves or a lower surcharge on this map. Writes what
     `propagate` continues from to `seeds` [9 * changed] in its form; returns their number.
     """
+    moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
-    offsets, lengths = steps(width, straight, diagonal)
     count = 0
     for cell in changed:
         before = np.int64(np.uint32(distances[cell]))
@@ -361,8 +322,8 @@ def find_seeds(
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
-            other = cell + offsets[move]
-            length = lengths[move]
+            other = cell + STEP_Y[move] * width + STEP_X[move]
+            length = straight if move < 4 else diagonal
             if graded:
                 length += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
             if distances[other] >= 0:
@@ -377,8 +338,8 @@ def find_seeds(
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
-            other = cell + offsets[move]
-            length = lengths[move]
+            other = cell + STEP_Y[move] * width + STEP_X[move]
+            length = straight if move < 4 else diagonal
             length += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
             if g + length < np.uint32(distances[other]):
                 distances[other] = g + length

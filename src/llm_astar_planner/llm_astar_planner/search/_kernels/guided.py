@@ -8,10 +8,7 @@ entry is in `keys`. Keys may fall below the current bucket: the search then goes
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
@@ -28,7 +25,13 @@ from llm_astar_planner.search._kernels.astar import (
     STEP_X,
     STEP_Y,
     TAG_BITS,
+    Cells,
+    estimate_to_goal,
+    octile,
+    pop,
+    push,
 )
+from llm_astar_planner.search.kernel_cache import jit
 
 # The number of targets that a cell's tag can hold: eight bits, above the closed bit and the move.
 MAX_TARGETS = 256
@@ -38,35 +41,15 @@ MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 
 # Slots of the control array: the query, then the state of the queue and the counts.
 (
-    G_START, G_GOAL, G_GENERATION, G_STRAIGHT, G_DIAGONAL, G_WIDTH, G_HEIGHT, G_WEIGHT, G_RADIUS,
+    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS,
     G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT, G_BEST, G_EXPANSIONS, G_STORAGE,
     G_SIZE,
-) = range(19)  # fmt: skip
+) = range(15)  # fmt: skip
 # Weights are whole numbers, in parts of this one.
 ONE = 1 << 16
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
-def octile(straight: int, extra: int, delta_x: int, delta_y: int) -> int:
-    """Return the octile distance over so many columns and rows, in units."""
-    delta_x, delta_y = abs(delta_x), abs(delta_y)
-    return straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
-
-
-@_jit
-def estimate_to_goal(
-    landmark_distances: NDArray[np.int32], active: NDArray[np.int64], cell: int, distance: int
-) -> int:
-    """Return a lower bound on a cell's cost to the goal: the octile `distance` or a landmark's."""
-    for number in range(active.shape[0]):
-        gap = np.int64(landmark_distances[active[number, 0], cell]) - active[number, 1]
-        distance = max(distance, abs(gap))
-    return distance
-
-
-@_jit
+@jit
 def advance_target(
     targets: NDArray[np.int64], index: int, x: int, y: int, straight: int, extra: int, radius: int
 ) -> int:
@@ -86,7 +69,7 @@ def advance_target(
     return index
 
 
-@_jit
+@jit
 def move_window(
     heads: NDArray[np.int32],
     pool: NDArray[np.int64],
@@ -117,16 +100,18 @@ def move_window(
     return base
 
 
-@_jit
-def make_targets(points: NDArray[np.float64], control: NDArray[np.int64]) -> NDArray[np.int64]:
+@jit
+def make_targets(
+    cells: Cells, points: NDArray[np.float64], control: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Turn waypoints [n, 2] into targets, which end with the goal: int64 [k, 3].
 
     These are x, y and the units from there to the goal along the list. Points that are not
     finite are dropped, points off the map moved to its border; of equal ones in a row one
     remains, and of more than MAX_TARGETS as many, evenly.
     """
-    width, straight = control[G_WIDTH], control[G_STRAIGHT]
-    extra = control[G_DIAGONAL] - straight
+    moves, _, width, straight, diagonal = cells
+    height = moves.size // width
     targets = np.empty((points.shape[0] + 1, 3), dtype=np.int64)
     x, y = control[G_START] % width, control[G_START] // width
     count = 0
@@ -134,7 +119,7 @@ def make_targets(points: NDArray[np.float64], control: NDArray[np.int64]) -> NDA
         if not (np.isfinite(points[number, 0]) and np.isfinite(points[number, 1])):
             continue
         other_x = int(np.rint(min(max(points[number, 0], 0.0), width - 1.0)))
-        other_y = int(np.rint(min(max(points[number, 1], 0.0), control[G_HEIGHT] - 1.0)))
+        other_y = int(np.rint(min(max(points[number, 1], 0.0), height - 1.0)))
         if other_x != x or other_y != y:
             x, y = other_x, other_y
             targets[count, 0], targets[count, 1] = x, y
@@ -152,13 +137,14 @@ def make_targets(points: NDArray[np.float64], control: NDArray[np.int64]) -> NDA
     for number in range(count - 2, -1, -1):
         delta_x = targets[number + 1, 0] - targets[number, 0]
         delta_y = targets[number + 1, 1] - targets[number, 1]
-        way = octile(straight, extra, delta_x, delta_y)
+        way = octile(straight, diagonal - straight, delta_x, delta_y)
         targets[number, 2] = targets[number + 1, 2] + way
     return targets[:count].copy()
 
 
-@_jit
+@jit
 def follow(
+    cells: Cells,
     points: NDArray[np.float64],
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
@@ -173,21 +159,21 @@ def follow(
     `before` holds the heads of the buckets until now. Returns the targets, see `advance`, and
     the new heads.
     """
-    targets = make_targets(points, control)
+    _, _, width, straight, diagonal = cells
+    extra = diagonal - straight
+    targets = make_targets(cells, points, control)
     # The window covers about the keys of a path half as long again as the way along the targets,
     # in buckets of half a cell or less: within one the order is lost.
-    span = 3 * targets[0, 2] * control[G_WEIGHT] // (2 * ONE) + 64 * control[G_STRAIGHT]
+    span = 3 * targets[0, 2] * control[G_WEIGHT] // (2 * ONE) + 64 * straight
     buckets = MIN_BUCKETS
-    while buckets < MAX_BUCKETS and buckets * control[G_STRAIGHT] < 2 * span:
+    while buckets < MAX_BUCKETS and buckets * straight < 2 * span:
         buckets *= 2
     shift = BUCKET_BITS
     while buckets << shift < span:
         shift += 1
     heads = np.zeros(buckets + 1, dtype=np.int32)
-    width, goal, straight = control[G_WIDTH], control[G_GOAL], control[G_STRAIGHT]
-    extra = control[G_DIAGONAL] - straight
-    goal_x, goal_y = goal % width, goal // width
-    cells = np.empty(max(control[G_LIVE], 1), dtype=np.int64)
+    goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
+    opened = np.empty(max(control[G_LIVE], 1), dtype=np.int64)
     count = 0
     if control[G_STORAGE] == 0:
         start = control[G_START]
@@ -195,7 +181,7 @@ def follow(
         records[2 * start + 1] = control[G_GENERATION] << TAG_BITS
         control[G_STORAGE] = 1
         control[G_BEST] = NO_PATH
-        cells[0] = start
+        opened[0] = start
         count = 1
     else:
         for head in before:
@@ -203,13 +189,13 @@ def follow(
             while entry:
                 cell = pool[entry - 1] >> 32
                 if records[2 * cell + 1] & CLOSED == 0:
-                    cells[count] = cell
+                    opened[count] = cell
                     count += 1
                 entry = pool[entry - 1] & 0xFFFFFFFF
     last = heads.size - 1
     lowest = np.int64(NO_PATH)
     for number in range(count):
-        cell = cells[number]
+        cell = opened[number]
         y = cell // width
         x = cell - y * width
         index = advance_target(targets, 0, x, y, straight, extra, control[G_RADIUS])
@@ -225,21 +211,17 @@ def follow(
     base = lowest >> shift << shift
     for number in range(count):
         bucket = min((keys[number] - base) >> shift, last)
-        pool[number] = cells[number] << 32 | heads[bucket]
+        pool[number] = opened[number] << 32 | heads[bucket]
         heads[bucket] = number + 1
-    control[G_FREE] = 0
-    control[G_TOP] = count
-    control[G_LIVE] = count
-    control[G_BUCKET] = 0
-    control[G_SHIFT] = shift
-    control[G_BASE] = base
+    control[G_FREE] = control[G_BUCKET] = 0
+    control[G_TOP] = control[G_LIVE] = count
+    control[G_SHIFT], control[G_BASE] = shift, base
     return targets, heads
 
 
-@_jit
+@jit
 def advance(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
+    cells: Cells,
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
@@ -257,16 +239,17 @@ def advance(
     a path cheaper than control[G_BEST], which the caller may lower between calls. RUNNING: the
     quota is used up. NEED_SPACE and OVERFLOW are those of `_kernels/astar`.
     """
-    goal, width, generation = control[G_GOAL], control[G_WIDTH], control[G_GENERATION]
-    straight, weight, radius = control[G_STRAIGHT], control[G_WEIGHT], control[G_RADIUS]
-    extra = control[G_DIAGONAL] - straight
+    moves, cell_surcharge, width, straight, diagonal = cells
+    graded = cell_surcharge.size > 0
+    goal, generation = control[G_GOAL], control[G_GENERATION]
+    weight, radius = control[G_WEIGHT], control[G_RADIUS]
+    extra = diagonal - straight
     free, top, live = control[G_FREE], control[G_TOP], control[G_LIVE]
     base, bucket, shift = control[G_BASE], control[G_BUCKET], control[G_SHIFT]
     best, storage = control[G_BEST], control[G_STORAGE]
     goal_y = goal // width
     goal_x = goal - goal_y * width
     per_width = 1.0 / width
-    graded = cell_surcharge.size > 0
     last = heads.size - 1
     tag = generation << TAG_BITS
     spent = 0
@@ -285,13 +268,8 @@ def advance(
         if top + 8 > pool.size:
             status = NEED_SPACE
             break
-        entry = np.int64(heads[bucket])
-        item = pool[entry - 1]
-        heads[bucket] = item & 0xFFFFFFFF
-        pool[entry - 1] = free
-        free = entry
+        cell, free = pop(pool, heads, bucket, free)
         live -= 1
-        cell = item >> 32
         cell_tag = records[2 * cell + 1]
         if cell_tag & CLOSED:
             continue
@@ -318,7 +296,7 @@ def advance(
             other_x = x + STEP_X[move]
             other_y = y + STEP_Y[move]
             other = other_y * width + other_x
-            length = straight if move < 4 else straight + extra
+            length = straight if move < 4 else diagonal
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
@@ -338,15 +316,8 @@ def advance(
                 best = other_g
             slot = min(max((key - base) >> shift, 0), last)
             bucket = min(bucket, slot)
-            if free:
-                entry = free
-                free = pool[entry - 1]
-            else:
-                top += 1
-                entry = top
-            pool[entry - 1] = other << 32 | heads[slot]
+            entry, free, top = push(pool, heads, slot, other << 32, free, top)
             keys[entry - 1] = key
-            heads[slot] = entry
             live += 1
     control[G_FREE], control[G_TOP], control[G_LIVE] = free, top, live
     control[G_BASE], control[G_BUCKET] = base, bucket

@@ -9,10 +9,9 @@ k - 8 to the next one for k from 8 on.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
@@ -24,7 +23,11 @@ from llm_astar_planner.search._kernels.astar import (
     RUNNING,
     STEP_X,
     STEP_Y,
+    Cells,
+    heap_pop,
+    heap_push,
 )
+from llm_astar_planner.search.kernel_cache import jit
 
 # The move, a bit of `_kernels.astar`, of each heading.
 MOVE_OF = np.array([0, 4, 1, 5, 2, 6, 3, 7], dtype=np.int64)
@@ -37,44 +40,26 @@ KIND = 7
 # Slots of the control array.
 H_SIZE, H_EXPANSIONS, H_STORAGE, H_FOUND, H_SLOTS = range(5)
 
-_jit: Any = njit(cache=True, nogil=True)
+
+# What a polygon must not meet: cells int8 [height, width], the occupancy from which they are
+# lethal, and whether unknown ones are too.
+Obstacles = tuple[NDArray[np.int8], int, bool]
 
 
-@_jit
-def push(
-    keys: NDArray[np.int64], states: NDArray[np.int64], size: int, key: int, state: int
-) -> None:
-    """Add an entry to a binary heap of `size` entries, the smallest key first."""
-    place = size
-    while place > 0:
-        above = (place - 1) // 2
-        if keys[above] <= key:
-            break
-        keys[place], states[place] = keys[above], states[above]
-        place = above
-    keys[place], states[place] = key, state
+class SweptCells(NamedTuple):
+    """The cells that each motion of a polygon sweeps, relative to the cell where it begins.
+
+    `spans` is int64 [n, 3], (row, first column, last column); those from `begins[k]` to
+    `begins[k + 1]` are of motion k: moves by heading, then turns to the next heading. No motion
+    leaves the square of `reach` cells to each side.
+    """
+
+    spans: NDArray[np.int64]
+    begins: NDArray[np.int64]
+    reach: int
 
 
-@_jit
-def pop(keys: NDArray[np.int64], states: NDArray[np.int64], size: int) -> int:
-    """Remove the entry with the smallest key from a heap of `size` entries; return its state."""
-    state = states[0]
-    key, moved = keys[size - 1], states[size - 1]
-    size -= 1
-    place = 0
-    while 2 * place + 1 < size:
-        below = 2 * place + 1
-        if below + 1 < size and keys[below + 1] < keys[below]:
-            below += 1
-        if keys[below] >= key:
-            break
-        keys[place], states[place] = keys[below], states[below]
-        place = below
-    keys[place], states[place] = key, moved
-    return state
-
-
-@_jit
+@jit
 def is_lethal(
     cells: NDArray[np.int8], threshold: int, unknown_blocks: bool, row: int, first: int, last: int
 ) -> bool:
@@ -89,21 +74,18 @@ def is_lethal(
     return found
 
 
-@_jit
+@jit
 def fits(
-    cells: NDArray[np.int8],
-    threshold: int,
-    unknown_blocks: bool,
-    spans: NDArray[np.int64],
-    begins: NDArray[np.int64],
-    reach: int,
+    obstacles: Obstacles,
+    swept: SweptCells,
     known: NDArray[np.uint16],
     free: NDArray[np.uint16],
     cell: int,
     motion: int,
 ) -> bool:
     """Tell whether what a motion from a cell sweeps is free; remember it in `known` and `free`."""
-    width = cells.shape[1]
+    spans, begins, reach = swept
+    width = obstacles[0].shape[1]
     bit = np.uint16(1 << motion)
     if known[cell] & bit:
         return bool(free[cell] & bit)
@@ -113,7 +95,7 @@ def fits(
         # Far from obstacles one look tells of all motions.
         blocked = False
         for row in range(y - reach, y + reach + 1):
-            if is_lethal(cells, threshold, unknown_blocks, row, x - reach, x + reach):
+            if is_lethal(*obstacles, row, x - reach, x + reach):
                 blocked = True
                 break
         if not blocked:
@@ -122,25 +104,18 @@ def fits(
     known[cell] |= bit
     for n in range(begins[motion], begins[motion + 1]):
         row, first, last = y + spans[n, 0], x + spans[n, 1], x + spans[n, 2]
-        if is_lethal(cells, threshold, unknown_blocks, row, first, last):
+        if is_lethal(*obstacles, row, first, last):
             return False
     free[cell] |= bit
     return True
 
 
-@_jit
+@jit
 def search(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    straight: int,
-    diagonal: int,
+    grid: Cells,
+    obstacles: Obstacles,
+    swept: SweptCells,
     to_goal: NDArray[np.int32],
-    cells: NDArray[np.int8],
-    threshold: int,
-    unknown_blocks: bool,
-    spans: NDArray[np.int64],
-    begins: NDArray[np.int64],
-    reach: int,
     known: NDArray[np.uint16],
     free: NDArray[np.uint16],
     costs: NDArray[np.int32],
@@ -160,7 +135,7 @@ def search(
     go to the state nearer to the goal. Returns RUNNING, FOUND, EXHAUSTED, OVERFLOW, or NEED_SPACE
     if the heap (`keys`, `states`) is nearly full: call again with a longer copy.
     """
-    width = cells.shape[1]
+    moves, cell_surcharge, width, straight, diagonal = grid
     graded = cell_surcharge.size > 0
     size, count = control[H_SIZE], 0
     status = EXHAUSTED
@@ -171,7 +146,7 @@ def search(
         if size + 3 > keys.size:
             status = NEED_SPACE
             break
-        state = pop(keys, states, size)
+        state = heap_pop(keys, states, size, False)
         size -= 1
         if came[state] & CLOSED:
             continue
@@ -200,32 +175,30 @@ def search(
                 if graded:
                     pair = np.int64(cell_surcharge[cell]) + cell_surcharge[other_cell]
                     other_cost += length * pair >> 9
-                other, swept, kind = other_cell * 8 + heading, heading, MOVED
+                other, motion_swept, kind = other_cell * 8 + heading, heading, MOVED
             elif motion == 1:
                 other = cell * 8 + (heading + 1 & 7)
-                swept, kind = 8 + heading, TURNED_UP
+                motion_swept, kind = 8 + heading, TURNED_UP
             else:
                 other = cell * 8 + (heading - 1 & 7)
-                swept, kind = 8 + (heading - 1 & 7), TURNED_DOWN
+                motion_swept, kind = 8 + (heading - 1 & 7), TURNED_DOWN
             before = np.int64(costs[other])
             if before != 0 and before <= other_cost:
                 continue
-            if not fits(
-                cells, threshold, unknown_blocks, spans, begins, reach, known, free, cell, swept
-            ):
+            if not fits(obstacles, swept, known, free, cell, motion_swept):
                 continue
             control[H_STORAGE] += before == 0
             costs[other] = other_cost
             came[other] = kind
             left = np.int64(to_goal[other >> 3])
-            push(keys, states, size, other_cost + left << 31 | left, other)
+            heap_push(keys, states, size, other_cost + left << 31 | left, other, False)
             size += 1
     control[H_SIZE] = size
     control[H_EXPANSIONS] += count
     return status
 
 
-@_jit
+@jit
 def trace(
     came: NDArray[np.uint8], width: int, state: int, path: NDArray[np.int32]
 ) -> tuple[int, int]:

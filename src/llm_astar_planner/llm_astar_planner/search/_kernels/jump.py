@@ -10,11 +10,12 @@ has just ended (Harabor and Grastien, ICAPS 2014; here without corner cutting).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -33,7 +34,11 @@ from llm_astar_planner.search._kernels.astar import (
     STEP_X,
     STEP_Y,
     TAG_BITS,
+    Cells,
+    estimate_to_goal,
+    octile,
 )
+from llm_astar_planner.search.kernel_cache import inlined, jit
 
 # Words of 64 cells: blocked, stops of rising scans, stops of falling scans.
 PLANES = 3
@@ -51,130 +56,69 @@ RISE = 8 * 2378
 # Slots of the control array. Bucket J_BUCKET, counted from the cost J_ORIGIN, is the lowest that
 # holds entries. J_BEST may hold the cost of a path that is known already.
 (
-    J_STARTED, J_BEST, J_EXPANSIONS, J_STORAGE, J_TOP, J_ORIGIN, J_BUCKET, J_GOAL, J_SCANS, J_SIZE,
+    J_STARTED, J_ORIGIN, J_BUCKET, J_BEST, J_EXPANSIONS, J_STORAGE, J_GOAL, J_SCANS, J_TOP, J_SIZE,
 ) = range(10)  # fmt: skip
 
-_jit: Any = njit(cache=True, nogil=True)
-_intrinsic: Any = intrinsic
+
+def bit_operation(generate: Callable[[Any, Any], Any]) -> Any:
+    """Return a function of an int64 that a few instructions of the processor compute."""
+
+    def operation(_context: Any, _word: Any) -> Any:
+        return types.int64(types.int64), lambda _, builder, __, words: generate(builder, words[0])
+
+    return intrinsic(operation)
 
 
-@_intrinsic
-def lowest_bit(_context: Any, _word: Any) -> Any:
-    """Return the number of the lowest set bit of an int64 that is not 0: one instruction."""
-
-    def generate(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
-        return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(types.int64), generate
-
-
-@_intrinsic
-def highest_bit(_context: Any, _word: Any) -> Any:
-    """Return the number of the highest set bit of an int64 that is not 0: one instruction."""
-
-    def generate(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
-        zeros = builder.ctlz(arguments[0], ir.Constant(ir.IntType(1), 1))
-        return builder.sub(ir.Constant(ir.IntType(64), 63), zeros)
-
-    return types.int64(types.int64), generate
+# The numbers of the lowest and of the highest set bit of a word, not 0; how many bits are set.
+NOT_ZERO = ir.Constant(ir.IntType(1), 1)
+lowest_bit = bit_operation(lambda builder, word: builder.cttz(word, NOT_ZERO))
+highest_bit = bit_operation(
+    lambda builder, word: builder.sub(
+        ir.Constant(ir.IntType(64), 63), builder.ctlz(word, NOT_ZERO)
+    )
+)
+count_bits = bit_operation(lambda builder, word: builder.ctpop(word))
 
 
-@_intrinsic
-def count_bits(_context: Any, _word: Any) -> Any:
-    """Return the number of set bits of an int64: one instruction."""
-
-    def generate(_: Any, builder: Any, __: Any, arguments: Any) -> Any:
-        return builder.ctpop(arguments[0])
-
-    return types.int64(types.int64), generate
-
-
-@_jit
-def pack_rows(
-    bits: NDArray[np.uint64],
-    width: int,
+@jit
+def pack_lines(
+    blocked: NDArray[np.bool_],
     words: NDArray[np.int64],
-    window: tuple[int, int, int, int],
-) -> None:
-    """Write where the cells of a window are blocked into the words along the rows.
-
-    `window` is top, bottom, left, right, half open. `bits` holds its rows in their whole width,
-    one row after another, then at least one word more.
-    """
-    top, bottom, left, right = window
-    row_words = (width + 65) // 64
-    ones = np.uint64(0xFFFFFFFFFFFFFFFF)
-    for y in range(top, bottom):
-        for word in range((left + 1) >> 6, (right >> 6) + 1):
-            begin = max(left + 1 - 64 * word, 0)
-            end = min(right + 1 - 64 * word, 64)
-            mask = ones << np.uint64(begin) & ones >> np.uint64(64 - end)
-            first = (y - top) * width + 64 * word - 1
-            packed = np.uint64(0) if first < 0 else bits[first >> 6] >> np.uint64(first & 63)
-            if first & 63:
-                packed |= bits[(first >> 6) + 1] << np.uint64(64 - (first & 63))
-            place = PLANES * (1 + (y + 1) * row_words + word)
-            words[place] = np.int64(np.uint64(words[place]) & ~mask | packed & mask)
-
-
-@_jit
-def transpose(
-    height: int,
-    width: int,
-    words: NDArray[np.int64],
+    base: int,
     lines: tuple[int, int],
     span: tuple[int, int],
 ) -> None:
-    """Copy where cells are blocked from the words `span` of the row lines `lines` to the columns.
+    """Write where cells are blocked into the words `span` of the lines `lines`, both (first, end).
 
-    In squares of 64 x 64 bits, whose halves are swapped, then the halves of those and so on.
+    `blocked` is [lines, cells along a line] and `base` the place of line 0.
     """
-    row_words = (width + 65) // 64
-    column_words = (height + 65) // 64
-    columns = PLANES * (1 + (height + 2) * row_words)
-    square = np.empty(64, dtype=np.uint64)
-    for top in range(lines[0] // 64 * 64, lines[1], 64):
-        for word in range(span[0], span[1]):
-            for line in range(64):
-                square[line] = np.uint64(0xFFFFFFFFFFFFFFFF)
-            for line in range(min(64, height + 2 - top)):
-                place = PLANES * (1 + (top + line) * row_words + word)
-                square[line] = np.uint64(words[place])
-            mask = np.uint64(0xFFFFFFFF)
-            half = 32
-            while half:
-                shift = np.uint64(half)
-                for start in range(0, 64, 2 * half):
-                    for line in range(start, start + half):
-                        swap = ((square[line] >> shift) ^ square[line + half]) & mask
-                        square[line + half] ^= swap
-                        square[line] ^= swap << shift
-                half >>= 1
-                mask ^= mask << np.uint64(half)
-            for bit in range(min(64, width + 2 - 64 * word)):
-                column = (64 * word + bit) * column_words + top // 64
-                words[columns + PLANES * column] = np.int64(square[bit])
+    width = blocked.shape[1]
+    line_words = (width + 65) // 64
+    for word in range(span[0], span[1]):
+        first = 64 * word - 1
+        begin, end = max(first, 0), min(first + 64, width)
+        for line in range(lines[0], lines[1]):
+            row = blocked[line - 1, begin:end]
+            free = np.uint64(0)
+            for cell in range(row.size):
+                free |= np.uint64(not row[cell]) << np.uint64(begin - first + cell)
+            words[base + PLANES * (line * line_words + word)] = np.int64(~free)
 
 
-@_jit
+@jit
 def mark_stops(
     words: NDArray[np.int64],
     base: int,
     line_words: int,
     lines: tuple[int, int],
     span: tuple[int, int],
-) -> int:
-    """Write where scans stop in the words `span` of the lines `lines`, both (first, end).
-
-    `base` is the place of line 0. Returns the number of jump points there, each counted for each
-    direction in which a scan stops at it.
-    """
+) -> None:
+    """Write where scans stop in the words `span` of the lines `lines`; see `pack_lines`."""
     one = np.uint64(1)
     two = np.uint64(2)
     top = np.uint64(63)
     group = np.uint64(PLANES)
     stride = group * np.uint64(line_words)
-    count = 0
     for line in range(lines[0], lines[1]):
         # Unsigned places: numba would test signed ones for a count from the end.
         here = np.uint64(base + PLANES * span[0]) + np.uint64(line) * stride
@@ -189,14 +133,12 @@ def mark_stops(
                 falling |= (wall >> one | np.uint64(words[side + group]) << top) & ~wall
             rising &= ~(own | own << one | np.uint64(words[here - group]) >> top)
             falling &= ~(own | own >> one | np.uint64(words[here + group]) << top)
-            count += count_bits(np.int64(rising)) + count_bits(np.int64(falling))
             words[here + one] = np.int64(own | rising)
             words[here + two] = np.int64(own | falling)
             here += group
-    return count
 
 
-@_jit
+@jit
 def count_window(
     words: NDArray[np.int64],
     base: int,
@@ -204,9 +146,11 @@ def count_window(
     lines: tuple[int, int],
     span: tuple[int, int],
 ) -> tuple[int, int]:
-    """Return the blocked cells and the jump points in words of lines, as `mark_stops` has them."""
-    blocked = 0
-    jump_points = 0
+    """Return the numbers of blocked cells and of jump points in words of lines.
+
+    A jump point counts for each direction in which a scan stops at it.
+    """
+    blocked = jump_points = 0
     for line in range(lines[0], lines[1]):
         place = base + PLANES * (line * line_words + span[0])
         for _ in range(span[0], span[1]):
@@ -218,43 +162,32 @@ def count_window(
     return blocked, jump_points
 
 
-@_jit
+@jit
 def pack_window(
-    bits: NDArray[np.uint64],
-    height: int,
-    width: int,
+    blocked: NDArray[np.bool_],
     words: NDArray[np.int64],
+    base: int,
     window: tuple[int, int, int, int],
 ) -> tuple[int, int]:
-    """Write a window of the map into `words`: rows top to bottom, columns left to right.
+    """Write a window of the map into the lines that begin at `base`, and where scans stop.
 
-    The window is half open. `bits` holds its rows in their whole width, as `pack_rows` needs
-    them. Returns by how much the numbers of blocked cells and of jump points rose.
+    `blocked` is [lines, cells along a line]. The window is half open: lines first to end, cells
+    first to end. Returns by how much the numbers of blocked cells and of jump points rose.
     """
     top, bottom, left, right = window
-    row_words = (width + 65) // 64
-    column_words = (height + 65) // 64
-    # With its type, or numba compiles what takes it once for this value and once for any.
-    rows = np.int64(PLANES)
-    columns = PLANES * (1 + (height + 2) * row_words)
-    lines = (top + 1, bottom + 1)
-    span = ((left + 1) >> 6, (right >> 6) + 1)
+    height, width = blocked.shape
+    line_words = (width + 65) // 64
     # Stops depend on the cells around.
-    rows_near = (max(top, 1), min(bottom + 1, height) + 1)
-    span_near = (left >> 6, min((right + 1 >> 6) + 1, row_words))
-    columns_near = (max(left, 1), min(right + 1, width) + 1)
-    column_span = (top >> 6, min((bottom + 1 >> 6) + 1, column_words))
-    blocked, jump_points = count_window(words, rows, row_words, rows_near, span_near)
-    jump_points += count_window(words, columns, column_words, columns_near, column_span)[1]
-    pack_rows(bits, width, words, window)
-    transpose(height, width, words, lines, span)
-    now = mark_stops(words, rows, row_words, rows_near, span_near)
-    now += mark_stops(words, columns, column_words, columns_near, column_span)
-    now_blocked, _ = count_window(words, rows, row_words, rows_near, span_near)
-    return now_blocked - blocked, now - jump_points
+    near = (max(top, 1), min(bottom + 1, height) + 1)
+    span = (left >> 6, min((right + 1 >> 6) + 1, line_words))
+    before, jump_points = count_window(words, base, line_words, near, span)
+    pack_lines(blocked, words, base, (top + 1, bottom + 1), (left + 1 >> 6, (right >> 6) + 1))
+    mark_stops(words, base, line_words, near, span)
+    now, now_jump_points = count_window(words, base, line_words, near, span)
+    return now - before, now_jump_points - jump_points
 
 
-@_jit
+@jit
 def scan(words: NDArray[np.int64], line: int, position: int, rising: bool) -> int:
     """Return where a scan from `position` along a line first stops, << 1 | whether blocked.
 
@@ -286,13 +219,32 @@ def scan(words: NDArray[np.int64], line: int, position: int, rising: bool) -> in
     return (np.int64(group) << 6 | bit) << 1 | (wall >> bit & 1)
 
 
-@_jit
+@inlined
+def scan_ahead(
+    words: NDArray[np.int64], line: int, position: int, step: int, to_goal: int
+) -> tuple[int, int]:
+    """Return how far a scan goes, at most to the goal, and 1 unless it ends at a blocked cell.
+
+    `to_goal` is how many cells ahead the goal is, 0 or less where it is not.
+    """
+    place = scan(words, line, position, step > 0)
+    length = abs((place >> 1) - position)
+    is_goal = 0 < to_goal <= length
+    return (to_goal if is_goal else length), (1 if is_goal else 1 - (place & 1))
+
+
+@inlined
+def add_candidate(pool: NDArray[np.int64], entry: int, cell: int, g: int, move: int) -> None:
+    """Write what a scan found behind the last entry."""
+    pool[ENTRY * entry] = cell << 32
+    pool[ENTRY * entry + 1] = g
+    pool[ENTRY * entry + 2] = move
+
+
+@jit
 def jump_search(
-    moves: NDArray[np.uint8],
+    cells: Cells,
     words: NDArray[np.int64],
-    width: int,
-    straight: int,
-    diagonal: int,
     start: int,
     goal: int,
     landmark_distances: NDArray[np.int32],
@@ -312,6 +264,7 @@ def jump_search(
     for J_BEST: only cheaper paths are looked for. EXHAUSTED: there is none. The least bucket is a
     lower bound.
     """
+    moves, _, width, straight, diagonal = cells
     height = moves.size // width
     row_stride = PLANES * ((width + 65) // 64)
     column_stride = PLANES * ((height + 65) // 64)
@@ -324,38 +277,24 @@ def jump_search(
     # The most entries that one expansion can make.
     most = 8 * min(LONGEST_RUN, width, height) + 8
     far = heads.size - 1
-    best = control[J_BEST]
-    expansions = control[J_EXPANSIONS]
-    storage = control[J_STORAGE]
-    top = control[J_TOP]
-    origin = control[J_ORIGIN]
-    bucket = control[J_BUCKET]
-    found = control[J_GOAL]
-    scans = 0
     if control[J_STARTED] == 0:
         control[J_STARTED] = 1
-        delta_x = abs(start % width - goal_x)
-        delta_y = abs(start // width - goal_y)
-        f: Any = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
-        for landmark in range(active.shape[0]):
-            distance = np.int64(landmark_distances[active[landmark, 0], start])
-            f = max(f, abs(distance - active[landmark, 1]))
-        for slot in range(heads.size):
-            heads[slot] = 0
+        distance = octile(straight, extra, start % width - goal_x, start // width - goal_y)
+        f: Any = estimate_to_goal(landmark_distances, active, start, distance)
+        heads[:] = 0
         heads[0] = 1
         # Buckets begin at the estimate: where that is exact, the first path ends the search.
-        origin = f
-        bucket = 0
-        pool[0] = np.int64(start) << 32
-        pool[1] = 0
-        pool[2] = f << 3
+        control[J_ORIGIN] = f
+        pool[0], pool[1], pool[2] = np.int64(start) << 32, 0, f << 3
         records[2 * start] = 0
         records[2 * start + 1] = tag
-        top = 1
-        storage = 1
+        control[J_TOP] = control[J_STORAGE] = 1
         if start == goal:
-            best = 0
-            found = 1
+            control[J_BEST], control[J_GOAL] = 0, 1
+    best, found, origin = control[J_BEST], control[J_GOAL], control[J_ORIGIN]
+    expansions, storage = control[J_EXPANSIONS], control[J_STORAGE]
+    top, bucket = control[J_TOP], control[J_BUCKET]
+    scans = 0
     entry: Any
     status = RUNNING
     while True:
@@ -397,9 +336,7 @@ def jump_search(
         expansions += 1
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        delta_x = abs(int(x) - goal_x)
-        delta_y = abs(int(y) - goal_y)
-        rise = g + straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y) + RISE
+        rise = g + octile(straight, extra, x - goal_x, y - goal_y) + RISE
         row = EVERY_MOVE if cell == start else (pool[ENTRY * entry - 1] & 7) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
         # What the scans find is written behind the last entry: cell, g and move.
@@ -410,12 +347,8 @@ def jump_search(
             step_x = STEP_X[move]
             step_y = STEP_Y[move]
             bit = 1 << move
-            turn_x = 1 - step_x
-            turn_y = 2 - step_y
-            at = cell
-            at_x = x
-            at_y = y
-            at_g = g
+            turn_x, turn_y = 1 - step_x, 2 - step_y
+            at, at_x, at_y, at_g = cell, x, y, g
             run = 0
             while True:
                 if move >= 4:
@@ -426,41 +359,29 @@ def jump_search(
                     at_y += step_y
                     at += step_y * width + step_x
                     at_g += diagonal
-                    delta_x = abs(at_x - goal_x)
-                    delta_y = abs(at_y - goal_y)
-                    f = at_g + straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+                    f = at_g + octile(straight, extra, at_x - goal_x, at_y - goal_y)
                     if f >= best:
                         break
                     if at == goal or run == LONGEST_RUN or f > rise:
-                        pool[ENTRY * last] = at << 32
-                        pool[ENTRY * last + 1] = at_g
-                        pool[ENTRY * last + 2] = move
+                        add_candidate(pool, last, at, at_g, move)
                         last += 1
                         break
                 if step_x:
                     scans += 1
-                    place = scan(words, PLANES + (at_y + 1) * row_stride, at_x + 1, step_x > 0)
-                    length = abs((place >> 1) - 1 - at_x)
-                    ahead = (goal_x - at_x) * step_x
-                    if at_y == goal_y and 0 < ahead <= length:
-                        length = ahead
-                        place = 0
-                    pool[ENTRY * last] = at + length * step_x << 32
-                    pool[ENTRY * last + 1] = at_g + length * straight
-                    pool[ENTRY * last + 2] = turn_x
-                    last += 1 - (place & 1)
+                    ahead = (goal_x - at_x) * step_x if at_y == goal_y else 0
+                    line = PLANES + (at_y + 1) * row_stride
+                    length, is_stop = scan_ahead(words, line, at_x + 1, step_x, ahead)
+                    other = at + length * step_x
+                    add_candidate(pool, last, other, at_g + length * straight, turn_x)
+                    last += is_stop
                 if step_y:
                     scans += 1
-                    place = scan(words, columns + (at_x + 1) * column_stride, at_y + 1, step_y > 0)
-                    length = abs((place >> 1) - 1 - at_y)
-                    ahead = (goal_y - at_y) * step_y
-                    if at_x == goal_x and 0 < ahead <= length:
-                        length = ahead
-                        place = 0
-                    pool[ENTRY * last] = at + length * step_y * width << 32
-                    pool[ENTRY * last + 1] = at_g + length * straight
-                    pool[ENTRY * last + 2] = turn_y
-                    last += 1 - (place & 1)
+                    ahead = (goal_y - at_y) * step_y if at_x == goal_x else 0
+                    line = columns + (at_x + 1) * column_stride
+                    length, is_stop = scan_ahead(words, line, at_y + 1, step_y, ahead)
+                    other = at + length * step_y * width
+                    add_candidate(pool, last, other, at_g + length * straight, turn_y)
+                    last += is_stop
                 if move < 4:
                     break
         # Keep what is new or cheaper than known.
@@ -471,13 +392,9 @@ def jump_search(
             if not new and other_g >= records[2 * other]:
                 continue
             other_y = np.int64((other + 0.5) * per_width)
-            delta_x = abs(int(other - other_y * width) - goal_x)
-            delta_y = abs(int(other_y) - goal_y)
-            estimate = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
-            for landmark in range(active.shape[0]):
-                distance = np.int64(landmark_distances[active[landmark, 0], other])
-                estimate = max(estimate, abs(distance - active[landmark, 1]))
-            f = other_g + estimate
+            other_x = other - other_y * width
+            distance = octile(straight, extra, other_x - goal_x, other_y - goal_y)
+            f = other_g + estimate_to_goal(landmark_distances, active, other, distance)
             if f >= best:
                 continue
             if other_g > LIMIT:
@@ -490,8 +407,7 @@ def jump_search(
             records[2 * other + 1] = tag
             slot = far
             if other == goal:
-                best = other_g
-                found = top
+                best, found = other_g, top
             else:
                 slot = min(max(f - origin >> BUCKET_BITS, bucket), far)
             pool[ENTRY * top - 2] = other_g << 32 | entry
@@ -501,18 +417,14 @@ def jump_search(
                 heads[slot] = top
         if status == OVERFLOW:
             break
-    control[J_BEST] = best
-    control[J_EXPANSIONS] = expansions
-    control[J_STORAGE] = storage
-    control[J_TOP] = top
-    control[J_ORIGIN] = origin
-    control[J_BUCKET] = bucket
-    control[J_GOAL] = found
+    control[J_BEST], control[J_GOAL], control[J_ORIGIN] = best, found, origin
+    control[J_EXPANSIONS], control[J_STORAGE] = expansions, storage
+    control[J_TOP], control[J_BUCKET] = top, bucket
     control[J_SCANS] += scans
     return status
 
 
-@_jit
+@jit
 def trace(
     width: int, found: int, pool: NDArray[np.int64], path: NDArray[np.int32]
 ) -> tuple[int, int]:
@@ -529,8 +441,7 @@ def trace(
     x = cell - y * width
     row -= 1
     if row >= 0:
-        path[row, 0] = x
-        path[row, 1] = y
+        path[row, 0], path[row, 1] = x, y
     while True:
         entry = pool[ENTRY * entry - 2] & 0xFFFFFFFF
         if entry == 0:
@@ -548,5 +459,4 @@ def trace(
             diagonals += abs(delta_x) == abs(delta_y)
             row -= 1
             if row >= 0:
-                path[row, 0] = x
-                path[row, 1] = y
+                path[row, 0], path[row, 1] = x, y

@@ -11,12 +11,21 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from llm_astar_planner.search._kernels.astar import (
+    EXHAUSTED,
+    FOUND,
+    NEED_SPACE,
+    RUNNING,
+    STOPPED,
+    heap_pop,
+    heap_push,
+    sift_down,
+)
+from llm_astar_planner.search.kernel_cache import jit
+
 EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
-# How a call of the search ended. NEED_SPACE: call again with a longer heap that begins the same.
-FOUND, EXHAUSTED, STOPPED, RUNNING, NEED_SPACE = range(5)
 # Slots of the counts that a search keeps from call to call; all 0 before the first.
 SIZE, TARGET, STORAGE, EXPANSIONS, STALE, COUNTS = range(6)
 SQRT2 = math.sqrt(2.0)
@@ -26,7 +35,7 @@ _DX = np.array([-1, -1, 0, 1, 1, 1, 0, -1], dtype=np.int64)
 _DY = np.array([0, 1, 1, 1, 0, -1, -1, -1], dtype=np.int64)
 
 
-@njit(cache=True, nogil=True)
+@jit
 def distance(kind: int, dx: float, dy: float) -> float:
     """Return the obstacle-free distance of a displacement in cells, by heuristic `kind`."""
     dx, dy = abs(dx), abs(dy)
@@ -39,46 +48,7 @@ def distance(kind: int, dx: float, dy: float) -> float:
     return dx + dy
 
 
-@njit(cache=True, nogil=True)
-def comes_before(keys: Any, nodes: Any, a: int, b: int) -> bool:
-    """Tell whether heap entry `a` is popped before entry `b`."""
-    return keys[a] < keys[b] or (keys[a] == keys[b] and nodes[a] < nodes[b])
-
-
-@njit(cache=True, nogil=True)
-def swap(keys: Any, nodes: Any, a: int, b: int) -> None:
-    """Swap two heap entries."""
-    keys[a], keys[b] = keys[b], keys[a]
-    nodes[a], nodes[b] = nodes[b], nodes[a]
-
-
-@njit(cache=True, nogil=True)
-def sift_up(keys: Any, nodes: Any, i: int) -> None:
-    """Move heap entry `i` up to its place."""
-    while i > 0:
-        parent = (i - 1) >> 1
-        if not comes_before(keys, nodes, i, parent):
-            return
-        swap(keys, nodes, i, parent)
-        i = parent
-
-
-@njit(cache=True, nogil=True)
-def sift_down(keys: Any, nodes: Any, i: int, size: int) -> None:
-    """Move heap entry `i` down to its place."""
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            return
-        if child + 1 < size and comes_before(keys, nodes, child + 1, child):
-            child += 1
-        if not comes_before(keys, nodes, child, i):
-            return
-        swap(keys, nodes, i, child)
-        i = child
-
-
-@njit(cache=True, nogil=True)
+@jit
 def estimate_cost(
     node: int, height: int, kind: int, weight: float, goal: Any, target: Any, guided: bool
 ) -> float:
@@ -90,7 +60,7 @@ def estimate_cost(
     return estimate
 
 
-@njit(cache=True, nogil=True)
+@jit
 def rekey(
     keys: Any,
     nodes: Any,
@@ -108,10 +78,10 @@ def rekey(
         node = nodes[i]
         keys[i] = g[node] + estimate_cost(node, height, kind, weight, goal, target, guided)
     for i in range(size // 2 - 1, -1, -1):
-        sift_down(keys, nodes, i, size)
+        sift_down(keys, nodes, i, size, True)
 
 
-@njit(cache=True, nogil=True)
+@jit
 def paper_search(
     blocked: NDArray[np.bool_],
     start: int,
@@ -142,22 +112,17 @@ def paper_search(
     """
     height, width = blocked.shape
     guided = len(targets) > 0
-    index = counts[TARGET]
+    size, index, stale = counts[SIZE], counts[TARGET], counts[STALE] != 0
+    storage, expansions = counts[STORAGE], counts[EXPANSIONS]
     target = targets[index].copy() if guided else np.zeros(2)
     goal_at = np.array([goal // height, goal % height])
-    w = weights[0]
-    raw_weight = weights[1]
-    stale = counts[STALE] != 0
-    size = counts[SIZE]
-    storage = counts[STORAGE]
-    expansions = counts[EXPANSIONS]
+    w, raw_weight = weights[0], weights[1]
     if storage == 0:
         g[start] = 0.0
         seen[start] = True
         keys[0] = estimate_cost(start, height, kind, w, goal_at, target, guided)
         nodes[0] = start
-        size = 1
-        storage = 1
+        size = storage = 1
 
     while True:
         if size == 0:
@@ -184,10 +149,8 @@ def paper_search(
                 stale = False
             raw_weight *= decay
 
-        node = nodes[0]
+        node = heap_pop(keys, nodes, size, True)
         size -= 1
-        keys[0], nodes[0] = keys[size], nodes[size]
-        sift_down(keys, nodes, 0, size)
         expansions += 1
         closed[node] = True
         if node == goal:
@@ -228,11 +191,8 @@ def paper_search(
                 stale = stale or g[neighbour] != np.inf
                 g[neighbour] = new_g
                 move_to[neighbour] = move
-                keys[size] = new_g + estimate_cost(
-                    neighbour, height, kind, w, goal_at, target, guided
-                )
-                nodes[size] = neighbour
-                sift_up(keys, nodes, size)
+                left = estimate_cost(neighbour, height, kind, w, goal_at, target, guided)
+                heap_push(keys, nodes, size, new_g + left, neighbour, True)
                 size += 1
     counts[SIZE], counts[TARGET], counts[STALE] = size, index, stale
     counts[STORAGE], counts[EXPANSIONS] = storage, expansions
@@ -240,7 +200,7 @@ def paper_search(
     return status
 
 
-@njit(cache=True, nogil=True)
+@jit
 def trace_back(
     move_to: NDArray[np.int8], start: int, goal: int, height: int
 ) -> tuple[NDArray[np.int32], int]:

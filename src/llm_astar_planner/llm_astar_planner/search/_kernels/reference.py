@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import heapq
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-_jit: Any = njit(cache=True, nogil=True)
+from llm_astar_planner.search.kernel_cache import jit
 
 # The eight moves; weights are stored for the first four, at the cell that the move leaves.
 STEP_X = np.array([1, 0, 1, -1, -1, 0, -1, 1])
@@ -19,7 +17,7 @@ STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
 ON_LINE = 1e-6
 
 
-@_jit
+@jit
 def can_move(
     blocked: NDArray[np.bool_], corner_cutting: bool, x: int, y: int, to_x: int, to_y: int
 ) -> bool:
@@ -30,7 +28,7 @@ def can_move(
     return corner_cutting or not (blocked[y, to_x] or blocked[to_y, x])
 
 
-@_jit
+@jit
 def least_sum(
     blocked: NDArray[np.bool_],
     corner_cutting: bool,
@@ -86,7 +84,7 @@ def least_sum(
     return math.inf
 
 
-@_jit
+@jit
 def reach(
     blocked: NDArray[np.bool_],
     corner_cutting: bool,
@@ -136,7 +134,7 @@ def reach(
     return reached
 
 
-@_jit
+@jit
 def side_of(line: NDArray[np.float64], x: int, y: int) -> int:
     """Return 1 for a point left of the ray's line, -1 right of it; 0 on the ray itself.
 
@@ -149,7 +147,7 @@ def side_of(line: NDArray[np.float64], x: int, y: int) -> int:
     return 0 if along >= -ON_LINE else 1
 
 
-@_jit
+@jit
 def crosses(line: NDArray[np.float64], x: int, y: int, to_x: int, to_y: int) -> bool:
     """Tell whether a move from one side of the ray's line to the other crosses the ray itself."""
     across = line[2] * (y - line[1]) - line[3] * (x - line[0])

@@ -8,11 +8,12 @@ uint32 of both numbers, which neighbour it is, and which cells of the tile's bor
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from llm_astar_planner.search.kernel_cache import jit
 
 # The neighbours that a tile keeps its contacts with: +x, +y, +x+y, -x+y.
 EAST, SOUTH, SOUTH_EAST, SOUTH_WEST = range(4)
@@ -24,10 +25,20 @@ FIRST_SHIFT = SIDE_SHIFT + 2
 LAST_SHIFT = FIRST_SHIFT + 5
 NUMBER_MASK = (1 << NUMBER_BITS) - 1
 
-_jit: Any = njit(cache=True, nogil=True)
+
+class TileTables(NamedTuple):
+    """The tiles of a grid; `search.tiles.Tiles` describes them."""
+
+    labels: NDArray[np.uint8]  # [height, width]
+    shift: int
+    corner_cutting: bool
+    counts: NDArray[np.int32]  # [rows, columns]
+    nodes: NDArray[np.int32]  # [tiles + 1]
+    starts: NDArray[np.int32]  # [tiles + 1]
+    contacts: NDArray[np.uint32]
 
 
-@_jit
+@jit
 def label_tiles(
     blocked: NDArray[np.bool_],
     corner_cutting: bool,
@@ -55,7 +66,7 @@ def label_tiles(
                 )  # fmt: skip
 
 
-@_jit
+@jit
 def label_tile(
     blocked: NDArray[np.bool_],
     corner_cutting: bool,
@@ -113,7 +124,7 @@ def label_tile(
     return roots
 
 
-@_jit
+@jit
 def join(parents: NDArray[np.int32], one: int, other: int) -> int:
     """Join two sets; the smaller root becomes that of both. Return 1 if they were two, else 0."""
     while parents[one] != one:
@@ -128,7 +139,7 @@ def join(parents: NDArray[np.int32], one: int, other: int) -> int:
     return 1
 
 
-@_jit
+@jit
 def find_contacts(
     labels: NDArray[np.uint8],
     corner_cutting: bool,
@@ -160,7 +171,7 @@ def find_contacts(
     starts[rows * columns] = count
 
 
-@_jit
+@jit
 def tile_contacts(
     labels: NDArray[np.uint8],
     corner_cutting: bool,
@@ -185,32 +196,21 @@ def tile_contacts(
             labels, top, right - 1, bottom - top, np.int64(EAST), corner_cutting, contacts, count
         )
     if bottom < height:
+        side = np.int64(SOUTH)
         count = border_contacts(
-            labels,
-            bottom - 1,
-            left,
-            right - left,
-            np.int64(SOUTH),
-            corner_cutting,
-            contacts,
-            count,
+            labels, bottom - 1, left, right - left, side, corner_cutting, contacts, count
         )
     if corner_cutting and bottom < height:
-        number = np.int64(labels[bottom - 1, right - 1])
-        if right < width and number and labels[bottom, right]:
-            last = right - 1 - left
-            side = np.int64(SOUTH_EAST)
-            contacts[count] = pack(number, np.int64(labels[bottom, right]), side, last, last)
-            count += 1
-        number = np.int64(labels[bottom - 1, left])
-        if left > 0 and number and labels[bottom, left - 1]:
-            side, first = np.int64(SOUTH_WEST), np.int64(0)
-            contacts[count] = pack(number, np.int64(labels[bottom, left - 1]), side, first, first)
-            count += 1
+        for corner, x, other_x in ((SOUTH_EAST, right - 1, right), (SOUTH_WEST, left, left - 1)):
+            number = np.int64(labels[bottom - 1, x])
+            if 0 <= other_x < width and number and labels[bottom, other_x]:
+                other, place = np.int64(labels[bottom, other_x]), x - left
+                contacts[count] = pack(number, other, np.int64(corner), place, place)
+                count += 1
     return count
 
 
-@_jit
+@jit
 def border_contacts(
     labels: NDArray[np.uint8],
     y: int,
@@ -256,7 +256,7 @@ def border_contacts(
     return count
 
 
-@_jit
+@jit
 def pack(number: Any, other: Any, neighbour: int, first: int, last: int) -> Any:
     """Return a contact."""
     return (
@@ -268,7 +268,7 @@ def pack(number: Any, other: Any, neighbour: int, first: int, last: int) -> Any:
     )
 
 
-@_jit
+@jit
 def join_tiles(
     nodes: NDArray[np.int32],
     columns: int,

@@ -1,4 +1,4 @@
-"""Records the order in which a search expands cells, for animations and for tests.
+"""Records the order in which a search expands cells, to compare the compiled searches with.
 
 This is a second implementation of the paper's A* and LLM-A* that shares no code with the compiled
 kernels. It is a thousand times slower, and tests compare the two expansion by expansion.

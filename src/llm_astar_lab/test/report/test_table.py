@@ -3,15 +3,19 @@
 import csv
 import io
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from benchmark_samples import rows_with
 from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.table import (
+    NO_RATIO,
     Column,
     Table,
     cell_text,
+    counts,
     csv_table,
     latex,
     markdown,
@@ -49,6 +53,26 @@ def test_a_column_that_says_the_same_in_every_row_is_a_note():
     assert common == 'one 1'
     single = table_of(('name', 'one'), [('a', '1')])
     assert single.without_constants()[0] == single
+
+
+def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unknown():
+    items = [
+        SimpleNamespace(
+            ratio=replace(NO_RATIO, mean=Interval(0.5, 0.4, 0.6)), of={'a.b': 1}, cost=2.0
+        ),
+        SimpleNamespace(ratio=None, of={'a.b': 3}, cost=None),
+    ]
+    heads = (
+        *texts({'name': lambda item: f'no {item.of["a.b"]}'}),
+        *percents({'ratio (%)': 'ratio.mean', 'worst (%)': 'ratio.spread.worst'}),
+        *counts({'cost': 'cost'}),
+    )
+    table = Table.of('some', 'Some', heads, items)
+    assert texts_of(table)[1] == [
+        ('no 1', '50.00 (40.00 to 60.00)', '-', '2'),
+        ('no 3', '-', '-', '-'),
+    ]
+    assert len(next(csv.reader(io.StringIO(csv_table(table))))) == 6
 
 
 def test_a_column_without_any_value_is_not_added():

@@ -25,8 +25,7 @@ from llm_astar_planner.waypoints.transcript import (
 )
 
 from llm_astar_lab.datasets.samples import BenchmarkSample
-from llm_astar_lab.runner.recorded import Coverage, cover, groups_of
-from llm_astar_lab.runner.sources import SourceSpec
+from llm_astar_lab.runner.sources import Coverage, SourceSpec, cover, groups_of
 
 # What all exchanges of one model and prompt have in common, if they were recorded alike.
 COMMON = ('model_digest', 'prompt_digest', 'dataset_digest', 'temperature', 'seed')
