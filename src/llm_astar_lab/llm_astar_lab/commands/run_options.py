@@ -373,9 +373,11 @@ def close_run(
     from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
-    maps = load_kept_maps(folder.path / MAPS_FILE)
+    # Reading the rows takes the most memory: before the maps, and what goes through them before
+    # the figures, which take memory that is not given back.
     folder.fold()
     rows = folder.stored()
+    maps = load_kept_maps(folder.path / MAPS_FILE)
     unanswered = config.describe_unanswered(rows.rows(UNANSWERED))
     if 'map_costs' in metadata:
         add_query_times(metadata['map_costs'], rows)
@@ -385,16 +387,17 @@ def close_run(
     agreements = (
         thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
     )
-    # Last, because figures take memory that is not given back.
+    text = '' if args.json else text_report(rows, args.seed, recorded)
+    missed = thresholds.missed_thresholds(summarise(rows, args.seed), args.fail_under)
     summary = write_report(folder, metadata, maps, rows)
-    print(json.dumps(summary) if args.json else text_report(rows, args.seed, recorded))
+    print(text or json.dumps(summary))
     took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
     print(f'{took}: {folder.path}/report.html', file=sys.stderr)
     for line in unanswered:
         code = complain(args, line, code or INCOMPLETE)
     for agreement in agreements:
         code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in thresholds.missed_thresholds(summarise(rows, args.seed), args.fail_under):
+    for line in missed:
         code = complain(args, line, code or MISSED)
     return code
 
