@@ -35,30 +35,28 @@ from llm_astar_lab.commands.run_options import (
     complain,
 )
 from llm_astar_lab.instruct_bench.report import (
+    METRICS,
+    SuiteThreshold,
     chain_text,
     markdown_summary,
+    missed_suite_thresholds,
+    parse_suite_threshold,
     result_row,
+    summary_to_json,
     text_summary,
     unanswered_lines,
 )
-from llm_astar_lab.instruct_bench.results import InstructionResult
 from llm_astar_lab.instruct_bench.runner import (
     NO_INSTRUCTION,
     NO_SOURCE,
     TRUE_SOURCE,
     TRUTH,
+    InstructionResult,
     Source,
     SuiteRunner,
     interpreter_source,
 )
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
-from llm_astar_lab.instruct_bench.summary import (
-    METRICS,
-    SuiteThreshold,
-    missed_suite_thresholds,
-    parse_suite_threshold,
-    summary_to_json,
-)
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import progress

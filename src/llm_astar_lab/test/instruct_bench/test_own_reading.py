@@ -7,8 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from llm_astar_lab.instruct_bench.checks import opened, path_of, spans_in, without_ends
-from llm_astar_lab.instruct_bench.regions import FORMS, Scene, region_geometry
+from llm_astar_lab.instruct_bench.checks import (
+    FORMS,
+    opened,
+    path_of,
+    region_geometry,
+    spans_in,
+    without_ends,
+)
+from llm_astar_lab.instruct_bench.maps import Scene
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_planner.instructions.verification.geometry import first_from, total
 from own_reading import MeasuredPath, extent, geometry_of
