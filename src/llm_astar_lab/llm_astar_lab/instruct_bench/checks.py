@@ -81,9 +81,13 @@ class Fields:
             self.part(item) for item in as_list(self.value, self.where, 1, MAX_PARTS, 'regions')
         ]
 
-    def grown(self, value: object, name: str) -> BaseGeometry:
-        """Return a region in a field, grown by `tol` metres. Raises SuiteError if it is empty."""
-        where, tol = f'{self.where}: {name}', self.number('tol', 0.0, -spec.MAX_METRES)
+    def region(self, name: str) -> BaseGeometry:
+        """Return the region in a field, grown by `tol` metres if the check has that field."""
+        return self.grown(self.fields.get(name), f'{self.where}: {name}')
+
+    def grown(self, value: object, where: str) -> BaseGeometry:
+        """Return a region, grown by `tol` metres. Raises SuiteError if it is empty."""
+        tol = self.number('tol', 0.0, -spec.MAX_METRES)
         geometry = region_geometry(value, where, self.scene)
         if tol:
             geometry = geometry.buffer(tol, quad_segs=QUARTER_SIDES)
@@ -299,11 +303,6 @@ def length_max(walk: Walk, of_direct: float, metres: float) -> Verdict:
     return Verdict(length <= limit + ROUNDING, f'{length:.2f} m long, at most {limit:.2f}')
 
 
-def read_region(fields: Fields, name: str) -> BaseGeometry:
-    """Read a region, grown by `tol` metres where the check has such a field."""
-    return fields.grown(fields.fields.get(name), name)
-
-
 def read_opened(fields: Fields, name: str) -> BaseGeometry:
     """Read a region without its edge, which is not grown."""
     return opened(
@@ -313,13 +312,9 @@ def read_opened(fields: Fields, name: str) -> BaseGeometry:
 
 def read_regions(fields: Fields, name: str) -> list[BaseGeometry]:
     """Read regions, grown by `tol` metres."""
-    listed = as_list(fields.fields.get(name), f'{fields.where}: {name}', 2, MAX_REGIONS, 'regions')
-    return [fields.grown(value, f'{name}[{number}]') for number, value in enumerate(listed)]
-
-
-def read_ends(fields: Fields, name: str) -> float:
-    """Read the length of the ends that are excepted, in metres."""
-    return fields.number(name, 0.0)
+    where = f'{fields.where}: {name}'
+    listed = as_list(fields.fields.get(name), where, 2, MAX_REGIONS, 'regions')
+    return [fields.grown(value, f'{where}[{number}]') for number, value in enumerate(listed)]
 
 
 def read_segment(fields: Fields, name: str) -> BaseGeometry:
@@ -350,15 +345,15 @@ def read_limit(fields: Fields, name: str) -> float:
 
 # How each kind of check is measured, and what reads its fields besides the common ones and `tol`.
 Reader = Callable[[Fields, str], Any]
-REGION: dict[str, Reader] = {'region': read_region}
+REGION: dict[str, Reader] = {'region': Fields.region}
 METRES: dict[str, Reader] = {'metres': Fields.number}
-ENDS: dict[str, Reader] = {**METRES, 'ends': read_ends}
+ENDS: dict[str, Reader] = {**METRES, 'ends': lambda fields, name: fields.number(name, 0.0)}
 KINDS: dict[str, tuple[Callable[..., Verdict], dict[str, Reader]]] = {
     'inside_max': (inside_max, {'region': read_opened, **METRES}),
     'outside_max': (outside_max, {**REGION, **METRES}),
     'touch': (touch, REGION),
     'order': (order, {'regions': read_regions}),
-    'visit_before': (visit_before, {'first': read_region, 'second': read_opened}),
+    'visit_before': (visit_before, {'first': Fields.region, 'second': read_opened}),
     'end_in': (end_in, REGION),
     'dist_min': (dist_min, {**REGION, **ENDS}),
     'wall_dist_min': (wall_dist_min, ENDS),

@@ -22,7 +22,6 @@ from llm_astar_msgs_adapter.maps.places import (
     parse_feature,
     places_beside,
 )
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification_json import as_mapping, as_text
@@ -44,21 +43,17 @@ class SuiteError(LlmAstarError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class SuiteMap:
-    """A map of a suite with its places; `barrier_map` where its grid was made from one.
-
-    `occupied_threshold` is the occupancy from which a cell counts as wall.
-    """
+    """A map of a suite with its places; `barrier_map` where its grid was made from one."""
 
     name: str
     grid_map: GridMap
     places: Places
     barrier_map: BarrierMap | None = None
-    occupied_threshold: int = 65
 
     @cached_property
     def walls(self) -> NDArray[Any]:
         """The occupied cells as polygons [n], neighbours in a row joined."""
-        blocked = np.pad(self.grid_map.blocked(self.occupied_threshold), ((0, 0), (1, 1)))
+        blocked = np.pad(self.grid_map.blocked(), ((0, 0), (1, 1)))
         steps = np.diff(blocked.astype(np.int8), axis=1)
         rows, first = np.nonzero(steps == 1)
         _, end = np.nonzero(steps == -1)
@@ -74,7 +69,7 @@ class SuiteMap:
     @property
     def costmap(self) -> Costmap:
         """The map for a robot without a body."""
-        return Costmap(self.grid_map, CostmapConfig(occupied_threshold=self.occupied_threshold))
+        return Costmap(self.grid_map)
 
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:

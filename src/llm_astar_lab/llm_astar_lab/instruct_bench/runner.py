@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import (
     InstructionError,
     Interpretation,
@@ -167,10 +166,6 @@ def true_meaning(instruction: SuiteInstruction) -> Interpretation:
     return Interpretation(instruction.text[:80], truth, TRUTH, status_of(truth))
 
 
-def no_meaning(_: SuiteInstruction) -> None:
-    """Ask for nothing: what is measured is what is met by chance."""
-
-
 def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -> Source:
     """Return the source that asks an interpreter, for so many seconds each time.
 
@@ -192,7 +187,9 @@ def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -
     return Source(name, understand)
 
 
-TRUE_SOURCE, NO_SOURCE = Source(TRUTH, true_meaning), Source(NO_INSTRUCTION, no_meaning)
+TRUE_SOURCE = Source(TRUTH, true_meaning)
+# What is measured is what is met by chance.
+NO_SOURCE = Source(NO_INSTRUCTION, lambda _: None)
 
 
 class Direct(NamedTuple):
@@ -275,9 +272,7 @@ def planner_of(suite_map: SuiteMap) -> Planner:
     """Return a planner for a map; on a barrier map by the paper's rules."""
     if suite_map.barrier_map is not None:
         return Planner.for_barrier_map(suite_map.barrier_map)
-    return Planner(
-        suite_map.grid_map, CostmapConfig(occupied_threshold=suite_map.occupied_threshold)
-    )
+    return Planner(suite_map.grid_map)
 
 
 def verdicts_of(

@@ -224,7 +224,7 @@ def read_point(fields: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cel
     cell = grid_map.world_to_cell(x, y)
     if not grid_map.contains(cell):
         raise SuiteError(f'{name}: ({x:g}, {y:g}) lies off map {suite_map.name!r}')
-    if grid_map.cells[cell[1], cell[0]] >= suite_map.occupied_threshold:
+    if grid_map.blocked()[cell[1], cell[0]]:
         raise SuiteError(f'{name}: ({x:g}, {y:g}) is occupied on map {suite_map.name!r}')
     return cell
 

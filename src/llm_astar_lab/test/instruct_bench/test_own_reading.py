@@ -90,7 +90,7 @@ def test_paths_are_measured_as_the_tests_measure_them(scenes):
     rng = np.random.default_rng(4)
     for entry, instruction in scenes[::3]:
         grid_map = instruction.suite_map.grid_map
-        free = np.argwhere(grid_map.cells < instruction.suite_map.occupied_threshold)
+        free = np.argwhere(grid_map.cells < 65)
         between = free[rng.integers(len(free), size=rng.integers(6)), ::-1].tolist()
         points = grid_map.grid_to_world([instruction.start, *between, instruction.goal])
         path, own = path_of(points), MeasuredPath(points)
