@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product, starmap
 from typing import NamedTuple
 
 from llm_astar_planner.instructions.interpretation import (
@@ -192,65 +193,54 @@ TRUE_SOURCE = Source(TRUTH, true_meaning)
 NO_SOURCE = Source(NO_INSTRUCTION, lambda _: None)
 
 
-class Direct(NamedTuple):
-    """The plan without instruction, its length in metres and the seconds it took."""
-
-    plan: Plan
-    length: float
-    seconds: float
-
-
 @dataclass(frozen=True, eq=False)
 class SuiteRunner:
-    """Plans instructions; one planner a map and one direct plan a pair are kept.
+    """Plans instructions; one planner a map and one direct plan a pair are kept, with its seconds.
 
     `request` is what every request has in common, such as method and time limit.
     """
 
     request: PlanRequest
     planners: dict[str, Planner] = field(default_factory=dict)
-    direct_plans: dict[tuple[str, Cell, Cell], Direct] = field(default_factory=dict)
+    direct_plans: dict[tuple[str, Cell, Cell], tuple[Plan, float]] = field(default_factory=dict)
 
     def run(
         self, instructions: Sequence[SuiteInstruction], sources: Sequence[Source]
     ) -> Iterator[InstructionResult]:
-        """Yield the results of all sources, instruction by instruction."""
-        for instruction in instructions:
-            for source in sources:
-                yield self.run_one(instruction, source)
+        """Return the results of all sources as they are made, instruction by instruction."""
+        return starmap(self.run_one, product(instructions, sources))
 
     def run_one(self, instruction: SuiteInstruction, source: Source) -> InstructionResult:
         """Understand, plan and check one instruction."""
-        direct = self.direct(instruction)
+        direct, planning_seconds = self.direct(instruction)
+        direct_length = direct.length * instruction.suite_map.grid_map.resolution
         begun = time.perf_counter()
         interpretation = source.understand(instruction)
         seconds = 0.0 if interpretation is None else time.perf_counter() - begun
-        plan, planning_seconds = direct.plan, direct.seconds
+        plan = direct
         if interpretation is not None:
             # A replay says how long the recorded model took.
             seconds = interpretation.seconds or seconds
             asked = RouteInstruction(interpretation, instruction.suite_map.places)
             plan, planning_seconds = self.plan(instruction, asked)
-        without = verdicts_of(instruction, direct.plan, direct.length)
+        without = verdicts_of(instruction, direct, direct_length)
         return InstructionResult(
             instruction=instruction,
             source=source.name,
             outcome=plan.instruction if interpretation is not None else None,
             plan=plan,
-            verdicts=verdicts_of(instruction, plan, direct.length),
-            direct_length=direct.length,
-            already=direct.plan.code == 0 and all(verdict.holds for verdict in without),
+            verdicts=verdicts_of(instruction, plan, direct_length),
+            direct_length=direct_length,
+            already=direct.code == 0 and all(verdict.holds for verdict in without),
             seconds=seconds,
             planning_seconds=planning_seconds,
         )
 
-    def direct(self, instruction: SuiteInstruction) -> Direct:
-        """Return the plan without instruction between the same cells."""
+    def direct(self, instruction: SuiteInstruction) -> tuple[Plan, float]:
+        """Return the plan without instruction between the same cells, and its seconds."""
         key = instruction.suite_map.name, instruction.start, instruction.goal
         if key not in self.direct_plans:
-            plan, seconds = self.plan(instruction, None)
-            length = plan.length * instruction.suite_map.grid_map.resolution
-            self.direct_plans[key] = Direct(plan, length, seconds)
+            self.direct_plans[key] = self.plan(instruction, None)
         return self.direct_plans[key]
 
     def plan(
