@@ -27,9 +27,7 @@ class RegionError(LlmAstarError, ValueError):
     """A region that this map does not have; the message says which and why."""
 
 
-def region_polygon(  # noqa: PLR0911 - one for each form
-    region: spec.Region, route: Route, default_radius: float
-) -> BaseGeometry:
+def region_polygon(region: spec.Region, route: Route, default_radius: float) -> BaseGeometry:
     """Return a region as a polygon, or several, in metres.
 
     `default_radius` is for points without a radius. Raises RegionError for an unknown place or
