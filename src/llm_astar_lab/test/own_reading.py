@@ -68,7 +68,7 @@ def extent(grid_map):
 def walls(suite_map):
     """Return the squares of the occupied cells."""
     grid_map = suite_map.grid_map
-    rows, columns = np.nonzero(grid_map.blocked(suite_map.occupied_threshold))
+    rows, columns = np.nonzero(grid_map.blocked(65))
     corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
     cells = np.stack((columns, rows), axis=1)[:, None] + corners
     return shapely.polygons(grid_map.grid_to_world(cells.reshape(-1, 2)).reshape(-1, 4, 2))

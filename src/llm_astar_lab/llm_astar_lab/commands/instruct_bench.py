@@ -25,13 +25,13 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.instruct_bench import report, summary
-from llm_astar_lab.instruct_bench.results import InstructionResult
+from llm_astar_lab.instruct_bench import report
 from llm_astar_lab.instruct_bench.runner import (
     NO_INSTRUCTION,
     NO_SOURCE,
     TRUE_SOURCE,
     TRUTH,
+    InstructionResult,
     Source,
     SuiteRunner,
     interpreter_source,
@@ -119,11 +119,11 @@ def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),
     ):
-        parse = partial(summary.parse_suite_threshold, is_upper=is_upper)
+        parse = partial(report.parse_suite_threshold, is_upper=is_upper)
         group.add_argument(
             flag, type=common.parsed_by(parse), action='append', default=[], metavar='LIMIT',
             help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of '
-            f'{", ".join(summary.METRICS)}, in percent or ms; without SOURCE every one but '
+            f'{", ".join(report.METRICS)}, in percent or ms; without SOURCE every one but '
             'none',
         )  # fmt: skip
 
@@ -149,13 +149,13 @@ def run(args: argparse.Namespace) -> int:
         write_results(folder, suite, chosen, results)
     if results:
         print(
-            json.dumps(summary.summary_to_json(results))
+            json.dumps(report.summary_to_json(results))
             if args.json
             else report.text_summary(results)
         )
     for line in report.unanswered_lines(results):
         code = common.complain(args, line, code or common.INCOMPLETE)
-    for line in summary.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
+    for line in report.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
         code = common.complain(args, line, code or common.MISSED)
     return code
 
@@ -231,7 +231,7 @@ def write_results(
     lines = [list(rows[0]), *(list(map(str, row.values())) for row in rows)]
     folder.write_text('results.csv', format_csv(lines))
     metadata = describe_run([suite.path], {'sources': list(chosen)})
-    folder.write_json('summary.json', metadata | {'sources': summary.summary_to_json(results)})
+    folder.write_json('summary.json', metadata | {'sources': report.summary_to_json(results)})
     folder.write_text('report.md', report.markdown_summary(results, metadata))
 
 

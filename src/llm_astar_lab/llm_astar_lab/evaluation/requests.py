@@ -95,8 +95,8 @@ class RobotPoseTracker:
             return own
         transform = self._transforms.lookup(map_frame, frame, now)
         if transform is None:
-            message = f'{name} is in frame {frame!r}, the map in {map_frame!r}, and no tf'
-            raise PoseError(f'{message} joins them')
+            frames = f'frame {frame!r}, the map in {map_frame!r}'
+            raise PoseError(f'{name} is in {frames}, and no tf joins them')
         return moved(own, transform)
 
     def robot(self, map_frame: str, now: int) -> Pose2D:
@@ -145,6 +145,7 @@ class RequestReader:
         self._now = 0
         self._count = 0
         self._resized = False
+        poses = ('tf', 'static tf', 'odometry', 'start')
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map,
             'map update': self._on_update,
@@ -154,10 +155,7 @@ class RequestReader:
             'plan': lambda message: self._pending.take_plan(message.value),
             'plan as request': self._on_plan,
             'report': lambda message: self._pending.take_report(message.value),
-            **{
-                role: partial(self._poses.take, role)
-                for role in ('tf', 'static tf', 'odometry', 'start')
-            },
+            **{role: partial(self._poses.take, role) for role in poses},
         }
 
     def requests(self) -> Iterator[BagRequest]:
@@ -240,9 +238,7 @@ class RequestReader:
             return
         self._calls.append(call)
         request = event.request[0]
-        start, goal = (
-            (stamped.pose, stamped.header.frame_id) for stamped in (request.start, request.goal)
-        )
+        start, goal = ((end.pose, end.header.frame_id) for end in (request.start, request.goal))
         self._make_request(self._when(message), start, goal, call, float(request.tolerance))
 
     def _on_goal(self, message: BagMessage) -> None:
@@ -254,8 +250,7 @@ class RequestReader:
         plan = message.value
         if not len(plan.poses) or self._pending.take_plan(plan):
             return
-        frame = plan.header.frame_id
-        start, goal = ((stamped.pose, frame) for stamped in (plan.poses[0], plan.poses[-1]))
+        start, goal = ((plan.poses[end].pose, plan.header.frame_id) for end in (0, -1))
         self._make_request(self._when(message), start, goal)
         self._pending.take_plan(plan)
 
@@ -280,18 +275,15 @@ class RequestReader:
             self._leave_out(f'{when}: a request before the first map', 'requests')
             return
         try:
-            start_pose = self._to_map(start, 'start', grid_map)
-            goal_pose = self._to_map(goal, 'goal', grid_map)
+            poses = self._to_map(start, 'start', grid_map), self._to_map(goal, 'goal', grid_map)
         except PoseError as error:
             self._leave_out(f'{when}: a request whose {error}', 'requests')
             return
         barriers = self._barriers
         if barriers is not None and not are_barriers_of(barriers, grid_map):
             barriers = None
-        poses = (start_pose, goal_pose)
-        self._pending.add(
-            BagRequest(index, self._now, *poses, grid_map, barriers, tolerance, call)
-        )
+        request = BagRequest(index, self._now, *poses, grid_map, barriers, tolerance, call)
+        self._pending.add(request)
 
     def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
         if place is None:

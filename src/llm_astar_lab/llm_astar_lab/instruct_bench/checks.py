@@ -1,7 +1,9 @@
 """The machine checks of a suite: what a path that follows an instruction fulfils.
 
 They are measured on the path's own straight pieces, in code apart from the enforcement and from
-what the verification makes of a clause. The kinds are described in `suite`.
+what the verification makes of a clause. Places, halves and boxes lie where the verification has
+them; the tests hold them against a reading of their own. Kinds of checks and forms of regions are
+described in `suite`.
 """
 
 from __future__ import annotations
@@ -14,12 +16,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import short_repr
-from llm_astar_planner.instructions.specification import MAX_METRES
-from llm_astar_planner.instructions.specification_json import as_mapping, as_number, as_numbers
+from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions import specification_json as checked
 from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
+    QUARTER_SIDES,
     Polyline,
     Spans,
+    disc_area,
     first_from,
     joined,
     total,
@@ -27,68 +32,159 @@ from llm_astar_planner.instructions.verification.geometry import (
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_lab.instruct_bench.regions import QUARTER, Scene, SuiteError, region_geometry
+from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, as_list, find_place, find_tagged
 
 # Metres. A measured length this close to its limit keeps it.
 ROUNDING = 1e-6
 MAX_TIMES = 1000
 MAX_REGIONS = 16
+MAX_POINTS = 1000
+MAX_PARTS = 100
+# How deep unions and the like may be nested.
+MAX_DEPTH = 4
+# What a form of a region may have besides its own name.
+EXTRAS = {'half': ('of',), 'near': ('width',)}
 # Fields that every check may have.
-NOTHING = np.array([], dtype=np.object_)
 COMMON = {'check', 'clause', 'least_possible', 'note'}
-
-
-class Verdict(NamedTuple):
-    """Whether a path fulfils a check, and the measured fact in a few words."""
-
-    holds: bool
-    detail: str
-
-
-# Of a path in metres, and the length in metres of the path without instruction.
-Measure = Callable[[Polyline, float], Verdict]
+NOTHING = np.array([], dtype=np.object_)
 
 
 @dataclass(frozen=True, eq=False)
-class Check:
-    """A check: its kind, the index of the clause it belongs to (None: all), how it is measured."""
+class Fields:
+    """A check or a region that is being read: its fields, how errors name it, how deep it lies.
 
-    kind: str
-    measure: Measure
-    clause: int | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class CheckFields:
-    """A check that is being read: its fields, how errors name it, what it refers to."""
+    `value` is that of the field that gives the form of a region.
+    """
 
     fields: Mapping[str, Any]
     where: str
     scene: Scene
+    value: Any = None
+    depth: int = 0
 
-    def region(self, name: str, grow: float = 0.0) -> BaseGeometry:
-        """Return the geometry of a region, grown by some metres, less than 0 to shrink it."""
-        return self.grown(self.fields.get(name), name, grow)
+    @property
+    def places(self) -> Places:
+        """The map's places."""
+        return self.scene.suite_map.places
 
-    def grown(self, value: object, name: str, grow: float) -> BaseGeometry:
-        """Return the geometry of a region's JSON form, grown. Raises SuiteError if it is empty."""
-        where = f'{self.where}: {name}'
+    def resolved(self, region: spec.Region) -> BaseGeometry:
+        """Return where the verification has a region."""
+        return self.scene.regions.resolve(region).area.outline
+
+    def part(self, value: object) -> BaseGeometry:
+        """Return the geometry of a region inside this one."""
+        return region_geometry(value, self.where, self.scene, self.depth + 1)
+
+    def parts(self) -> list[BaseGeometry]:
+        """Return the geometries of a list of regions; raises as `region_geometry` does."""
+        return [
+            self.part(item) for item in as_list(self.value, self.where, 1, MAX_PARTS, 'regions')
+        ]
+
+    def region(self, name: str) -> BaseGeometry:
+        """Return the region in a field, grown by `tol` metres if the check has that field."""
+        return self.grown(self.fields.get(name), f'{self.where}: {name}')
+
+    def grown(self, value: object, where: str) -> BaseGeometry:
+        """Return a region, grown by `tol` metres. Raises SuiteError if it is empty."""
+        tol = self.number('tol', 0.0, -spec.MAX_METRES)
         geometry = region_geometry(value, where, self.scene)
-        if grow:
-            geometry = geometry.buffer(grow, quad_segs=QUARTER)
+        if tol:
+            geometry = geometry.buffer(tol, quad_segs=QUARTER_SIDES)
         if geometry.is_empty:
-            raise SuiteError(f'{where}: nothing lies {-grow:g} m deep in it')
+            raise SuiteError(f'{where}: nothing lies {-tol:g} m deep in it')
         return geometry
 
     def number(self, name: str, default: float | None = None, least: float = 0.0) -> float:
         """Return a number from `least` to MAX_METRES. Raises SpecificationError."""
         value = self.fields.get(name, default)
-        return as_number(value, f'{self.where}: {name}', least, MAX_METRES)
+        return checked.as_number(value, f'{self.where}: {name}', least, spec.MAX_METRES)
 
-    @property
-    def tol(self) -> float:
-        """The tolerance in metres, negative for a depth. Raises SpecificationError."""
-        return self.number('tol', 0.0, -MAX_METRES)
+
+def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> BaseGeometry:
+    """Return the geometry of a region; `where` names it in errors.
+
+    Raises SuiteError or SpecificationError for a malformed, unknown or empty region.
+    """
+    fields = checked.as_mapping(value, where)
+    form = next((name for name in FORMS if name in fields), None)
+    if form is None or depth > MAX_DEPTH:
+        problem = f'has none of {", ".join(FORMS)}' if form is None else 'is nested too deep'
+        raise SuiteError(f'{where}: {problem}')
+    unknown = set(fields) - {form, *EXTRAS.get(form, ())}
+    if unknown:
+        raise SuiteError(f'{where}: {form} has no field {short_repr(min(unknown))}')
+    where = f'{where}: {form}'
+    geometry = FORMS[form](Fields(fields, where, scene, fields[form], depth))
+    if geometry.is_empty or not geometry.is_valid:
+        raise SuiteError(f'{where}: is empty or crosses itself')
+    return geometry
+
+
+def read_place(fields: Fields) -> BaseGeometry:
+    """Return the geometry of a named place. Raises SuiteError."""
+    place = find_place(fields.value, fields.where, fields.places)
+    return fields.resolved(spec.NamedPlace(place.name))
+
+
+def read_tag(fields: Fields) -> BaseGeometry:
+    """Return the geometry of all places with a tag. Raises SuiteError."""
+    find_tagged(fields.value, fields.where, fields.places)
+    return fields.resolved(spec.Tagged(fields.value))
+
+
+def read_polygon(fields: Fields) -> BaseGeometry:
+    """Return a polygon from its corners. Raises SuiteError or SpecificationError."""
+    corners = as_list(fields.value, fields.where, 3, MAX_POINTS, 'points')
+    return shapely.Polygon([checked.as_numbers(point, fields.where, 2) for point in corners])
+
+
+def read_half(fields: Fields) -> BaseGeometry:
+    """Return half of the map's extent, of a place, or of the plane beside the direct way."""
+    of, where, scene = fields.fields.get('of'), fields.where, fields.scene
+    side = checked.as_choice(fields.value, where, spec.SIDES if of is None else spec.COMPASS)
+    if of is not None:
+        return fields.resolved(spec.Half(side, find_place(of, f'{where}: of', fields.places).name))
+    if side in spec.COMPASS:
+        return fields.resolved(spec.Half(side)) & shapely.box(*scene.suite_map.extent)
+    if scene.start == scene.goal:
+        raise SuiteError(f'{where}: {side}: start and goal are the same point')
+    return fields.resolved(spec.Half(side))
+
+
+def read_between(fields: Fields) -> BaseGeometry:
+    """Return the convex hull of two regions without them. Raises SuiteError."""
+    parts = fields.parts()
+    if len(parts) != 2:
+        raise SuiteError(f'{fields.where}: is not a list of two regions')
+    both = shapely.union_all(parts)
+    return both.convex_hull.difference(both)
+
+
+def read_near(fields: Fields) -> BaseGeometry:
+    """Return all within some metres of a region. Raises SuiteError or SpecificationError."""
+    width = fields.number('width')
+    return fields.part(fields.value).buffer(width, quad_segs=QUARTER_SIDES)
+
+
+def read_walls(fields: Fields) -> BaseGeometry:
+    """Return all within some metres of occupied cells. Raises SpecificationError."""
+    width = checked.as_number(fields.value, fields.where, 0.0, spec.MAX_METRES)
+    return shapely.union_all(shapely.buffer(fields.scene.suite_map.walls, width))
+
+
+FORMS: dict[str, Callable[[Fields], BaseGeometry]] = {
+    'place': read_place,
+    'tag': read_tag,
+    'circle': lambda fields: disc_area(*checked.as_numbers(fields.value, fields.where, 3)).outline,
+    'rect': lambda fields: fields.resolved(checked.box_from_json(fields.value, fields.where)),
+    'polygon': read_polygon,
+    'half': read_half,
+    'union': lambda fields: shapely.union_all(fields.parts()),
+    'between': read_between,
+    'near': read_near,
+    'walls': read_walls,
+}
 
 
 def path_of(points: ArrayLike) -> Polyline:
@@ -116,163 +212,170 @@ def without_ends(path: Polyline, ends: float) -> NDArray[np.object_]:
     return path.part(ends, path.length - ends).segments if 2.0 * ends < path.length else NOTHING
 
 
-def read_inside_max(fields: CheckFields) -> Measure:
+class Verdict(NamedTuple):
+    """Whether a path fulfils a check, and the measured fact in a few words."""
+
+    holds: bool
+    detail: str
+
+
+class Walk(NamedTuple):
+    """A path in metres, the length in metres of the path without instruction, and the scene."""
+
+    path: Polyline
+    direct_length: float
+    scene: Scene
+
+
+def inside_max(walk: Walk, region: BaseGeometry, metres: float) -> Verdict:
     """Check that at most so many metres lie inside a region."""
-    region, limit = opened(fields.region('region')), fields.number('metres')
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        inside = total(spans_in(path, region))
-        return Verdict(inside <= limit + ROUNDING, f'{inside:.2f} m inside, at most {limit:g}')
-
-    return measure
+    inside = total(spans_in(walk.path, region))
+    return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside, at most {metres:g}')
 
 
-def read_outside_max(fields: CheckFields) -> Measure:
+def outside_max(walk: Walk, region: BaseGeometry, metres: float) -> Verdict:
     """Check that at most so many metres lie outside of a region."""
-    region, limit = fields.region('region'), fields.number('metres')
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        outside = max(path.length - total(spans_in(path, region)), 0.0)
-        return Verdict(outside <= limit + ROUNDING, f'{outside:.2f} m outside, at most {limit:g}')
-
-    return measure
+    outside = max(walk.path.length - total(spans_in(walk.path, region)), 0.0)
+    return Verdict(outside <= metres + ROUNDING, f'{outside:.2f} m outside, at most {metres:g}')
 
 
-def read_touch(fields: CheckFields) -> Measure:
+def touch(walk: Walk, region: BaseGeometry) -> Verdict:
     """Check that the path comes near enough to a region, or deep enough into it."""
-    region = fields.region('region', fields.tol)
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        missing = float(shapely.distance(path.segments, region).min())
-        touched = missing <= ROUNDING
-        return Verdict(touched, 'touched' if touched else f'missed by {missing:.2f} m')
-
-    return measure
+    missing = float(shapely.distance(walk.path.segments, region).min())
+    touched = missing <= ROUNDING
+    return Verdict(touched, 'touched' if touched else f'missed by {missing:.2f} m')
 
 
-def read_order(fields: CheckFields) -> Measure:
+def order(walk: Walk, regions: list[BaseGeometry]) -> Verdict:
     """Check that the path touches regions in order."""
-    listed = fields.fields.get('regions')
-    if not isinstance(listed, list) or not 2 <= len(listed) <= MAX_REGIONS:
-        raise SuiteError(f'{fields.where}: regions: is not a list of 2 to {MAX_REGIONS} regions')
-    regions = [
-        fields.grown(value, f'regions[{number}]', fields.tol)
-        for number, value in enumerate(listed)
-    ]
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        along = 0.0
-        for number, region in enumerate(regions):
-            before, along = along, first_from(spans_in(path, region), along)
-            if math.isinf(along):
-                return Verdict(False, f'regions[{number}] is not touched after {before:.2f} m')
-        return Verdict(True, f'all in order after {along:.2f} m')
-
-    return measure
+    along = 0.0
+    for number, region in enumerate(regions):
+        before, along = along, first_from(spans_in(walk.path, region), along)
+        if math.isinf(along):
+            return Verdict(False, f'regions[{number}] is not touched after {before:.2f} m')
+    return Verdict(True, f'all in order after {along:.2f} m')
 
 
-def read_visit_before(fields: CheckFields) -> Measure:
+def visit_before(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdict:
     """Check that the path enters a region only after it touched another."""
-    first, second = fields.region('first', fields.tol), opened(fields.region('second'))
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        touched, entered = (first_from(spans_in(path, one), 0.0) for one in (first, second))
-        if math.isinf(entered):
-            return Verdict(True, 'second is not entered')
-        detail = f'first touched at {touched:.2f} m, second entered at {entered:.2f} m'
-        return Verdict(touched <= entered + ROUNDING, detail)
-
-    return measure
+    touched, entered = (first_from(spans_in(walk.path, one), 0.0) for one in (first, second))
+    if math.isinf(entered):
+        return Verdict(True, 'second is not entered')
+    detail = f'first touched at {touched:.2f} m, second entered at {entered:.2f} m'
+    return Verdict(touched <= entered + ROUNDING, detail)
 
 
-def read_end_in(fields: CheckFields) -> Measure:
+def end_in(walk: Walk, region: BaseGeometry) -> Verdict:
     """Check that the last point lies in a region."""
-    region = fields.region('region', fields.tol)
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        off = float(region.distance(shapely.Point(path.corners[-1])))
-        return Verdict(off <= ROUNDING, f'ends {off:.2f} m off' if off else 'ends inside')
-
-    return measure
+    off = float(region.distance(shapely.Point(walk.path.corners[-1])))
+    return Verdict(off <= ROUNDING, f'ends {off:.2f} m off' if off else 'ends inside')
 
 
-def read_dist_min(fields: CheckFields) -> Measure:
+def dist_min(walk: Walk, region: BaseGeometry, metres: float, ends: float) -> Verdict:
     """Check that the path keeps away from a region, its ends excepted."""
-    region, limit, ends = fields.region('region'), *distance_fields(fields)
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        pieces = without_ends(path, ends)
-        nearest = float(shapely.distance(pieces, region).min(initial=math.inf))
-        return Verdict(nearest >= limit - ROUNDING, f'{nearest:.2f} m away, at least {limit:g}')
-
-    return measure
+    return keeps_away(shapely.distance(without_ends(walk.path, ends), region), metres)
 
 
-def read_wall_dist_min(fields: CheckFields) -> Measure:
+def wall_dist_min(walk: Walk, metres: float, ends: float) -> Verdict:
     """Check that the path keeps away from all occupied cells, its ends excepted."""
-    (limit, ends), suite_map = distance_fields(fields), fields.scene.suite_map
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        _, distances = suite_map.wall_tree.query_nearest(
-            without_ends(path, ends), return_distance=True, all_matches=False
-        )
-        nearest = float(distances.min(initial=math.inf))
-        return Verdict(nearest >= limit - ROUNDING, f'{nearest:.2f} m away, at least {limit:g}')
-
-    return measure
+    _, distances = walk.scene.suite_map.wall_tree.query_nearest(
+        without_ends(walk.path, ends), return_distance=True, all_matches=False
+    )
+    return keeps_away(distances, metres)
 
 
-def distance_fields(fields: CheckFields) -> tuple[float, float]:
-    """Return the least distance and the length of the ends that are excepted, in metres."""
-    return fields.number('metres'), fields.number('ends', 0.0)
+def keeps_away(distances: NDArray[np.float64], metres: float) -> Verdict:
+    """Check that all distances in metres have at least the limit."""
+    nearest = float(distances.min(initial=math.inf))
+    return Verdict(nearest >= metres - ROUNDING, f'{nearest:.2f} m away, at least {metres:g}')
 
 
-def read_cross(fields: CheckFields) -> Measure:
+def cross(walk: Walk, segment: BaseGeometry, times: int | str) -> Verdict:
     """Check that the path meets a segment so many times."""
-    x0, y0, x1, y1 = as_numbers(fields.fields.get('segment'), f'{fields.where}: segment', 4)
-    if (x0, y0) == (x1, y1):
-        raise SuiteError(f'{fields.where}: segment: is a point')
-    segment, times = shapely.LineString([(x0, y0), (x1, y1)]), fields.fields.get('times')
-    is_count = isinstance(times, int) and not isinstance(times, bool) and 0 <= times <= MAX_TIMES
-    if not (is_count or times == 'some'):
-        problem = f'{short_repr(times)} is neither a number nor "some"'
-        raise SuiteError(f'{fields.where}: times: {problem}')
-
-    def measure(path: Polyline, _: float) -> Verdict:
-        met = len(spans_in(path, segment))
-        return Verdict(met > 0 if times == 'some' else met == times, f'met {met} times')
-
-    return measure
+    met = len(spans_in(walk.path, segment))
+    return Verdict(met > 0 if times == 'some' else met == times, f'met {met} times')
 
 
-def read_length_max(fields: CheckFields) -> Measure:
+def length_max(walk: Walk, of_direct: float, metres: float) -> Verdict:
     """Check the path's length, in metres or against the path without instruction."""
-    factor = fields.number('of_direct', math.inf) if 'of_direct' in fields.fields else math.inf
-    metres = fields.number('metres') if 'metres' in fields.fields else math.inf
-    if math.isinf(factor) and math.isinf(metres):
+    limit = metres if math.isinf(of_direct) else min(metres, of_direct * walk.direct_length)
+    length = walk.path.length
+    return Verdict(length <= limit + ROUNDING, f'{length:.2f} m long, at most {limit:.2f}')
+
+
+def read_opened(fields: Fields, name: str) -> BaseGeometry:
+    """Read a region without its edge, which is not grown."""
+    return opened(
+        region_geometry(fields.fields.get(name), f'{fields.where}: {name}', fields.scene)
+    )
+
+
+def read_regions(fields: Fields, name: str) -> list[BaseGeometry]:
+    """Read regions, grown by `tol` metres."""
+    where = f'{fields.where}: {name}'
+    listed = as_list(fields.fields.get(name), where, 2, MAX_REGIONS, 'regions')
+    return [fields.grown(value, f'{where}[{number}]') for number, value in enumerate(listed)]
+
+
+def read_segment(fields: Fields, name: str) -> BaseGeometry:
+    """Read a segment. Raises SuiteError where it has no length."""
+    x0, y0, x1, y1 = checked.as_numbers(fields.fields.get(name), f'{fields.where}: {name}', 4)
+    if (x0, y0) == (x1, y1):
+        raise SuiteError(f'{fields.where}: {name}: is a point')
+    return shapely.LineString([(x0, y0), (x1, y1)])
+
+
+def read_times(fields: Fields, name: str) -> int | str:
+    """Read how often a segment is met: a number or `some`."""
+    times: int | str = fields.fields.get(name, '')
+    if times == 'some' or (type(times) is int and 0 <= times <= MAX_TIMES):
+        return times
+    problem = f'{short_repr(fields.fields.get(name))} is neither a number nor "some"'
+    raise SuiteError(f'{fields.where}: {name}: {problem}')
+
+
+def read_limit(fields: Fields, name: str) -> float:
+    """Read one of the limits of a length, inf where only the other one is given."""
+    if name in fields.fields:
+        return fields.number(name)
+    if not {'of_direct', 'metres'} & set(fields.fields):
         raise SuiteError(f'{fields.where}: has neither of_direct nor metres')
-
-    def measure(path: Polyline, direct_length: float) -> Verdict:
-        limit = metres if math.isinf(factor) else min(metres, factor * direct_length)
-        detail = f'{path.length:.2f} m long, at most {limit:.2f}'
-        return Verdict(path.length <= limit + ROUNDING, detail)
-
-    return measure
+    return math.inf
 
 
-# How each kind of check is read, and which fields it may have besides the common ones.
-KINDS: dict[str, tuple[Callable[[CheckFields], Measure], set[str]]] = {
-    'inside_max': (read_inside_max, {'region', 'metres'}),
-    'outside_max': (read_outside_max, {'region', 'metres'}),
-    'touch': (read_touch, {'region', 'tol'}),
-    'order': (read_order, {'regions', 'tol'}),
-    'visit_before': (read_visit_before, {'first', 'second', 'tol'}),
-    'end_in': (read_end_in, {'region', 'tol'}),
-    'dist_min': (read_dist_min, {'region', 'metres', 'ends'}),
-    'wall_dist_min': (read_wall_dist_min, {'metres', 'ends'}),
-    'cross': (read_cross, {'segment', 'times'}),
-    'length_max': (read_length_max, {'of_direct', 'metres'}),
+# How each kind of check is measured, and what reads its fields besides the common ones and `tol`.
+Reader = Callable[[Fields, str], Any]
+REGION: dict[str, Reader] = {'region': Fields.region}
+METRES: dict[str, Reader] = {'metres': Fields.number}
+ENDS: dict[str, Reader] = {**METRES, 'ends': lambda fields, name: fields.number(name, 0.0)}
+KINDS: dict[str, tuple[Callable[..., Verdict], dict[str, Reader]]] = {
+    'inside_max': (inside_max, {'region': read_opened, **METRES}),
+    'outside_max': (outside_max, {**REGION, **METRES}),
+    'touch': (touch, REGION),
+    'order': (order, {'regions': read_regions}),
+    'visit_before': (visit_before, {'first': Fields.region, 'second': read_opened}),
+    'end_in': (end_in, REGION),
+    'dist_min': (dist_min, {**REGION, **ENDS}),
+    'wall_dist_min': (wall_dist_min, ENDS),
+    'cross': (cross, {'segment': read_segment, 'times': read_times}),
+    'length_max': (length_max, {'of_direct': read_limit, 'metres': read_limit}),
 }
+HAVE_TOL = ('touch', 'order', 'visit_before', 'end_in')
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """A check: its kind, what its fields say, and the index of its clause (None: of all)."""
+
+    kind: str
+    values: Mapping[str, Any]
+    scene: Scene
+    clause: int | None = None
+
+    def measure(self, path: Polyline, direct_length: float) -> Verdict:
+        """Judge a path in metres; without instruction it has `direct_length` metres."""
+        judge, _ = KINDS[self.kind]
+        return judge(Walk(path, direct_length, self.scene), **self.values)
 
 
 def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
@@ -280,18 +383,20 @@ def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
 
     Raises SuiteError or SpecificationError, which name the field.
     """
-    fields = as_mapping(value, where)
+    fields = checked.as_mapping(value, where)
     kind = fields.get('check')
     if not isinstance(kind, str) or kind not in KINDS:
         raise SuiteError(f'{where}: check: {short_repr(kind)} is not one of {", ".join(KINDS)}')
     where = f'{where} ({kind})'
-    read, own = KINDS[kind]
-    unknown = set(fields) - own - COMMON
+    readers = KINDS[kind][1]
+    known = COMMON.union(readers, ('tol',) if kind in HAVE_TOL else ())
+    unknown = set(fields) - known
     if unknown:
         problem = f'has no field {short_repr(min(unknown))}'
-        raise SuiteError(f'{where}: {problem}; its fields are {", ".join(sorted(own | COMMON))}')
+        raise SuiteError(f'{where}: {problem}; its fields are {", ".join(sorted(known))}')
     clause = fields.get('clause')
     if clause is not None and (type(clause) is not int or not 0 <= clause < clauses):
         problem = f'{short_repr(clause)} is not the index of one of {clauses}'
         raise SuiteError(f'{where}: clause: {problem}')
-    return Check(kind, read(CheckFields(fields, where, scene)), clause)
+    own = Fields(fields, where, scene)
+    return Check(kind, {name: read(own, name) for name, read in readers.items()}, scene, clause)

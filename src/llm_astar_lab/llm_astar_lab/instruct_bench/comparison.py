@@ -10,23 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from llm_astar_planner.instructions import specification as spec
 
-from llm_astar_lab.instruct_bench.regions import SuiteMap, find_place, find_tagged
+from llm_astar_lab.instruct_bench.maps import SuiteMap, find_place, find_tagged
 
 # Of lengths in metres: nobody asks for less than a centimetre.
 DIGITS = 2
-UNKNOWN = ('unknown',)
 
 
-@dataclass(frozen=True)
-class NormalForm:
-    """A specification to compare: its visits in order, its other clauses in any order."""
-
-    visits: tuple[Hashable, ...]
-    others: frozenset[Hashable]
+# Visits in order, and the other clauses in any order.
+NormalForm = tuple[tuple[Hashable, ...], frozenset[Hashable]]
 
 
 def same_specification(
@@ -50,7 +44,7 @@ def normal_form(specification: spec.Specification, suite_map: SuiteMap) -> Norma
             visits += keys
         else:
             others.update(keys)
-    return NormalForm(tuple(visits), frozenset(others))
+    return tuple(visits), frozenset(others)
 
 
 def clause_keys(clause: spec.Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
@@ -58,7 +52,7 @@ def clause_keys(clause: spec.Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
     kind, strength = clause.kind, clause.strength
     match clause:
         case spec.Unknown():
-            yield UNKNOWN
+            yield kind
         case spec.Avoid(region=spec.Along(place, width), margin=0.0) if place == spec.WALLS:
             yield spec.KeepDistance.kind, strength, round(width, DIGITS)
         case spec.KeepDistance(metres=metres, region=None):
@@ -101,22 +95,17 @@ def region_key(region: spec.Region, suite_map: SuiteMap) -> Hashable:
             key = spec.NamedPlace(find_place(name, 'place', places).name)
         case spec.Tagged(tag):
             tagged = find_tagged(tag, 'tag', places)
-            key = (
-                spec.NamedPlace(tagged[0].name)
-                if len(tagged) == 1
-                else spec.Tagged(tag.casefold())
-            )
+            only = spec.NamedPlace(tagged[0].name)
+            key = only if len(tagged) == 1 else spec.Tagged(tag.casefold())
         case spec.Disc(x, y, radius):
-            key = spec.Disc(
-                *(round(value, DIGITS) for value in (x, y, radius or spec.VISIT_RADIUS))
-            )
+            values = (x, y, radius or spec.VISIT_RADIUS)
+            key = spec.Disc(*(round(value, DIGITS) for value in values))
         case spec.Box():
             key = opened_box(region, suite_map)
         case spec.Half(side, of) if of:
             key = spec.Half(side, find_place(of, 'of', places).name)
         case spec.Between(first, second):
-            names = (find_place(name, 'between', places).name for name in (first, second))
-            key = frozenset(names)
+            key = frozenset(find_place(name, 'between', places).name for name in (first, second))
         case spec.Along(place, width):
             name = place if place == spec.WALLS else find_place(place, 'along', places).name
             key = spec.Along(name, round(width, DIGITS))
@@ -125,14 +114,12 @@ def region_key(region: spec.Region, suite_map: SuiteMap) -> Hashable:
 
 def opened_box(box: spec.Box, suite_map: SuiteMap) -> spec.Box:
     """Return a box with the sides open that reach the map's edge, to within a cell."""
-    x0, y0, x1, y1 = suite_map.extent
-    cell = suite_map.grid_map.resolution
-    low = [
+    cell, extent = suite_map.grid_map.resolution, suite_map.extent
+    # The upper sides with the other sign, so that low is open for all.
+    sides = (box.x0, box.y0, -box.x1, -box.y1)
+    edges = (extent[0], extent[1], -extent[2], -extent[3])
+    x0, y0, x1, y1 = (
         -math.inf if side <= edge + cell else round(side, DIGITS)
-        for side, edge in ((box.x0, x0), (box.y0, y0))
-    ]
-    high = [
-        math.inf if side >= edge - cell else round(side, DIGITS)
-        for side, edge in ((box.x1, x1), (box.y1, y1))
-    ]
-    return spec.Box(*low, *high)
+        for side, edge in zip(sides, edges)
+    )
+    return spec.Box(x0, y0, -x1, -y1)

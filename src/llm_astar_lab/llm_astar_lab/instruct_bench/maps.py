@@ -1,15 +1,19 @@
-"""The maps of a suite: found, loaded, and their places read."""
+"""The maps of a suite: found, loaded, and their places read; and what its checks refer to."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places import (
     Place,
@@ -18,15 +22,75 @@ from llm_astar_msgs_adapter.maps.places import (
     parse_feature,
     places_beside,
 )
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification_json import as_mapping, as_text
+from llm_astar_planner.instructions.verification.geometry import polyline
+from llm_astar_planner.instructions.verification.regions import Regions
+from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
-
-from llm_astar_lab.instruct_bench.regions import SuiteError, SuiteMap
+from llm_astar_planner.search.result import Cell
+from numpy.typing import NDArray
 
 # The dataset in which map pN is map N.
 NUMBERED = re.compile(r'p([0-9]{1,6})')
 MAX_PLACES = 1000
-MAX_NAMES = 100
+
+
+class SuiteError(LlmAstarError, ValueError):
+    """A suite that cannot be used; the message names the file, the instruction and the field."""
+
+
+@dataclass(frozen=True, eq=False)
+class SuiteMap:
+    """A map of a suite with its places; `barrier_map` where its grid was made from one."""
+
+    name: str
+    grid_map: GridMap
+    places: Places
+    barrier_map: BarrierMap | None = None
+
+    @cached_property
+    def walls(self) -> NDArray[Any]:
+        """The occupied cells as polygons [n], neighbours in a row joined."""
+        blocked = np.pad(self.grid_map.blocked(), ((0, 0), (1, 1)))
+        steps = np.diff(blocked.astype(np.int8), axis=1)
+        rows, first = np.nonzero(steps == 1)
+        _, end = np.nonzero(steps == -1)
+        corners = [(first, rows), (end, rows), (end, rows + 1), (first, rows + 1)]
+        cells = np.stack([np.stack(corner, axis=1) for corner in corners], axis=1) - 0.5
+        return np.asarray(shapely.polygons(self.grid_map.grid_to_world(cells).reshape(-1, 4, 2)))
+
+    @cached_property
+    def wall_tree(self) -> shapely.STRtree:
+        """The walls, indexed for nearest neighbours."""
+        return shapely.STRtree(self.walls)
+
+    @property
+    def costmap(self) -> Costmap:
+        """The map for a robot without a body."""
+        return Costmap(self.grid_map)
+
+    @cached_property
+    def extent(self) -> tuple[float, float, float, float]:
+        """The least box x0, y0, x1, y1 around the whole grid, in the map's frame."""
+        x0, y0, x1, y1 = Scene(self, (0, 0), (0, 0)).regions.map_outline.bounds
+        return x0, y0, x1, y1
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What the checks of one instruction refer to: a map, and the cells of start and goal."""
+
+    suite_map: SuiteMap
+    start: Cell
+    goal: Cell
+
+    @cached_property
+    def regions(self) -> Regions:
+        """Where the verification has regions."""
+        route = Route(self.suite_map.costmap, self.start, self.goal, self.suite_map.places)
+        return Regions(route, Walls(route.costmap, polyline(route.position(self.start))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +180,29 @@ def read_place(name: str, value: object) -> Place:
     return place
 
 
-def read_texts(fields: Mapping[str, Any], name: str, where: str) -> tuple[str, ...]:
-    """Read an optional list of short texts. Raises SuiteError or SpecificationError."""
-    value = fields.get(name, [])
-    if not isinstance(value, list) or len(value) > MAX_NAMES:
-        raise SuiteError(f'{where}: {name}: is not a list of up to {MAX_NAMES} texts')
-    return tuple(as_text(item, f'{where}: {name}') for item in value)
+def find_place(name: object, where: str, places: Places) -> Place:
+    """Return a place by name or alias. Raises SuiteError, which lists the map's places."""
+    place = places.get(as_text(name, where))
+    if place is None:
+        known = ', '.join(place.name for place in places) or 'none'
+        raise SuiteError(f'{where}: {name!r} is not a place of the map, which has: {known}')
+    return place
+
+
+def find_tagged(tag: object, where: str, places: Places) -> tuple[Place, ...]:
+    """Return the places with a tag. Raises SuiteError where there are none."""
+    tagged = places.with_tag(as_text(tag, where))
+    if not tagged:
+        known = ', '.join(places.tags) or 'none'
+        raise SuiteError(
+            f'{where}: {tag!r} is not a kind or tag of the places, which have: {known}'
+        )
+    return tagged
+
+
+def as_list(value: object, where: str, least: int, most: int, what: str) -> list[Any]:
+    """Return a JSON list of so many entries. Raises SuiteError, which says `what` is listed."""
+    if isinstance(value, list) and least <= len(value) <= most:
+        return value
+    size = f'{least} to {most}' if least else f'up to {most}'
+    raise SuiteError(f'{where}: is not a list of {size} {what}'.rstrip())

@@ -1,38 +1,64 @@
-"""Results of a run over a suite as tables, CSV rows, Markdown, and one instruction in full."""
+"""The figures of a run over a suite: as tables, Markdown, JSON and CSV rows, and their limits.
+
+Thresholds for continuous integration are written [SOURCE[/STYLE]:]METRIC=LIMIT, such as
+`grammar/free:satisfied=40`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import math
+import statistics
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.sentence import canonical_sentence
 
-from llm_astar_lab.instruct_bench.results import InstructionResult
-from llm_astar_lab.instruct_bench.suite import OK
-from llm_astar_lab.instruct_bench.summary import Share, SuiteSummary, by_source, grouped, summarise
+from llm_astar_lab.analysis.statistics import Interval, wilson_interval
+from llm_astar_lab.instruct_bench.runner import (
+    NO_INSTRUCTION,
+    NOT_UNDERSTOOD,
+    RECOGNISED,
+    VIOLATED,
+    InstructionResult,
+)
+from llm_astar_lab.instruct_bench.suite import OK, STYLES
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
 
-SHARE_HEAD = (
-    'Instructions', 'Understood exactly', 'Satisfied if meetable', 'so without instruction',
-    'False claims', 'Recognised if not meetable',
-)  # fmt: skip
-MAIN_HEAD = ('Source', *SHARE_HEAD)
-DETAIL_HEAD = (
-    'Source', 'Falsely satisfied clauses', 'Satisfied, not asked', 'Said not understood',
-    'Said violated', 'Unanswered',
-    'Understanding ms', 'longest', 'Planning ms', 'Tokens in', 'Tokens out',
-)  # fmt: skip
-# The groups that have tables, with the heading of their first column.
-TABLES = {
-    'style': 'Style',
-    'language': 'Language',
-    'clause': 'With a clause',
-    'clauses': 'Number of clauses',
-    'expected': 'Expected',
-    'writer': 'Writer',
-    'map': 'Map',
+# The figures in the columns of the tables.
+SHARE_COLUMNS = {
+    'Instructions': 'instructions',
+    'Understood exactly': 'exact',
+    'Satisfied if meetable': 'satisfied',
+    'so without instruction': 'already',
+    'False claims': 'false_claims',
+    'Recognised if not meetable': 'recognised',
 }
-TERMINAL_TABLES = ('style', 'language', 'clause', 'clauses', 'expected')
+DETAIL_COLUMNS = {
+    'Falsely satisfied clauses': 'false_clauses',
+    'Satisfied, not asked': 'unasked_clauses',
+    'Said not understood': 'said_not_understood',
+    'Said violated': 'said_violated',
+    'Unanswered': 'unanswered',
+    'Understanding ms': 'seconds',
+    'longest': 'longest',
+    'Planning ms': 'planning_seconds',
+    'Tokens in': 'prompt_tokens',
+    'Tokens out': 'output_tokens',
+}
+# How results are grouped in tables: the heading of their column, and to which of its names a
+# result belongs; the first ones are shown in a terminal, too.
+GROUPS: dict[str, tuple[str, Callable[[InstructionResult], Sequence[str]]]] = {
+    'style': ('Style', lambda result: [result.instruction.style or 'unstated']),
+    'language': ('Language', lambda result: [result.instruction.lang]),
+    'clause': ('With a clause', lambda result: result.instruction.clause_kinds or ['no clause']),
+    'clauses': ('Number of clauses', lambda result: [str(len(result.instruction.truth.clauses))]),
+    'expected': ('Expected', lambda result: [result.instruction.expect]),
+    'writer': ('Writer', lambda result: [result.instruction.writer or 'unstated']),
+    'map': ('Map', lambda result: [result.instruction.suite_map.name]),
+}
+IN_TERMINAL = 5
 EXPLANATION = (
     'In percent with 95 % intervals (Wilson), and counts. *Satisfied*: the path fulfils all '
     'checks of the suite; *so without instruction*: the path planned without it does. A *false '
@@ -41,32 +67,218 @@ EXPLANATION = (
     'they are *recognised* where the report says so or says that they were not understood. '
     'Milliseconds are medians.'
 )
+# Metrics in percent, and those in milliseconds with the figure in seconds that they come from.
+PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses', 'unasked_clauses')
+MILLISECONDS = {'ms': 'seconds', 'longest_ms': 'longest', 'planning_ms': 'planning_seconds'}
+METRICS = (*PERCENT, *MILLISECONDS)
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many of how many."""
+
+    count: int
+    total: int
+
+    @property
+    def interval(self) -> Interval:
+        """The share with its interval, NaN of nothing."""
+        return wilson_interval(self.count, self.total)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return count, total, and percent with its limits, null of nothing."""
+        percent = [round(100 * end, 2) if self.total else None for end in self.interval]
+        return {'count': self.count, 'of': self.total, 'percent': percent[0], 'from': percent[1],
+                'to': percent[2]}  # fmt: skip
+
+
+# Figures by name: shares, and numbers.
+Figures = dict[str, Share | float]
+
+
+def summarise(results: Sequence[InstructionResult]) -> Figures:
+    """Return the figures of results, at least one.
+
+    - `exact`: understood exactly, of all. `satisfied`: the path fulfils all checks, of those that
+      can be met; `already`: it did so without instruction.
+    - `false_claims`: reported as satisfied, but not so, of all; `false_clauses`: single clauses
+      wrongly reported as satisfied, `unasked_clauses`: those that were not asked on a path that
+      fails a check, both of all clauses reported as satisfied.
+    - `recognised`: impossible, contradictory or irrelevant ones that were recognised or said not
+      to be understood; `said_not_understood`: the latter alone; `said_violated`: of the same, a
+      clause was only reported as violated.
+    - `unanswered`: the source gave no answer in time.
+    - `seconds`, `longest`: median and maximum of understanding; `planning_seconds`: median.
+    """
+    possible = [result for result in results if result.instruction.expect == OK]
+    hopeless = [result.recognition for result in results if result.instruction.expect != OK]
+    asked = [result.outcome.interpretation for result in results if result.outcome is not None]
+    claimed = sum(len(result.claimed_clauses) for result in results)
+    return {
+        'instructions': len(results),
+        'exact': share(result.exact for result in results),
+        'satisfied': share(result.fulfilled for result in possible),
+        'already': share(result.already for result in possible),
+        'false_claims': share(result.false_claim for result in results),
+        'false_clauses': Share(sum(len(result.false_clauses) for result in results), claimed),
+        'unasked_clauses': Share(sum(len(result.unasked_clauses) for result in results), claimed),
+        'recognised': share(how in (RECOGNISED, NOT_UNDERSTOOD) for how in hopeless),
+        'said_not_understood': share(how == NOT_UNDERSTOOD for how in hopeless),
+        'said_violated': share(how == VIOLATED for how in hopeless),
+        'unanswered': share(result.unanswered for result in results),
+        'seconds': statistics.median(result.seconds for result in results),
+        'longest': max(result.seconds for result in results),
+        'planning_seconds': statistics.median(result.planning_seconds for result in results),
+        'prompt_tokens': sum(item.prompt_tokens for item in asked),
+        'output_tokens': sum(item.output_tokens for item in asked),
+    }
+
+
+def share(flags: Iterable[bool]) -> Share:
+    """Return how many of some flags are set."""
+    listed = list(flags)
+    return Share(sum(listed), len(listed))
+
+
+def by_source(results: Iterable[InstructionResult]) -> dict[str, list[InstructionResult]]:
+    """Return the results of each source, in the order of the sources."""
+    return collected(results, lambda result: [result.source])
+
+
+def grouped(
+    results: Iterable[InstructionResult], group: str
+) -> dict[str, list[InstructionResult]]:
+    """Return results by one of GROUPS, the names sorted; a result may be in several groups."""
+    return dict(sorted(collected(results, GROUPS[group][1]).items()))
+
+
+def collected(
+    results: Iterable[InstructionResult], names: Callable[[InstructionResult], Sequence[str]]
+) -> dict[str, list[InstructionResult]]:
+    """Return results by the names that each has."""
+    found: dict[str, list[InstructionResult]] = {}
+    for result in results:
+        for name in names(result):
+            found.setdefault(name, []).append(result)
+    return found
+
+
+def summary_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
+    """Return the figures of each source, all together and by each of GROUPS."""
+    return {
+        source: {
+            'all': figures_to_json(own),
+            **{
+                group: {name: figures_to_json(part) for name, part in grouped(own, group).items()}
+                for group in GROUPS
+            },
+        }
+        for source, own in by_source(results).items()
+    }
+
+
+def figures_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
+    """Return the figures of results by name."""
+    return {
+        name: value.to_json() if isinstance(value, Share) else value
+        for name, value in summarise(results).items()
+    }
+
+
+class SuiteThreshold(NamedTuple):
+    """A limit on one metric: the least, or the greatest with `is_upper`.
+
+    An empty `source` means every source but `none`, an empty `style` all instructions.
+    """
+
+    source: str
+    style: str
+    metric: str
+    limit: float
+    is_upper: bool
+
+
+def parse_suite_threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
+    """Parse [SOURCE[/STYLE]:]METRIC=LIMIT. Raises ValueError."""
+    name, equals, limit = text.rpartition('=')
+    group, _, metric = name.rpartition(':')
+    source, _, style = group.partition('/')
+    if not equals or metric not in METRICS or style not in ('', *STYLES):
+        raise ValueError(
+            f'{text!r}: [SOURCE[/STYLE]:]METRIC=LIMIT is expected, METRIC one of '
+            f'{", ".join(METRICS)}, STYLE one of {", ".join(STYLES)}'
+        )
+    try:
+        return SuiteThreshold(source, style, metric, float(limit), is_upper)
+    except ValueError:
+        raise ValueError(f'{text!r}: {limit!r} is not a number') from None
+
+
+def missed_suite_thresholds(
+    results: Sequence[InstructionResult], thresholds: Sequence[SuiteThreshold]
+) -> list[str]:
+    """Return a line for each threshold that was missed or whose source was not run."""
+    lines: list[str | None] = []
+    sources = by_source(results)
+    for threshold in thresholds:
+        source, metric = threshold.source, threshold.metric
+        names = [source] if source else [name for name in sources if name != NO_INSTRUCTION]
+        if not names or names[0] not in sources:
+            known = ', '.join(sources)
+            lines.append(f'{source or metric}: was not run; available are {known}')
+            continue
+        lines += [limit_problem(name, sources[name], threshold) for name in names]
+    return list(filter(None, lines))
+
+
+def limit_problem(
+    source: str, results: Sequence[InstructionResult], threshold: SuiteThreshold
+) -> str | None:
+    """Say by how much the results of a source miss a threshold, or return None."""
+    _, style, metric, limit, is_upper = threshold
+    value = metric_value([r for r in results if style in ('', r.instruction.style)], metric)
+    shown = f'{source}/{style}' if style else source
+    if math.isnan(value):
+        return f'{shown}: {metric} is unknown, so the limit {limit:g} is not met'
+    if value > limit if is_upper else value < limit:
+        unit, side = '%' if metric in PERCENT else 'ms', 'above' if is_upper else 'below'
+        return f'{shown}: {metric} {value:.2f} {unit} is {side} {limit:g}'
+    return None
+
+
+def metric_value(results: Sequence[InstructionResult], metric: str) -> float:
+    """Return a metric of results in percent or milliseconds; NaN where it has no instructions."""
+    if not results:
+        return math.nan
+    value = summarise(results)[MILLISECONDS.get(metric, metric)]
+    if not isinstance(value, Share):
+        return 1000.0 * float(value)
+    if metric.endswith('_clauses') and not value.total:
+        return 0.0
+    return 100.0 * float(value.interval.value)
 
 
 def text_summary(results: Sequence[InstructionResult]) -> str:
     """Return the tables for a terminal."""
-    sources = by_source(results)
-    tables = [text_table(MAIN_HEAD, main_table(sources))]
-    tables.append(text_table(DETAIL_HEAD, detail_table(sources)))
-    for group in TERMINAL_TABLES:
-        rows = group_table(sources, group)
+    tables = [table_of(results, SHARE_COLUMNS), table_of(results, DETAIL_COLUMNS)]
+    for group in list(GROUPS)[:IN_TERMINAL]:
+        head, rows = table_of(results, SHARE_COLUMNS, group)
         if len({row[1] for row in rows}) > 1:
-            tables.append(text_table(group_head(group), rows))
-    return '\n\n'.join(tables)
+            tables.append((head, rows))
+    return '\n\n'.join(text_table(*table) for table in tables)
 
 
 def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str, Any]) -> str:
     """Return the report: tables, false claims, what was not met, provenance."""
-    sources = by_source(results)
     parts = [
         f'# Instructions: {metadata["dataset"]["file"]}',
         EXPLANATION,
-        markdown_table(MAIN_HEAD, main_table(sources)),
-        markdown_table(DETAIL_HEAD, detail_table(sources)),
+        markdown_table(*table_of(results, SHARE_COLUMNS)),
+        markdown_table(*table_of(results, DETAIL_COLUMNS)),
     ]
-    for group, title in TABLES.items():
-        parts += [f'## {title}', markdown_table(group_head(group), group_table(sources, group))]
-    for source, own in sources.items():
+    for group, (title, _) in GROUPS.items():
+        parts += [f'## {title}', markdown_table(*table_of(results, SHARE_COLUMNS, group))]
+    for source, own in by_source(results).items():
         parts += [
             f'## {source}: false claims, whole or of a clause',
             bullets([r for r in own if r.false_claim or r.false_clauses]),
@@ -84,52 +296,27 @@ def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str
     return '\n\n'.join(part for part in parts if part) + '\n'
 
 
-def main_table(sources: Mapping[str, Sequence[InstructionResult]]) -> TextRows:
-    """Return a row of shares a source."""
-    return [(name, *share_cells(summarise(own))) for name, own in sources.items()]
-
-
-def detail_table(sources: Mapping[str, Sequence[InstructionResult]]) -> TextRows:
-    """Return a row of the other figures a source."""
-    return [(name, *detail_cells(summarise(own))) for name, own in sources.items()]
-
-
-def group_head(group: str) -> tuple[str, ...]:
-    """Return the header of the table of a group."""
-    return ('Source', TABLES[group], *SHARE_HEAD)
-
-
-def group_table(sources: Mapping[str, Sequence[InstructionResult]], group: str) -> TextRows:
-    """Return a row of shares for each source and name of a group."""
-    return [
-        (source, name, *share_cells(summarise(part)))
-        for source, own in sources.items()
-        for name, part in grouped(own, group).items()
+def table_of(
+    results: Sequence[InstructionResult], columns: Mapping[str, str], group: str = ''
+) -> tuple[tuple[str, ...], TextRows]:
+    """Return the head of a table and a row for each source, or for each of its part in a group."""
+    rows = [
+        (source, *([name] if group else []), *figure_texts(part, columns.values()))
+        for source, own in by_source(results).items()
+        for name, part in (grouped(own, group) if group else {'': own}).items()
     ]
+    return ('Source', *([GROUPS[group][0]] if group else []), *columns), rows
 
 
-def share_cells(summary: SuiteSummary) -> tuple[str, ...]:
-    """Return the cells of SHARE_HEAD."""
-    shares = (
-        summary.exact, summary.satisfied, summary.already, summary.false_claims,
-        summary.recognised,
-    )  # fmt: skip
-    return str(summary.instructions), *map(share_text, shares)
-
-
-def detail_cells(summary: SuiteSummary) -> tuple[str, ...]:
-    """Return the cells of DETAIL_HEAD without the source."""
-    seconds = (summary.seconds, summary.longest, summary.planning_seconds)
-    return (
-        share_text(summary.false_clauses),
-        share_text(summary.unasked_clauses),
-        share_text(summary.said_not_understood),
-        share_text(summary.said_violated),
-        str(summary.unanswered.count),
-        *(f'{1000.0 * value:.2f}' for value in seconds),
-        str(summary.prompt_tokens),
-        str(summary.output_tokens),
-    )
+def figure_texts(results: Sequence[InstructionResult], names: Iterable[str]) -> Iterator[str]:
+    """Yield figures as they are read: shares, milliseconds, and counts."""
+    figures = summarise(results)
+    for name in names:
+        value = figures[name]
+        if isinstance(value, Share):
+            yield str(value.count) if name == 'unanswered' else share_text(value)
+        else:
+            yield f'{1000.0 * value:.2f}' if name in MILLISECONDS.values() else str(value)
 
 
 def share_text(share: Share) -> str:
@@ -164,15 +351,11 @@ def understood_sentence(result: InstructionResult) -> str:
 def unanswered_lines(results: Sequence[InstructionResult]) -> list[str]:
     """Return a line for each source that left instructions unanswered."""
     lines = []
-    for source, own in by_source(results).items():
-        missing = [result for result in own if result.unanswered and result.outcome]
-        if missing:
-            first = missing[0]
-            detail = first.outcome.interpretation.detail if first.outcome else ''
-            lines.append(
-                f'{source}: {len(missing)} instructions without an answer, the first '
-                f'{first.instruction.id}: {detail}'
-            )
+    for source, own in by_source(result for result in results if result.unanswered).items():
+        first = own[0]
+        detail = first.outcome.interpretation.detail if first.outcome else ''
+        count = f'{len(own)} instructions without an answer'
+        lines.append(f'{source}: {count}, the first {first.instruction.id}: {detail}')
     return lines
 
 
@@ -192,13 +375,13 @@ def result_row(result: InstructionResult) -> dict[str, Any]:
     """Return a result as a row of results.csv."""
     instruction, outcome = result.instruction, result.outcome
     interpretation = outcome.interpretation if outcome else None
+    flags = ('exact', 'claimed', 'fulfilled', 'already', 'false_claim')
+    clauses = ('claimed_clauses', 'false_clauses', 'unasked_clauses')
     return {
         'id': instruction.id,
         'source': result.source,
         'map': instruction.suite_map.name,
-        'lang': instruction.lang,
-        'style': instruction.style,
-        'writer': instruction.writer,
+        **{name: getattr(instruction, name) for name in ('lang', 'style', 'writer')},
         'tags': ' '.join(instruction.tags),
         'clauses': ' '.join(clause.kind for clause in instruction.truth.clauses),
         'expect': instruction.expect,
@@ -206,14 +389,8 @@ def result_row(result: InstructionResult) -> dict[str, Any]:
         'status': interpretation.status.value if interpretation else '',
         'understood_by': interpretation.understood_by if interpretation else '',
         'understood': understood_sentence(result),
-        'exact': int(result.exact),
-        'claimed': int(result.claimed),
-        'fulfilled': int(result.fulfilled),
-        'already': int(result.already),
-        'false_claim': int(result.false_claim),
-        'claimed_clauses': len(result.claimed_clauses),
-        'false_clauses': len(result.false_clauses),
-        'unasked_clauses': len(result.unasked_clauses),
+        **{name: int(getattr(result, name)) for name in flags},
+        **{name: len(getattr(result, name)) for name in clauses},
         'recognition': result.recognition,
         'checks': '; '.join(check_lines(result)),
         'report': outcome.summary() if outcome else '',
@@ -250,7 +427,7 @@ def chain_text(result: InstructionResult) -> str:
         f'truth       {canonical_sentence(instruction.truth) or "nothing asked"}',
     ]
     if outcome is not None:
-        lines += outcome_lines(result)
+        lines += outcome_lines(result, outcome)
     lines += [f'check       {line}' for line in check_lines(result)]
     if result.plan.code != 0:
         lines.append(f'no path     {result.plan.message}')
@@ -261,11 +438,9 @@ def chain_text(result: InstructionResult) -> str:
     return '\n'.join(lines)
 
 
-def outcome_lines(result: InstructionResult) -> list[str]:
+def outcome_lines(result: InstructionResult, outcome: InstructionOutcome) -> list[str]:
     """Return the lines on what was understood and what is reported."""
-    if result.outcome is None:
-        return []
-    interpretation = result.outcome.interpretation
+    interpretation = outcome.interpretation
     by = f' by {interpretation.understood_by}' if interpretation.understood_by else ''
     exact = ', exactly' if result.exact else ''
     lines = [
@@ -275,11 +450,11 @@ def outcome_lines(result: InstructionResult) -> list[str]:
     ]
     if interpretation.detail:
         lines.append(f'            {interpretation.detail}')
-    for clause in result.outcome.to_json()['clauses']:
+    for clause in outcome.to_json()['clauses']:
         detail = f' ({clause["detail"]})' if clause['detail'] else ''
         lines.append(f'clause      {clause["clause"]}: {clause["status"]}{detail}')
-    if result.outcome.note:
-        lines.append(f'note        {result.outcome.note}')
+    if outcome.note:
+        lines.append(f'note        {outcome.note}')
     claim = 'satisfied' if result.claimed else 'not satisfied'
     wrong = ', which is false' if result.false_claim else ''
     return [*lines, f'reported    {claim}{wrong}']

@@ -1,13 +1,13 @@
-"""Runs the instructions of a suite: understood by a source, planned, and checked on the path."""
+"""Runs the instructions of a suite: understood by a source, planned, checked, and judged."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product, starmap
 from typing import NamedTuple
 
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import (
     InstructionError,
     Interpretation,
@@ -18,16 +18,140 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
     status_of,
 )
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.result import Cell
 
 from llm_astar_lab.instruct_bench.checks import Verdict, path_of
-from llm_astar_lab.instruct_bench.regions import SuiteMap
-from llm_astar_lab.instruct_bench.results import InstructionResult
-from llm_astar_lab.instruct_bench.suite import SuiteInstruction
+from llm_astar_lab.instruct_bench.comparison import clause_keys, same_specification
+from llm_astar_lab.instruct_bench.maps import SuiteMap
+from llm_astar_lab.instruct_bench.suite import IMPOSSIBLE, NONE, OK, SuiteInstruction
 
 TRUTH, NO_INSTRUCTION = 'truth', 'none'
+# How an instruction that cannot be met was reported, best first.
+RECOGNISED = 'recognised'
+NOT_UNDERSTOOD = 'not understood'
+VIOLATED = 'violated'
+MISSED = 'missed'
+
+
+@dataclass(frozen=True, eq=False)
+class InstructionResult:
+    """One instruction with one source.
+
+    - `source`: its name. `outcome`: None of the source `none`.
+    - `plan`: the plan that the checks were held against. `direct_length`: the length in metres
+      without instruction; `already`: whether that path fulfils all checks.
+    - `verdicts`: one a check, empty without a path.
+    - `seconds`: of understanding; `planning_seconds`: of the plan.
+    """
+
+    instruction: SuiteInstruction
+    source: str
+    outcome: InstructionOutcome | None
+    plan: Plan
+    verdicts: tuple[Verdict, ...]
+    direct_length: float
+    already: bool
+    seconds: float = 0.0
+    planning_seconds: float = 0.0
+
+    @property
+    def fulfilled(self) -> bool:
+        """Whether there is a path that fulfils every check."""
+        return self.plan.code == 0 and all(verdict.holds for verdict in self.verdicts)
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether the source gave no answer in time."""
+        if self.outcome is None:
+            return False
+        return self.outcome.interpretation.status is Understanding.PENDING
+
+    @property
+    def exact(self) -> bool:
+        """Whether exactly the truth was understood, or what counts as the same."""
+        if self.outcome is None:
+            return False
+        instruction = self.instruction
+        understood = self.outcome.interpretation.specification
+        accepted = (instruction.truth, *instruction.accepted)
+        return same_specification(understood, accepted, instruction.suite_map)
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the report says that the instruction was satisfied."""
+        return self.outcome is not None and self.outcome.satisfied is True
+
+    @property
+    def false_claim(self) -> bool:
+        """Whether the report says so of a path that violates it, or of what cannot be met."""
+        return self.claimed and not (self.instruction.expect == OK and self.fulfilled)
+
+    @property
+    def claimed_clauses(self) -> tuple[ClauseOutcome, ...]:
+        """The clauses that are reported as satisfied."""
+        outcomes = () if self.outcome is None else self.outcome.clauses
+        return tuple(item for item in outcomes if item.status is ClauseStatus.SATISFIED)
+
+    @property
+    def false_clauses(self) -> tuple[ClauseOutcome, ...]:
+        """The clauses reported as satisfied of which a check fails, or where nothing was asked."""
+        return tuple(item for item in self.claimed_clauses if self.is_false(item))
+
+    @property
+    def unasked_clauses(self) -> tuple[ClauseOutcome, ...]:
+        """The clauses reported as satisfied that were not asked, on a path that fails a check."""
+        if self.instruction.expect == NONE or self.fulfilled:
+            return ()
+        return tuple(item for item in self.claimed_clauses if not self.asked(item))
+
+    def asked(self, outcome: ClauseOutcome) -> set[int]:
+        """Return the indices of the truth's clauses that a clause is, or counts as."""
+        instruction = self.instruction
+        count, suite_map = len(instruction.truth.clauses), instruction.suite_map
+        keys = set(clause_keys(outcome.clause, suite_map))
+        return {
+            index
+            for reading in (instruction.truth, *instruction.accepted)
+            if len(reading.clauses) == count
+            for index, clause in enumerate(reading.clauses)
+            if not keys.isdisjoint(clause_keys(clause, suite_map))
+        }
+
+    def is_false(self, outcome: ClauseOutcome) -> bool:
+        """Tell whether a clause cannot be satisfied as reported."""
+        instruction, asked = self.instruction, self.asked(outcome)
+        if instruction.expect == NONE or not asked:
+            return instruction.expect == NONE
+        if len(instruction.truth.clauses) == 1:
+            return instruction.expect == IMPOSSIBLE or not self.fulfilled
+        verdicts = zip(instruction.checks, self.verdicts)
+        return any(check.clause in asked and not verdict.holds for check, verdict in verdicts)
+
+    @property
+    def recognition(self) -> str:
+        """How the report treats an instruction that cannot be met; '' for others.
+
+        An impossible or contradictory one is recognised where a clause is reported as impossible
+        or a note concerns the whole, an irrelevant one where the report says that it is.
+        """
+        expect, outcome = self.instruction.expect, self.outcome
+        if expect == OK or outcome is None:
+            return ''
+        understanding = outcome.interpretation.status
+        if expect == NONE:
+            if understanding is Understanding.IRRELEVANT:
+                return RECOGNISED
+            silent = understanding is not Understanding.WHOLE and not self.claimed_clauses
+            return NOT_UNDERSTOOD if silent else MISSED
+        if self.claimed or understanding is Understanding.IRRELEVANT:
+            return MISSED
+        impossible = any(item.status is ClauseStatus.IMPOSSIBLE for item in outcome.clauses)
+        if impossible or outcome.note:
+            return RECOGNISED
+        return VIOLATED if understanding is Understanding.WHOLE else NOT_UNDERSTOOD
 
 
 class Source(NamedTuple):
@@ -41,10 +165,6 @@ def true_meaning(instruction: SuiteInstruction) -> Interpretation:
     """Return the true specification: what is measured is the planner apart from understanding."""
     truth = instruction.truth
     return Interpretation(instruction.text[:80], truth, TRUTH, status_of(truth))
-
-
-def no_meaning(_: SuiteInstruction) -> None:
-    """Ask for nothing: what is measured is what is met by chance."""
 
 
 def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -> Source:
@@ -68,68 +188,59 @@ def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -
     return Source(name, understand)
 
 
-TRUE_SOURCE, NO_SOURCE = Source(TRUTH, true_meaning), Source(NO_INSTRUCTION, no_meaning)
-
-
-class Direct(NamedTuple):
-    """The plan without instruction, its length in metres and the seconds it took."""
-
-    plan: Plan
-    length: float
-    seconds: float
+TRUE_SOURCE = Source(TRUTH, true_meaning)
+# What is measured is what is met by chance.
+NO_SOURCE = Source(NO_INSTRUCTION, lambda _: None)
 
 
 @dataclass(frozen=True, eq=False)
 class SuiteRunner:
-    """Plans instructions; one planner a map and one direct plan a pair are kept.
+    """Plans instructions; one planner a map and one direct plan a pair are kept, with its seconds.
 
     `request` is what every request has in common, such as method and time limit.
     """
 
     request: PlanRequest
     planners: dict[str, Planner] = field(default_factory=dict)
-    direct_plans: dict[tuple[str, Cell, Cell], Direct] = field(default_factory=dict)
+    direct_plans: dict[tuple[str, Cell, Cell], tuple[Plan, float]] = field(default_factory=dict)
 
     def run(
         self, instructions: Sequence[SuiteInstruction], sources: Sequence[Source]
     ) -> Iterator[InstructionResult]:
-        """Yield the results of all sources, instruction by instruction."""
-        for instruction in instructions:
-            for source in sources:
-                yield self.run_one(instruction, source)
+        """Return the results of all sources as they are made, instruction by instruction."""
+        return starmap(self.run_one, product(instructions, sources))
 
     def run_one(self, instruction: SuiteInstruction, source: Source) -> InstructionResult:
         """Understand, plan and check one instruction."""
-        direct = self.direct(instruction)
+        direct, planning_seconds = self.direct(instruction)
+        direct_length = direct.length * instruction.suite_map.grid_map.resolution
         begun = time.perf_counter()
         interpretation = source.understand(instruction)
         seconds = 0.0 if interpretation is None else time.perf_counter() - begun
-        plan, planning_seconds = direct.plan, direct.seconds
+        plan = direct
         if interpretation is not None:
             # A replay says how long the recorded model took.
             seconds = interpretation.seconds or seconds
             asked = RouteInstruction(interpretation, instruction.suite_map.places)
             plan, planning_seconds = self.plan(instruction, asked)
-        without = verdicts_of(instruction, direct.plan, direct.length)
+        without = verdicts_of(instruction, direct, direct_length)
         return InstructionResult(
             instruction=instruction,
             source=source.name,
             outcome=plan.instruction if interpretation is not None else None,
             plan=plan,
-            verdicts=verdicts_of(instruction, plan, direct.length),
-            direct_length=direct.length,
-            already=direct.plan.code == 0 and all(verdict.holds for verdict in without),
+            verdicts=verdicts_of(instruction, plan, direct_length),
+            direct_length=direct_length,
+            already=direct.code == 0 and all(verdict.holds for verdict in without),
             seconds=seconds,
             planning_seconds=planning_seconds,
         )
 
-    def direct(self, instruction: SuiteInstruction) -> Direct:
-        """Return the plan without instruction between the same cells."""
+    def direct(self, instruction: SuiteInstruction) -> tuple[Plan, float]:
+        """Return the plan without instruction between the same cells, and its seconds."""
         key = instruction.suite_map.name, instruction.start, instruction.goal
         if key not in self.direct_plans:
-            plan, seconds = self.plan(instruction, None)
-            length = plan.length * instruction.suite_map.grid_map.resolution
-            self.direct_plans[key] = Direct(plan, length, seconds)
+            self.direct_plans[key] = self.plan(instruction, None)
         return self.direct_plans[key]
 
     def plan(
@@ -151,9 +262,7 @@ def planner_of(suite_map: SuiteMap) -> Planner:
     """Return a planner for a map; on a barrier map by the paper's rules."""
     if suite_map.barrier_map is not None:
         return Planner.for_barrier_map(suite_map.barrier_map)
-    return Planner(
-        suite_map.grid_map, CostmapConfig(occupied_threshold=suite_map.occupied_threshold)
-    )
+    return Planner(suite_map.grid_map)
 
 
 def verdicts_of(
@@ -162,6 +271,5 @@ def verdicts_of(
     """Return the verdict of each check on a plan's path; none without a path."""
     if plan.code != 0:
         return ()
-    points = instruction.suite_map.grid_map.grid_to_world(plan.path)
-    path = path_of(points)
+    path = path_of(instruction.suite_map.grid_map.grid_to_world(plan.path))
     return tuple(check.measure(path, direct_length) for check in instruction.checks)

@@ -82,8 +82,13 @@ from llm_astar_planner.search.result import Cell
 
 from llm_astar_lab.instruct_bench.checks import Check, read_check
 from llm_astar_lab.instruct_bench.comparison import normal_form
-from llm_astar_lab.instruct_bench.maps import MapFinder, read_texts
-from llm_astar_lab.instruct_bench.regions import Scene, SuiteError, SuiteMap
+from llm_astar_lab.instruct_bench.maps import (
+    MapFinder,
+    Scene,
+    SuiteError,
+    SuiteMap,
+    as_list,
+)
 
 VERSION = 1
 OK, IMPOSSIBLE, CONTRADICTION, NONE = 'ok', 'impossible', 'contradiction', 'none'
@@ -94,6 +99,7 @@ MAX_MAPS = 500
 MAX_INSTRUCTIONS = 20_000
 MAX_TEXT_CHARS = 10_000
 MAX_CHECKS = 32
+MAX_TAGS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,15 +147,17 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
     Raises SuiteError, which names the file, the map or instruction, and the field.
     """
     path = Path(path)
-    fields = read_object(path)
+    fields = read_json(path, SuiteError, MAX_BYTES)
+    if not isinstance(fields, dict):
+        raise SuiteError(f'{path}: a JSON object is expected')
     if fields.get('version') != VERSION:
         version = short_repr(fields.get('version'))
         raise SuiteError(f'{path}: version: {version} is not {VERSION}')
-    entries, listed = fields.get('maps'), fields.get('instructions')
+    entries = fields.get('maps')
     if not isinstance(entries, dict) or not 1 <= len(entries) <= MAX_MAPS:
         raise SuiteError(f'{path}: maps: is not an object of 1 to {MAX_MAPS} maps')
-    if not isinstance(listed, list) or not 1 <= len(listed) <= MAX_INSTRUCTIONS:
-        raise SuiteError(f'{path}: instructions: is not a list of 1 to {MAX_INSTRUCTIONS}')
+    where = f'{path}: instructions'
+    listed = as_list(fields.get('instructions'), where, 1, MAX_INSTRUCTIONS, '')
     finder = MapFinder(path, folders)
     maps = {name: finder.load(name, entry) for name, entry in entries.items()}
     found: dict[str, SuiteInstruction] = {}
@@ -159,14 +167,6 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
             raise SuiteError(f'{path}: instruction {instruction.id!r}: id: is used twice')
         found[instruction.id] = instruction
     return Suite(path, tuple(found.values()))
-
-
-def read_object(path: Path) -> Mapping[str, Any]:
-    """Return the JSON object in a file. Raises SuiteError."""
-    fields = read_json(path, SuiteError, MAX_BYTES)
-    if not isinstance(fields, dict):
-        raise SuiteError(f'{path}: a JSON object is expected')
-    return fields
 
 
 def named_instruction(
@@ -192,21 +192,28 @@ def read_instruction(fields: Mapping[str, Any], maps: Mapping[str, SuiteMap]) ->
     truth = read_specification(fields.get('spec'), 'spec', suite_map)
     if bool(truth.enforceable) == (expect == NONE):
         raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
-    style = fields.get('style') or ''
-    scene = Scene(suite_map, **ends)
+    # The order is that of the errors.
     return SuiteInstruction(
         id=as_text(fields.get('id'), 'id'),
         suite_map=suite_map,
         **ends,
         text=text,
         lang=as_text(fields.get('lang', 'en'), 'lang'),
-        tags=read_texts(fields, 'tags', 'instruction'),
-        style=as_choice(style, 'style', ('', *STYLES)),
+        tags=tuple(
+            as_text(tag, 'instruction: tags')
+            for tag in as_list(fields.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
+        ),
+        style=as_choice(fields.get('style') or '', 'style', ('', *STYLES)),
         writer=as_text(fields['writer'], 'writer') if fields.get('writer') else '',
         expect=expect,
         truth=truth,
-        accepted=read_accepted(fields.get('accept', []), suite_map),
-        checks=read_checks(fields.get('checks', []), scene, expect, len(truth.clauses)),
+        accepted=tuple(
+            read_specification(item, f'accept[{index}]', suite_map)
+            for index, item in enumerate(
+                as_list(fields.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
+            )
+        ),
+        checks=read_checks(fields, Scene(suite_map, **ends), expect, len(truth.clauses)),
     )
 
 
@@ -217,7 +224,7 @@ def read_point(fields: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cel
     cell = grid_map.world_to_cell(x, y)
     if not grid_map.contains(cell):
         raise SuiteError(f'{name}: ({x:g}, {y:g}) lies off map {suite_map.name!r}')
-    if grid_map.cells[cell[1], cell[0]] >= suite_map.occupied_threshold:
+    if grid_map.blocked()[cell[1], cell[0]]:
         raise SuiteError(f'{name}: ({x:g}, {y:g}) is occupied on map {suite_map.name!r}')
     return cell
 
@@ -232,21 +239,13 @@ def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specif
     return specification
 
 
-def read_accepted(value: object, suite_map: SuiteMap) -> tuple[Specification, ...]:
-    """Read the other specifications that count as understood. Raises SuiteError."""
-    if not isinstance(value, list) or len(value) > MAX_CHECKS:
-        raise SuiteError(f'accept: is not a list of up to {MAX_CHECKS} specifications')
-    return tuple(
-        read_specification(item, f'accept[{index}]', suite_map) for index, item in enumerate(value)
-    )
-
-
-def read_checks(value: object, scene: Scene, expect: str, clauses: int) -> tuple[Check, ...]:
+def read_checks(
+    fields: Mapping[str, Any], scene: Scene, expect: str, clauses: int
+) -> tuple[Check, ...]:
     """Read the checks of an instruction. Raises SuiteError or SpecificationError."""
-    if not isinstance(value, list) or len(value) > MAX_CHECKS:
-        raise SuiteError(f'checks: is not a list of up to {MAX_CHECKS} checks')
-    if expect == OK and not value:
+    listed = as_list(fields.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
+    if expect == OK and not listed:
         raise SuiteError('checks: an instruction that can be met has at least one')
     return tuple(
-        read_check(item, f'checks[{index}]', scene, clauses) for index, item in enumerate(value)
+        read_check(item, f'checks[{index}]', scene, clauses) for index, item in enumerate(listed)
     )

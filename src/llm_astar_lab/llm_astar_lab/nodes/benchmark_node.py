@@ -241,16 +241,14 @@ class LiveRun:
             }
             if any(left.values()):
                 grid_map = of_map[0].barrier_map.to_grid()
-                self._publish_map(grid_map)
+                # Until planner and client have received it.
+                now = self._caller.node.get_clock().now().to_msg()
+                self._maps.publish(grid_to_message(grid_map, now))
+                self._caller.wait_until_ready(grid_map.digest, client=self._client)
                 for variant in filter(left.get, left):
                     uses = {'method': variant.method, 'use_waypoints': variant.source != 'none'}
                     self._set(uses)
                     yield from (self._plan(sample, grid_map, variant) for sample in left[variant])
-
-    def _publish_map(self, grid_map: GridMap) -> None:
-        """Publish a map and wait until planner and client have received it."""
-        self._maps.publish(grid_to_message(grid_map, self._caller.node.get_clock().now().to_msg()))
-        self._caller.wait_until_ready(grid_map.digest, client=self._client)
 
     def _plan(self, sample: BenchmarkSample, grid_map: GridMap, variant: Variant) -> Row:
         cells = [sample.barrier_map.to_cell(point) for point in sample.sample[:2]]
@@ -261,9 +259,8 @@ class LiveRun:
             values['length'] = report.length / grid_map.resolution
         points = grid_map.world_to_grid(path_from_message(path))
         waypoints = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints])
-        columns = plan_columns(
-            values, [status for _, _, status in report.waypoints], np.rint(points).astype(np.int32)
-        )
+        statuses = [status for _, _, status in report.waypoints]
+        columns = plan_columns(values, statuses, np.rint(points).astype(np.int32))
         columns['waypoints'] = format_points(waypoints.round(6).tolist())
         columns['family'] = sample.barrier_map.family
         return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import deque
 from contextlib import suppress
 from pathlib import Path as FilePath
 
@@ -41,14 +42,10 @@ class PlanView:
         """Subscribe; names are relative to the client's namespace."""
         self._client = client
         self._map_topic = map_topic
-        self._maps: list[OccupancyGrid] = []
+        self._maps: deque[OccupancyGrid] = deque(maxlen=1)
         self._expanded: dict[int, GridCells] = {}
-        client.listen(OccupancyGrid, map_topic, self.on_map, LATCHED)
+        client.listen(OccupancyGrid, map_topic, self._maps.append, LATCHED)
         client.listen(GridCells, f'{planner}/explored', self.on_expanded, RELIABLE)
-
-    def on_map(self, message: OccupancyGrid) -> None:
-        """Keep the newest map."""
-        self._maps = [message]
 
     def on_expanded(self, message: GridCells) -> None:
         """Keep the cells of the newest plan."""
@@ -64,10 +61,11 @@ class PlanView:
 
         They are published only once the planner has discovered a subscriber.
         """
+        stamp = stamp_of(path)
         with suppress(PlannerClientError):
             what = 'the expanded cells'
-            self._client.wait_for(lambda: stamp_of(path) in self._expanded, what, EXPANDED_SECONDS)
-        return stamp_of(path) in self._expanded
+            self._client.wait_for(lambda: stamp in self._expanded, what, EXPANDED_SECONDS)
+        return stamp in self._expanded
 
     def picture(
         self, grid_map: GridMap, endpoints: tuple[Pose2D, Pose2D], path: Path, report: PlanReport

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import shapely
 from instruction_suites import MAPS, ROOMS
-from llm_astar_lab.instruct_bench.checks import KINDS, read_check, spans_in
-from llm_astar_lab.instruct_bench.regions import (
+from llm_astar_lab.instruct_bench.checks import (
     FORMS,
-    Scene,
-    SuiteMap,
+    KINDS,
+    read_check,
     region_geometry,
+    spans_in,
 )
+from llm_astar_lab.instruct_bench.maps import Scene, SuiteMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 from llm_astar_planner.instructions.verification.geometry import first_from, polyline

@@ -5,22 +5,20 @@ import pytest
 from instruction_suites import write_suite
 from llm_astar_lab.instruct_bench.checks import Verdict
 from llm_astar_lab.instruct_bench.report import (
-    chain_text,
-    markdown_summary,
-    result_row,
-    share_text,
-    text_summary,
-)
-from llm_astar_lab.instruct_bench.results import InstructionResult
-from llm_astar_lab.instruct_bench.suite import load_suite
-from llm_astar_lab.instruct_bench.summary import (
     Share,
+    chain_text,
     grouped,
+    markdown_summary,
     missed_suite_thresholds,
     parse_suite_threshold,
+    result_row,
+    share_text,
     summarise,
     summary_to_json,
+    text_summary,
 )
+from llm_astar_lab.instruct_bench.runner import InstructionResult
+from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.specification_json import from_json
@@ -181,14 +179,14 @@ def results(judge):
 
 def test_the_figures_of_a_run(results):
     summary = summarise(results)
-    assert summary.exact == Share(4, 5)
-    assert summary.satisfied == Share(1, 2)
-    assert summary.already == Share(0, 2)
-    assert summary.false_claims == Share(2, 5)
-    assert summary.false_clauses == Share(1, 4)
-    assert summary.unasked_clauses == Share(1, 4)
-    assert summary.recognised == Share(2, 3)
-    assert (summary.seconds, summary.longest, summary.prompt_tokens) == (0.002, 0.5, 35)
+    assert summary['exact'] == Share(4, 5)
+    assert summary['satisfied'] == Share(1, 2)
+    assert summary['already'] == Share(0, 2)
+    assert summary['false_claims'] == Share(2, 5)
+    assert summary['false_clauses'] == Share(1, 4)
+    assert summary['unasked_clauses'] == Share(1, 4)
+    assert summary['recognised'] == Share(2, 3)
+    assert (summary['seconds'], summary['longest'], summary['prompt_tokens']) == (0.002, 0.5, 35)
     assert summary_to_json(results)['fake']['language']['de']['false_claims']['percent'] == 100.0
 
 
