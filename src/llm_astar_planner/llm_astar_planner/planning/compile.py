@@ -43,8 +43,8 @@ from llm_astar_planner.instructions.specification import (
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
-from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -151,7 +151,7 @@ def compile_plans(config: CostmapConfig, like: PlanRequest, *, has_landmarks: bo
     for width, occupancy in ((100, FREE), (24, 50)):
         cells = np.zeros((24, width), dtype=np.int8)
         cells[4:, 12], cells[4, 4] = OCCUPIED, occupancy
-        planner = PathPlanner(GridMap(cells), config)
+        planner = Planner(GridMap(cells), config)
         if has_landmarks:
             planner.prepare()
         request = replace(
@@ -205,7 +205,7 @@ def compile_footprint_kernels() -> None:
     """Compile what plans with a footprint run besides, or load it from numba's cache."""
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = OCCUPIED
-    planner = PathPlanner(GridMap(cells)).prepare()
+    planner = Planner(GridMap(cells)).prepare()
     request = PlanRequest(START, GOAL, time_limit=PATIENCE, footprint=FOOTPRINT)
     for pose in (None, Pose2D(3.0, 20.0, 1.0), Pose2D(11.0, 20.0)):
         planner.direct_plan(replace(request, start_pose=pose), no_stop())
@@ -239,7 +239,7 @@ def compile_instruction_kernels() -> None:
     ):
         cells = np.zeros((size, size), dtype=np.int8)
         cells[4:, 12] = OCCUPIED
-        planner = PathPlanner(GridMap(cells)).prepare()
+        planner = Planner(GridMap(cells)).prepare()
         instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
         request = PlanRequest(
             START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction

@@ -283,6 +283,11 @@ class Plan:
         }
 
 
+def describe_expansions(count: int) -> str:
+    """Return a count of expansions as text: '1 expansion', '82,264 expansions'."""
+    return f'{count:,} expansion{"" if count == 1 else "s"}'
+
+
 def finite_or_none(value: float) -> float | None:
     """Return a number, or None for NaN and infinity, which JSON does not have."""
     return value if math.isfinite(value) else None

@@ -201,9 +201,10 @@ class RequestHandler:
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
         began = time.monotonic()
-        planner.compile(request, job.token.stop)
+        plans = planner.plans(request, job.token.stop)
+        # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
-        for plan in planner.plans(request, job.token.stop):
+        for plan in plans:
             if not plan.is_final:
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + job.deadline) / 2.0)
