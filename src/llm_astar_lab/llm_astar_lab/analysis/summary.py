@@ -66,7 +66,7 @@ TEXTS = f"""
     GROUP BY {{0}} ORDER BY min(rowid)"""
 SOLVED_AT_SCALES = f"""
     SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
-    FROM {SOLVED} WHERE operation > 0 ORDER BY scale, map, pair"""
+    FROM {SOLVED} WHERE operation > 0 AND NOT isnan(operation) ORDER BY scale, map, pair"""
 
 
 @dataclass(frozen=True)

@@ -75,6 +75,12 @@ def test_the_slope_is_one_for_linear_and_two_for_area():
     assert math.isnan(log_log_slope([1], [1.0]))
 
 
+def test_waypoints_without_a_search_have_no_growth():
+    alone = Variant('waypoints_only', 'oracle')
+    rows = [row(alone, math.nan, pair=pair, scale=scale) for pair in (0, 1) for scale in (1, 2)]
+    assert growth(rows) == []
+
+
 def test_growth_is_over_the_samples_solved_at_every_scale():
     rows = [row(A_STAR, 10.0 * scale**2, scale=scale) for scale in (1, 2, 4)]
     rows += [row(A_STAR, 1.0, pair=1), row(A_STAR, 99.0, pair=1, scale=2)]

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from llm_astar_planner.search.astar import SlicedSearch
 
 # Cells looked at in one recording, which bounds its time to about a second.
 MAX_LOOKS = 100_000_000
@@ -41,17 +44,6 @@ class ExpansionOrder:
         return int(self.steps[step, 1]) if step >= 0 else 0
 
 
-class RecordableSearch(Protocol):
-    """A search that runs in slices; `work` counts what the quota of a slice does."""
-
-    @property
-    def work(self) -> int:
-        """What the search has done so far, in the unit of its quota."""
-
-    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
-        """Set `expanded` [height, width] where this search has expanded a cell."""
-
-
 class ExpansionRecorder:
     """Notes what is new after each step of one search, or of successive ones on one map.
 
@@ -72,7 +64,7 @@ class ExpansionRecorder:
         """Begin another search, whose expansions count on from those before."""
         self._before = self._steps[-1][0] if self._steps else 0
 
-    def advance(self, search: RecordableSearch, quota: int, run: Callable[[int], int]) -> None:
+    def advance(self, search: SlicedSearch, quota: int, run: Callable[[int], int]) -> None:
         """Do one slice of `quota` by calling `run` with smaller quotas; look after each.
 
         `run` returns the expansions of this search so far. The slice ends where one call of it

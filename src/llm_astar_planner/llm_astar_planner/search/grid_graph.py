@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -83,6 +84,7 @@ class Workspace:
         self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
 
 
+@dataclass(frozen=True, eq=False)
 class PackedGrid:
     """Where a map is blocked and where scans stop, as bits along rows and columns.
 
@@ -90,11 +92,9 @@ class PackedGrid:
     once for each of the four directions in which a scan stops there.
     """
 
-    def __init__(self, words: NDArray[np.int64], blocked_cells: int, jump_points: int) -> None:
-        """Keep what `build` made."""
-        self.words = words
-        self.blocked_cells = blocked_cells
-        self.jump_points = jump_points
+    words: NDArray[np.int64]
+    blocked_cells: int
+    jump_points: int
 
     @classmethod
     def build(cls, blocked: NDArray[np.bool_]) -> PackedGrid:

@@ -151,7 +151,8 @@ class LayeredSearch:
         self._limit = min(count, max(1, MAX_BYTES // (STATE_BYTES * graph.moves.size)))
         self._layers = make_layers(count, self._limit)
         self._states = kernels.States(np.empty(0), np.zeros(0, dtype=np.uint8))
-        self._queue = make_queue(4096)
+        heads = np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32)
+        self._queue = kernels.Queue(heads, *np.empty((2, 4096), dtype=np.int64))
         self._control = np.zeros(kernels.C_SIZE, dtype=np.int64)
         self._best = np.full(1, np.inf)
 
@@ -344,12 +345,3 @@ def make_layers(count: int, slots: int) -> kernels.Layers:
         np.full(count, -1, dtype=np.int32), base, entered, pending, reached, expansions, measured,
         np.empty((slots, MAX_REGIONS)),
     )  # fmt: skip
-
-
-def make_queue(size: int) -> kernels.Queue:
-    """Return an empty queue with room for `size` entries."""
-    return kernels.Queue(
-        np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32),
-        np.empty(size, dtype=np.int64),
-        np.empty(size, dtype=np.int64),
-    )

@@ -18,6 +18,7 @@ from cachetools import LRUCache
 
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints.source import (
+    MAX_WAYPOINTS,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
@@ -28,8 +29,6 @@ _LOG = logging.getLogger(__name__)
 # A source that keeps its time limit replies at that time, and with a more exact reason than ours:
 # wait for it this many seconds longer, or this share of the limit.
 GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
-# More waypoints than any route needs; checking an unlimited number would take unlimited time.
-MAX_WAYPOINTS = 1000
 # A thread without a query ends after so many seconds.
 IDLE_SECONDS = 5.0
 # Different queries of a cached source that may run at a time; the endpoint's client lets fewer

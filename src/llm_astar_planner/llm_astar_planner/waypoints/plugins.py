@@ -11,8 +11,8 @@ from typing import Any
 from llm_astar_msgs_adapter.errors import printable, short_repr
 
 from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
-from llm_astar_planner.waypoints.async_query import MAX_WAYPOINTS
 from llm_astar_planner.waypoints.source import (
+    MAX_WAYPOINTS,
     SourceStatus,
     Waypoint,
     WaypointQuery,

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 Waypoint = tuple[float, float]
 # Characters of the name of a model or a prompt, which stands in logs, tables and file names.
 MAX_NAME = 200
+# More waypoints than any route needs; checking an unlimited number would take unlimited time.
+MAX_WAYPOINTS = 1000
 
 
 class SampleKey(NamedTuple):
