@@ -44,7 +44,7 @@ from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.planner import COMPILED, Planner, kind_of_plan
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -68,8 +68,6 @@ CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0
 WAYPOINTS = FixedReply('[[2, 2]]')
 FOOTPRINT = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
 START, GOAL, VIA = (2, 20), (21, 20), ((12, 1),)
-# The kinds of plans, see `compile_for`, that this process has compiled.
-_compiled: set[tuple[object, ...]] = set()
 
 
 class CompilationStopped(BaseException):
@@ -113,11 +111,9 @@ def compile_for(
     a plug-in's method is compiled without it, since it may take any time. Raises what numba does.
     """
     method = request.method if request.method in METHODS else EXACT
-    has_source = request.source is not None or bool(request.viapoints)
     has_landmarks &= method == GUIDED
-    parts = bool(request.via), request.footprint is None, request.instruction is None
-    kind = config.has_radius, method, has_source, has_landmarks, request.any_angle, *parts
-    if kind in _compiled:
+    kind = kind_of_plan(config, request, has_landmarks=has_landmarks)
+    if kind in COMPILED:
         return True
 
     def check(_: str) -> None:
@@ -136,9 +132,9 @@ def compile_for(
             raise
         return False
     except Exception:
-        _compiled.add(kind)
+        COMPILED.add(kind)
         raise
-    _compiled.add(kind)
+    COMPILED.add(kind)
     return True
 
 

@@ -49,7 +49,7 @@ from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.result import (
     BoundedResult,
     SearchResult,
@@ -71,6 +71,8 @@ MAX_PICTURES = 2**29
 FIT_SHARE = 0.4
 NOT_COMPILED = 'cancelled while the searches were compiled'
 NOT_SHORTENED = 'the path at any angle is left out: the footprint would meet an obstacle'
+# The kinds of plans whose kernels this process has compiled; `planning.compile` adds them.
+COMPILED: set[tuple[object, ...]] = set()
 
 
 class Planner:
@@ -96,8 +98,6 @@ class Planner:
         self.config = self.costmap.config
         self.checker = CollisionChecker(grid_map, self.config)
         self.landmarks = landmarks or LandmarkManager()
-        # The kinds of requests whose searches are compiled.
-        self._compiled: set[tuple[object, ...]] = set()
 
     @classmethod
     def for_barrier_map(cls, barrier_map: BarrierMap) -> Self:
@@ -153,20 +153,13 @@ class Planner:
         has nothing in its cache. `stop` ends it as it ends a plan.
         """
         has_landmarks = self.landmarks.is_measured
-        kind = (
-            request.method, request.any_angle, request.source is None, has_landmarks,
-            bool(request.via), bool(request.viapoints), request.footprint is None,
-            request.instruction is None,
-        )  # fmt: skip
-        if kind in self._compiled:
+        if kind_of_plan(self.config, request, has_landmarks=has_landmarks) in COMPILED:
             return True
         # It plans too, on maps of its own.
         from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415
 
         with suppress(Exception):  # where it does not compile, the plan says why
-            if not compile_for(self.config, request, stop, has_landmarks=has_landmarks):
-                return False
-        self._compiled.add(kind)
+            return compile_for(self.config, request, stop, has_landmarks=has_landmarks)
         return True
 
     def instructed_plans(
@@ -391,6 +384,18 @@ class Planner:
             return None, NOT_SHORTENED
         length, cost = sum(part.length for part in parts), sum(part.cost for part in parts)
         return AnyAnglePath(points, length, cost), ''
+
+
+def kind_of_plan(
+    config: CostmapConfig, request: PlanRequest, *, has_landmarks: bool
+) -> tuple[object, ...]:
+    """Return what decides which kernels a plan takes, for COMPILED."""
+    is_guided, has_source = request.method == GUIDED, request.source is not None
+    return (
+        config.has_radius, request.method if request.method in METHODS else EXACT,
+        has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
+        bool(request.via), request.footprint is None, request.instruction is None,
+    )  # fmt: skip
 
 
 def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:
