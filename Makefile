@@ -32,7 +32,7 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train test soak lint clean check-python check-venv
+.PHONY: help install demo bench train test quick soak lint clean check-python check-venv
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -53,6 +53,16 @@ train: install ## Train the embedded waypoint model from nothing or go on: out/t
 
 test: lint ## Install, lint, and run every test
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+
+# What a person runs while writing: no nodes, no browsers, nothing that takes seconds by itself.
+QUICK := src/llm_astar_msgs_adapter/test src/llm_astar_planner/test/search \
+	src/llm_astar_planner/test/costmap src/llm_astar_planner/test/waypoints/prompts \
+	src/llm_astar_planner/test/instructions/grammar src/llm_astar_lab/test/analysis \
+	test/test_imports.py test/test_rooms.py
+quick: $(VENV)/.tools ## Lint without types and run the tests that take under a minute
+	$(BIN)/ruff check .
+	PYTHONPATH=$(subst $(eval ) ,:,$(PACKAGES:./%=$(CURDIR)/%)) \
+		$(BIN)/python -m pytest -q -n 2 --dist loadfile $(QUICK) $(PYTEST_ARGS)
 
 soak: $(VENV)/.tools $(VENV)/.installed ## 100,000 calls under failures; 100,000 damaged files of each kind
 	$(BIN)/python -m pytest -s -m slow test/test_soak.py test/test_fuzz.py

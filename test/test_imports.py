@@ -46,10 +46,10 @@ LAB_ROOMS = {
     'pictures': set(),
     'play': {'pictures', 'datasets'},
     'results': set(),
-    'datasets': {'results'},
-    'runner': RESULTS,
-    'analysis': RESULTS,
-    'evaluation': RESULTS,
+    'datasets': set(),
+    'analysis': {'results'},
+    'runner': {'results', 'datasets', 'analysis'},
+    'evaluation': {'results', 'datasets', 'runner', 'bags'},
     'report': RESULTS | {'pictures'},
     'instruct_bench': RESULTS | {'report', 'pictures'},
     'nodes': RESULTS | {'report', 'pictures', 'play'},
@@ -157,3 +157,19 @@ def test_only_nodes_know_ros(path):
         if len(name.split('.')) > 2
     }
     assert messages <= PLAIN_MESSAGES
+
+
+def test_no_two_modules_import_each_other():
+    named = {
+        '.'.join(part for part in path.relative_to(folder).with_suffix('').parts): path
+        for folder in sorted(SOURCE.iterdir())
+        for path in modules(folder.name, folder.name)
+    }
+    imports_of = {name: set(imports(path)) & named.keys() for name, path in named.items()}
+    circles = {
+        tuple(sorted((name, other)))
+        for name, others in imports_of.items()
+        for other in others
+        if name in imports_of[other] and name != other
+    }
+    assert not circles

@@ -221,7 +221,7 @@ def outcomes(tmp_path_factory):
 def outcomes_in_a_clone(tmp_path_factory):
     clone = tmp_path_factory.mktemp('clone') / 'llm-astar'
     environment = {name: value for name, value in os.environ.items() if name != 'PYTHONPATH'}
-    extras = ['pyarrow', 'dask[distributed]']  # which docs/large-runs.md says to install
+    extras = ['dask[distributed]']  # which docs/large-runs.md says to install
     for command in (
         ['git', 'clone', '--quiet', ROOT, clone],
         ['make', '-C', clone, 'install'],

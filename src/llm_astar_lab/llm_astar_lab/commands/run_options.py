@@ -171,9 +171,8 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     )  # fmt: skip
     group.add_argument(
         '--format', choices=FORMATS,
-        help='of the rows: csv, or parquet for very many, which needs pyarrow (default: csv, and '
-        f'parquet from {LARGE_RUN:,} rows on where pyarrow is installed; --resume keeps to the '
-        'format of the folder)',
+        help=f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
+        f'{LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
     )  # fmt: skip
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(

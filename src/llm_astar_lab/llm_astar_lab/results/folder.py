@@ -198,6 +198,7 @@ class ResultsFolder:
         Raises ResultsError; no answered row is lost then.
         """
         stored, parts = self.stored(), self.parts
+        done = stored.finished(ANSWERED)
         with writing(self.path):
             if not self.is_parquet:
                 with drafted(self.results) as draft:
@@ -208,8 +209,9 @@ class ResultsFolder:
                     part.unlink()
                 self._clear_csv()
             else:
+                del stored  # so that only one database is open
                 self._fold()
-        return stored.finished(ANSWERED)
+        return done
 
     def _fold(self) -> None:
         waiting = StoredRows([self.results])

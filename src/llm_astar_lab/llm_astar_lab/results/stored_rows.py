@@ -37,10 +37,10 @@ from llm_astar_lab.results.row import (
     Variant,
 )
 
-MEMORY = '128MB'
+# What reading takes at most, and what queries about one variant do.
+MEMORY, QUERY_MEMORY = '112MB', '32MB'
 SETTINGS: dict[str, Any] = {
     'threads': 1,
-    'memory_limit': MEMORY,
     'max_temp_directory_size': '32GB',
     'autoinstall_known_extensions': False,
     'autoload_known_extensions': False,
@@ -83,6 +83,7 @@ class StoredRows:
         file: Path | str = 'the rows'
         try:
             self._connect()
+            self._query(f"SET memory_limit = '{MEMORY}'")
             # Whole numbers are read as floats first: DuckDB would round others without a word.
             self._create('stored', SQL_TYPES | {'int': 'DOUBLE'})
             for file in files:
@@ -93,6 +94,7 @@ class StoredRows:
                 f'INSERT INTO rows FROM stored WHERE rowid IN ({last}) '
                 'ORDER BY map, pair, scale, rowid; DROP TABLE stored'
             )
+            self._query(f"CHECKPOINT; SET memory_limit = '{QUERY_MEMORY}'")
         except (duckdb.Error, csv.Error, ValueError, OSError) as error:
             raise ResultsError(f'{file}: {describe(error)}') from None
 

@@ -1,4 +1,4 @@
-"""What one run covers, and how it is started, resumed, shown and written to its folder."""
+"""What one run covers, and how it is started, resumed, spread, shown and written to its folder."""
 
 from __future__ import annotations
 

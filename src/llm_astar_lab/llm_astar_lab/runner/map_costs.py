@@ -24,8 +24,8 @@ from llm_astar_lab.datasets.samples import GRID_CONFIG
 from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
 from llm_astar_lab.runner.engine import compile_once
 
-# What a planner shares with everything else, and what leads there.
 SECONDS = f'SELECT map, seconds_search FROM rows WHERE scale = 1 AND {OF_VARIANT}'
+# What a planner shares with everything else, and what leads there.
 SHARED = (type, ModuleType, FunctionType, str, bytes)
 
 
