@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import TextIO
 
 import numpy as np
@@ -101,18 +102,19 @@ def compilations(on_compile: Callable[[str], None]) -> Iterator[None]:
 def compile_for(
     config: CostmapConfig,
     request: PlanRequest,
-    stop: StopFlag | None = None,
-    *,
+    is_graded: bool,
     has_landmarks: bool = False,
+    stop: StopFlag | None = None,
 ) -> bool:
     """Compile what requests like this take on costmaps of `config`; tell whether that is done.
+
+    `is_graded`: where costs are not uniform. `has_landmarks`: where there are landmarks.
 
     Once for each kind in a process. It ends before the next function when `stop[0]` is 1. That of
     a plug-in's method is compiled without it, since it may take any time. Raises what numba does.
     """
     method = request.method if request.method in METHODS else EXACT
-    has_landmarks &= method == GUIDED
-    kind = kind_of_plan(config, request, has_landmarks=has_landmarks)
+    kind = kind_of_plan(config, request, is_graded, has_landmarks)
     if kind in COMPILED:
         return True
 
@@ -122,7 +124,7 @@ def compile_for(
 
     try:
         with compilations(check):
-            compile_plans(config, replace(request, method=method), has_landmarks=has_landmarks)
+            compile_plans(config, replace(request, method=method), is_graded, has_landmarks)
             if request.footprint is not None:
                 compile_footprint_kernels()
             if request.instruction is not None:
@@ -138,13 +140,16 @@ def compile_for(
     return True
 
 
-def compile_plans(config: CostmapConfig, like: PlanRequest, *, has_landmarks: bool) -> None:
-    """Plan requests like one on small maps, one of uniform costs and one of graded costs.
+def compile_plans(
+    config: CostmapConfig, like: PlanRequest, is_graded: bool, has_landmarks: bool
+) -> None:
+    """Plan requests like one on small maps of graded costs, or of uniform ones.
 
     Where costs are uniform, goals far away take kernels of their own.
     """
     has_source = like.source is not None or like.viapoints
-    for width, occupancy in ((100, FREE), (24, 50)):
+    has_landmarks &= like.method == GUIDED
+    for width, occupancy in ((24, 50),) if is_graded else ((100, FREE), (24, FREE)):
         cells = np.zeros((24, width), dtype=np.int8)
         cells[4:, 12], cells[4, 4] = OCCUPIED, occupancy
         planner = Planner(GridMap(cells), config)
@@ -170,9 +175,10 @@ def compile_kernels() -> None:
     for config in CONFIGS:
         for method in METHODS:
             request = PlanRequest(START, GOAL, method, source=WAYPOINTS, any_angle=True)
-            for has_landmarks in (False, True):
-                compile_for(config, request, has_landmarks=has_landmarks)
-            compile_for(config, replace(request, via=VIA))
+            for is_graded, has_landmarks in product((False, True), repeat=2):
+                compile_for(config, request, is_graded, has_landmarks)
+            for is_graded in (False, True):
+                compile_for(config, replace(request, via=VIA), is_graded)
     compile_footprint_kernels()
 
 
@@ -344,8 +350,10 @@ class KernelCompiler:
         self._is_closed = False
         guided = replace(request, source=WAYPOINTS)
         steps = (
-            lambda: compile_for(config, request),
-            lambda: compile_for(config, guided, has_landmarks=True),
+            # Plans go on after this; on maps of uniform costs they take the next one too.
+            lambda: compile_for(config, request, is_graded=True),
+            lambda: compile_for(config, request, is_graded=False),
+            lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
             compile_instruction_kernels,
             compile_kernels,

@@ -152,14 +152,15 @@ class Planner:
         Only the first one of its kind in a process takes time: up to half a minute where numba
         has nothing in its cache. `stop` ends it as it ends a plan.
         """
-        has_landmarks = self.landmarks.is_measured
-        if kind_of_plan(self.config, request, has_landmarks=has_landmarks) in COMPILED:
+        is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
+        kind = self.config, request, is_graded, self.landmarks.is_measured
+        if kind_of_plan(*kind) in COMPILED:
             return True
         # It plans too, on maps of its own.
         from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415
 
         with suppress(Exception):  # where it does not compile, the plan says why
-            return compile_for(self.config, request, stop, has_landmarks=has_landmarks)
+            return compile_for(*kind, stop)
         return True
 
     def instructed_plans(
@@ -387,12 +388,15 @@ class Planner:
 
 
 def kind_of_plan(
-    config: CostmapConfig, request: PlanRequest, *, has_landmarks: bool
+    config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
 ) -> tuple[object, ...]:
-    """Return what decides which kernels a plan takes, for COMPILED."""
+    """Return what decides which kernels a plan takes, for COMPILED.
+
+    `is_graded`: costs are not uniform on the map. `has_landmarks`: there are some.
+    """
     is_guided, has_source = request.method == GUIDED, request.source is not None
     return (
-        config.has_radius, request.method if request.method in METHODS else EXACT,
+        config.has_radius, is_graded, request.method if request.method in METHODS else EXACT,
         has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
         bool(request.via), request.footprint is None, request.instruction is None,
     )  # fmt: skip

@@ -184,9 +184,10 @@ class PlannerServer:
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
         settings = self._settings.current
+        source = self._cache if settings['use_waypoints'] else None
         compiler = KernelCompiler(
             costmap_config(settings),
-            PlanRequest((0, 0), (0, 0), **request_fields(settings)),
+            PlanRequest((0, 0), (0, 0), source=source, **request_fields(settings)),
             self._node.get_logger().info,
         )
         self._entities.on_close(compiler.close)
