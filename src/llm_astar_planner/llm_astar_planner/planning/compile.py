@@ -44,9 +44,9 @@ from llm_astar_planner.instructions.specification import (
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
+from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.planner import COMPILED, Planner, kind_of_plan
-from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.planning.types import PlanRequest, kind_of_plan
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -69,6 +69,8 @@ CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0
 WAYPOINTS = FixedReply('[[2, 2]]')
 FOOTPRINT = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
 START, GOAL, VIA = (2, 20), (21, 20), ((12, 1),)
+# The kinds of plans that this process has compiled.
+COMPILED: set[tuple[object, ...]] = set()
 
 
 class CompilationStopped(BaseException):
@@ -152,7 +154,7 @@ def compile_plans(
     for width, occupancy in ((24, 50),) if is_graded else ((100, FREE), (24, FREE)):
         cells = np.zeros((24, width), dtype=np.int8)
         cells[4:, 12], cells[4, 4] = OCCUPIED, occupancy
-        planner = Planner(GridMap(cells), config)
+        planner = PathPlanner(GridMap(cells), config)
         if has_landmarks:
             planner.prepare()
         request = replace(
@@ -207,7 +209,7 @@ def compile_footprint_kernels() -> None:
     """Compile what plans with a footprint run besides, or load it from numba's cache."""
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = OCCUPIED
-    planner = Planner(GridMap(cells)).prepare()
+    planner = PathPlanner(GridMap(cells)).prepare()
     request = PlanRequest(START, GOAL, time_limit=PATIENCE, footprint=FOOTPRINT)
     for pose in (None, Pose2D(3.0, 20.0, 1.0), Pose2D(11.0, 20.0)):
         planner.direct_plan(replace(request, start_pose=pose), no_stop())
@@ -241,7 +243,7 @@ def compile_instruction_kernels() -> None:
     ):
         cells = np.zeros((size, size), dtype=np.int8)
         cells[4:, 12] = OCCUPIED
-        planner = Planner(GridMap(cells)).prepare()
+        planner = PathPlanner(GridMap(cells)).prepare()
         instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
         request = PlanRequest(
             START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction

@@ -29,8 +29,8 @@ from llm_astar_planner.instructions.specification import SHOULD
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
+from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import footprint_problem
-from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (
     Plan,
@@ -132,7 +132,7 @@ class InstructedSearch:
 
 
 def plan_with_instruction(
-    planner: Planner,
+    planner: PathPlanner,
     request: PlanRequest,
     instruction: RouteInstruction,
     stop: NDArray[np.uint8],
@@ -182,7 +182,7 @@ def spare_time(request: PlanRequest) -> float:
 
 
 def search_plan(
-    planner: Planner, request: PlanRequest, endpoints: Endpoints, search: InstructedSearch
+    planner: PathPlanner, request: PlanRequest, endpoints: Endpoints, search: InstructedSearch
 ) -> tuple[Plan, str]:
     """Return the plan that keeps to the instruction best, and why there is none, '' if found."""
     try:

@@ -1,120 +1,29 @@
-"""Planner: a request in, a plan out. Nodes, benchmark, bag evaluation and users share it.
-
-A plan is made of endpoints, segments between them, and the check of the whole path.
-"""
+"""Planner: a request in, a plan out. Nodes, benchmark, bag evaluation and users share it."""
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from numpy.typing import NDArray
-
-from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.interpretation import RouteInstruction
-from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource, resolve_endpoints
-from llm_astar_planner.planning.footprint_search import collides, fit_footprint
-from llm_astar_planner.planning.path_validator import (
-    CollisionChecker,
-    footprint_problem,
-    shift_problem,
-    via_problem,
-)
-from llm_astar_planner.planning.segment import (
-    NOT_SEARCHED,
-    SegmentPlanner,
-    concatenate_results,
-    mark_out_of_order,
-    not_asked,
-    success_message,
-)
+from llm_astar_planner.planning.compile import COMPILED, compile_for
+from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
+from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.types import (
-    NOT_ASKED,
     Plan,
     PlanningFailure,
     PlanRequest,
     ResultCode,
-    check_request,
-)
-from llm_astar_planner.plugins import PluginError
-from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
-from llm_astar_planner.search.astar import PathTooLongError
-from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
-from llm_astar_planner.search.result import (
-    BoundedResult,
-    SearchResult,
-    SearchStatus,
-    empty_path,
+    kind_of_plan,
 )
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
-# The part of the time for the search where a path at any angle is asked for: it takes time too.
-SEARCH_SHARE = 0.9
-# What each segment between via points may take: seconds, but at most this part of the time left.
-LEAST_SHARE_S, LEAST_SHARE = 0.1, 0.1
-# Bytes that the segments' pictures of expanded cells may take together.
-MAX_PICTURES = 2**29
-# The part of the time that is kept for a second search, where a footprint is given.
-FIT_SHARE = 0.4
 NOT_COMPILED = 'cancelled while the searches were compiled'
-NOT_SHORTENED = 'the path at any angle is left out: the footprint would meet an obstacle'
-# The kinds of plans whose kernels this process has compiled; `planning.compile` adds them.
-COMPILED: set[tuple[object, ...]] = set()
 
 
-class Planner:
+class Planner(PathPlanner):
     """Plans on one costmap. Immutable, so safe to share between threads."""
-
-    def __init__(
-        self,
-        grid_map: GridMap,
-        config: CostmapConfig | None = None,
-        barrier_map: BarrierMap | None = None,
-        landmarks: LandmarkManager | None = None,
-        previous: Planner | None = None,
-    ) -> None:
-        """Take a map.
-
-        `barrier_map`, if the grid was made from one, makes LLM-A* exact on it. `landmarks` keeps
-        them from map to map. Of `previous`, the planner for the map before, what the two maps
-        share is taken over; it stays as it is.
-        """
-        before: Costmap | None = None if previous is None else previous.costmap
-        self.costmap: Costmap = Costmap(grid_map, config, barrier_map, before)
-        self.grid_map = grid_map
-        self.config = self.costmap.config
-        self.checker = CollisionChecker(grid_map, self.config)
-        self.landmarks = landmarks or LandmarkManager()
-
-    @classmethod
-    def for_barrier_map(cls, barrier_map: BarrierMap) -> Self:
-        """Make a planner by the paper's rules: corners may be cut, its filter is exact."""
-        return cls(barrier_map.to_grid(), CostmapConfig(corner_cutting=True), barrier_map)
-
-    def prepare(self, *, wait: bool = True) -> Self:
-        """Do now what each new map needs, instead of at the first plan.
-
-        Landmarks are measured in the background; until they are there, plans do without. `wait`
-        waits for them.
-        """
-        self.costmap.prepare()
-        self.landmarks.update(self.costmap.grid_graph)
-        if wait:
-            self.landmarks.wait()
-        return self
 
     def plan(self, request: PlanRequest, stop: StopFlag | None = None) -> Plan:
         """Answer a request. Never raises for what a request, a source or a map may hold.
@@ -156,9 +65,6 @@ class Planner:
         kind = self.config, request, is_graded, self.landmarks.is_measured
         if kind_of_plan(*kind) in COMPILED:
             return True
-        # It plans too, on maps of its own.
-        from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415
-
         with suppress(Exception):  # where it does not compile, the plan says why
             return compile_for(*kind, stop)
         return True
@@ -173,242 +79,3 @@ class Planner:
         )
 
         yield plan_with_instruction(self, request, instruction, stop)
-
-    def direct_plan(self, request: PlanRequest, stop: StopFlag) -> Plan:
-        """Answer a request without an instruction."""
-        *_, plan = self.direct_plans(request, stop, anytime=False)
-        return plan
-
-    def direct_plans(
-        self, request: PlanRequest, stop: StopFlag, *, anytime: bool
-    ) -> Iterator[Plan]:
-        """Yield each better plan of a request without an instruction."""
-        begin = time.monotonic()
-        deadline = begin + request.time_limit
-        share = SEARCH_SHARE if request.any_angle else 1.0
-        fit_deadline = search_deadline = begin + share * request.time_limit
-        endpoints = Endpoints(request.start, request.goal, request.via)
-        segments: list[SegmentPlanner] = []
-        try:
-            # 1. Can the request be served, and between which cells?
-            check_request(request)
-            endpoints = resolve_endpoints(self.costmap, request)
-            if request.footprint is not None:
-                search_deadline -= FIT_SHARE * request.time_limit
-            # 2. Search the segments between the via points, with the source's waypoints.
-            for segment in self.segments(request, endpoints, search_deadline, stop):
-                segments.append(segment)
-                for solution in segment.search():
-                    if not anytime or request.via:
-                        continue
-                    if request.footprint and collides(self.costmap, request, solution.path):
-                        continue
-                    # 3. A better path, while the search goes on.
-                    if self.problem(request, endpoints, solution.path) is None:
-                        yield self.build_plan(request, endpoints, segments, solution)
-                check_found(request, segments)
-            if request.footprint is not None:
-                endpoints = fit_footprint(self.costmap, request, endpoints, segments, fit_deadline)
-            # 4. Only a path that passes the independent check leaves.
-            result = concatenate_results(segments)
-            problem = self.problem(request, endpoints, result.path)
-            if problem is not None:
-                message = f'the path found was withheld: {problem}'
-                raise PlanningFailure(ResultCode.UNKNOWN, message)
-            plan = self.build_plan(request, endpoints, segments, result, deadline=deadline)
-        except (PlanningFailure, PathTooLongError, PluginError) as failure:
-            plan = self.build_plan(request, endpoints, segments, failure=failure)
-        yield plan
-
-    def segments(
-        self,
-        request: PlanRequest,
-        endpoints: Endpoints,
-        deadline: float,
-        stop: StopFlag,
-    ) -> Iterator[SegmentPlanner]:
-        """Yield a planner for each segment between start, via points and goal, in order.
-
-        Of the time left a segment gets its share, half of it in equal parts and half by straight
-        length, and never less than a moment. With via points no source is asked: they are the
-        waypoints. Of very many segments on a large map there are no pictures of expanded cells.
-        """
-        cells = [endpoints.start, *endpoints.via, endpoints.goal]
-        lengths = list(map(math.dist, cells[:-1], cells[1:]))
-        average = 1.0 + sum(lengths) / len(lengths)
-        shares_left = sum(lengths) + len(lengths) * average
-        source = None if request.via else request.source
-        is_whole = cells == [request.start, request.goal]
-        drawn = request.want_expanded and len(lengths) * self.grid_map.cells.size <= MAX_PICTURES
-        graph = self.costmap.grid_graph
-        for start, goal, length in zip(cells[:-1], cells[1:], lengths):
-            now = time.monotonic()
-            share = (deadline - now) * (average + length) / shares_left
-            shares_left -= average + length
-            # One of many segments must not fail because its thread had to wait for a moment.
-            time_left = max(share, min(LEAST_SHARE_S, LEAST_SHARE * (deadline - now)))
-            part = request
-            if not is_whole:
-                part = replace(
-                    request, start=start, goal=goal, via=(), source=source, want_expanded=drawn
-                )
-            # Lent out, the landmarks stay as they are while the segment is searched.
-            lent = self.landmarks.lend(graph) if request.method == GUIDED else nullcontext()
-            with lent as landmarks:
-                yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
-
-    def problem(
-        self, request: PlanRequest, endpoints: Endpoints, path: NDArray[np.int32]
-    ) -> str | None:
-        """Say why a path does not answer the request, or None: the last check."""
-        start, goal = endpoints.start, endpoints.goal
-        names = ['start', 'goal', *['via point'] * len(request.via)]
-        asked = request.start, request.goal, *request.via
-        for name, requested, used in zip(names, asked, (start, goal, *endpoints.via)):
-            if used != requested:
-                tolerance = request.start_tolerance if name == 'start' else request.tolerance
-                limit = tolerance / self.grid_map.resolution
-                problem = shift_problem(name, requested, used, limit)
-                if problem is not None:
-                    return problem
-        problem = self.checker.path_problem(path, start, goal)
-        if problem is None and request.via:
-            problem = via_problem(path, endpoints.via)
-        if problem is None and request.footprint is not None:
-            problem = footprint_problem(path, self.costmap, request)
-        return problem
-
-    def build_plan(
-        self,
-        request: PlanRequest,
-        endpoints: Endpoints,
-        segments: Sequence[SegmentPlanner],
-        result: SearchResult | None = None,
-        *,
-        failure: Exception | None = None,
-        deadline: float = math.inf,
-    ) -> Plan:
-        """Build every plan: from a valid result, a better path on the way, or a failure.
-
-        What cannot be computed until the `deadline` (monotonic seconds) is left out.
-        """
-        warnings, first = endpoints.warnings, segments[0] if segments else None
-        if result is None:
-            fields = self.search_fields(request, segments)
-        else:
-            fields = self.path_fields(segments, result)
-            if request.any_angle and fields['is_final']:
-                fields['any_angle'], problem = self.shorten(request, segments, deadline)
-                warnings = (*warnings, problem) if problem else warnings
-        # Where there are via points, no source is asked.
-        reply = first.reply if first else NOT_ASKED
-        if request.source is not None and not (first and first.is_asked):
-            reply = not_asked(request)
-        if first and first.checked_waypoints:
-            path = empty_path() if result is None else result.path
-            fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
-            fields['guided_by'] = first.reply.label if first.guiding_waypoints else 'none'
-        return Plan(
-            code=getattr(failure, 'code', ResultCode.UNKNOWN) if failure else ResultCode.NONE,
-            message=str(failure) if failure else success_message(segments[0], result),
-            method=request.method,
-            start=endpoints.start,
-            goal=endpoints.goal,
-            source='none' if request.source is None else request.source.name,
-            reply=reply,
-            seconds_source=sum(map(attrgetter('seconds_source'), segments), 0.0),
-            seconds_search=sum(map(attrgetter('seconds_search'), segments), 0.0),
-            start_shift=endpoints.start_shift,
-            goal_shift=endpoints.goal_shift,
-            via=endpoints.via,
-            footprint=request.footprint,
-            warnings=warnings,
-            **fields,
-        )
-
-    def search_fields(
-        self, request: PlanRequest, segments: Sequence[SegmentPlanner]
-    ) -> dict[str, Any]:
-        """Return the fields of a plan that has no path, by name."""
-        results = [part.result for part in segments if part.result is not NOT_SEARCHED]
-        expanded = results[-1].expanded if results else NOT_SEARCHED.expanded
-        if request.want_expanded and expanded.size == 0:
-            expanded = np.zeros(self.grid_map.cells.shape, dtype=np.bool_)
-        return {
-            'expansions': sum(result.expansions for result in results),
-            'storage': sum(result.storage for result in results),
-            'expanded': expanded,
-        }
-
-    def path_fields(
-        self, segments: Sequence[SegmentPlanner], result: SearchResult
-    ) -> dict[str, Any]:
-        """Return the fields of a plan that has a path, by name."""
-        bounded = result if isinstance(result, BoundedResult) else None
-        return {
-            'path': result.path,
-            'length': result.length,
-            'cost': bounded.cost if bounded else result.length,
-            'suboptimality_bound': bounded.suboptimality_bound if bounded else math.nan,
-            'expansions': result.expansions,
-            'first_expansions': bounded.first_expansions if bounded else result.expansions,
-            'storage': result.storage,
-            'expanded': result.expanded,
-            'is_final': segments[-1].result is not NOT_SEARCHED,
-            **self.checker.measure(result.path)._asdict(),
-        }
-
-    def shorten(
-        self, request: PlanRequest, segments: Sequence[SegmentPlanner], deadline: float
-    ) -> tuple[AnyAnglePath | None, str]:
-        """Shorten each segment's path at any angle until the deadline, and say what went wrong.
-
-        None, with a warning or '', where there is nothing to shorten or the check finds a problem.
-        """
-        try:
-            parts = [
-                string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
-                for segment in segments
-                for stretch in segment.stretches()
-            ]
-        except TimeoutError as error:
-            return None, str(error)
-        if not parts:
-            return None, ''
-        points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
-        if self.checker.segments_problem(points) is not None:
-            return None, ''
-        if request.footprint is not None and (
-            collides(self.costmap, request, points)
-            or footprint_problem(interpolate(points), self.costmap, request)
-        ):
-            return None, NOT_SHORTENED
-        length, cost = sum(part.length for part in parts), sum(part.cost for part in parts)
-        return AnyAnglePath(points, length, cost), ''
-
-
-def kind_of_plan(
-    config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
-) -> tuple[object, ...]:
-    """Return what decides which kernels a plan takes, for COMPILED.
-
-    `is_graded`: costs are not uniform on the map. `has_landmarks`: there are some.
-    """
-    is_guided, has_source = request.method == GUIDED, request.source is not None
-    return (
-        config.has_radius, is_graded, request.method if request.method in METHODS else EXACT,
-        has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
-        bool(request.via), request.footprint is None, request.instruction is None,
-    )  # fmt: skip
-
-
-def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:
-    """Raise PlanningFailure if the last segment's search ended without a path."""
-    result = segments[-1].result
-    is_stopped = result.status is SearchStatus.STOPPED
-    if result.status is SearchStatus.FOUND or (is_stopped and len(result.path)):
-        return
-    via = [f'via {number}' for number in range(1, len(request.via) + 1)]
-    names = ['the start', *via, 'the goal']
-    expansions = sum(segment.result.expansions for segment in segments)
-    raise segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])

@@ -8,7 +8,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap import costmap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import endpoints as ends
-from llm_astar_planner.planning import planner as planner_module
+from llm_astar_planner.planning import path_planner as planner_module
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
