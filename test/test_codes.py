@@ -9,8 +9,8 @@ from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import report_to_message
-from llm_astar_planner.cli.coordinates import Coordinates
-from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
+from llm_astar_planner.cli.map_files import Coordinates
+from llm_astar_planner.cli.plan import plan_to_json, plan_to_text
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner

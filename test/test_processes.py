@@ -13,7 +13,7 @@ import pytest
 from graph_tools import wait_for
 from llm_astar_lab.pictures import style
 from llm_astar_planner.cli.main import main
-from llm_astar_planner.cli.node_processes import ended_by_signals
+from llm_astar_planner.cli.run import ended_by_signals
 from llm_astar_planner.nodes import MODULES
 from llm_astar_planner.nodes.__main__ import start
 from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments

@@ -13,20 +13,24 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
-from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
+from llm_astar_msgs_adapter.maps.problem_maps import (
+    ProblemMap,
+    format_kept_maps,
+    load_kept_maps,
+    load_maps,
+)
 from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import uses_waypoints
 from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.commands.dataset_options import add_dataset_choice, open_dataset
-from llm_astar_lab.commands.option_types import count, seed
-from llm_astar_lab.datasets.named import Dataset
-from llm_astar_lab.datasets.samples import draw, parse_ranges, select_samples
+from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
+from llm_astar_lab.datasets import named
+from llm_astar_lab.datasets.samples import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, start_run
-from llm_astar_lab.runner.engine import SearchSettings
 from llm_astar_lab.runner.map_costs import map_costs
 from llm_astar_lab.runner.sources import (
     GRID_BASELINES,
@@ -75,71 +79,118 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
         help='with --source replay: only the samples that the transcripts hold, so that every row '
         'is over the same samples, or all (%(default)s)',
     )  # fmt: skip
-    group.add_argument(
-        '--limit', type=count, metavar='N',
-        help='draw N of the samples; on a yaml map N new pairs (100)',
-    )  # fmt: skip
+    text = 'draw N of the samples; on a yaml map N new pairs (100)'
+    group.add_argument('--limit', type=common.count, metavar='N', help=text)
     group.add_argument(
         '--scales', default='1', metavar='RANGES', help='scales of the maps, such as 1-10 (1)'
     )
-    group.add_argument(
-        '--scale-samples', type=count, default=10, metavar='N',
-        help='number of samples that are run at every scale (10)',
+    text = 'number of samples that are run at every scale (10)'
+    group.add_argument('--scale-samples', type=common.count, default=10, metavar='N', help=text)
+    text = 'seed of everything drawn at random (0)'
+    group.add_argument('--seed', type=common.seed, default=0, metavar='N', help=text)
+
+
+def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options that choose the maps of a run."""
+    either = group.add_mutually_exclusive_group()
+    add_map_option(either)
+    either.add_argument(
+        '--dataset', dest='named', metavar='NAMES',
+        help=f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
+        f'{named.PAPER} and {named.READ[1]} and so on are read from --path',
     )  # fmt: skip
-    group.add_argument(
-        '--seed', type=seed, default=0, metavar='N', help='seed of everything drawn at random (0)'
-    )
+    text = "the paper's file, or the folder with MovingAI's maps and scenarios"
+    group.add_argument('--path', metavar='PATH', help=text)
+    text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
+    group.add_argument('--maps', dest='map_count', type=common.count, metavar='N', help=text)
+    text = f'start-goal pairs on each of them ({named.DEFAULT_PAIRS})'
+    group.add_argument('--pairs', type=common.count, metavar='N', help=text)
+    add_map_ids_option(group)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
     common.settle_variants(args)
     dataset = open_dataset(args)
-    maps = dataset.maps
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
     config = benchmark_config(args, folder, dataset)
     common.check_thresholds(args, config.sources)
     for item in config.coverage:
         common.complain(args, item.sentence(), common.OK)
-    if omits_baselines(args, maps):
+    if omits_baselines(args, dataset.maps):
         names = ', '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
-    with common.make_executor(args, config.sources) as pool:
-        try:
+    failure = common.BAD_INPUT
+    try:
+        with common.make_executor(args, config.sources) as pool:
             tasks, metadata = start_run(
-                folder, config, run_parameters(args, maps), resume=args.resume,
+                folder, config, run_parameters(args, dataset.maps), resume=args.resume,
                 overwrite=args.overwrite, file_format=args.format,
             )  # fmt: skip
-            ids = {sample.barrier_map.id for sample in config.samples}
-            kept = [item for item in maps if item.id in ids]
-            if args.resume and (folder.path / MAPS_FILE).exists():
-                kept += [i for i in load_kept_maps(folder.path / MAPS_FILE) if i.id not in ids]
-            folder.write_text(MAPS_FILE, format_kept_maps(kept))
-            if config.settings.instruction is not None:
-                folder.write_places(config.settings.instruction.places)
+            kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
                 metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
-        except ResultsError as error:
-            return common.complain(args, str(error), common.BAD_INPUT)
-        try:
+            failure = common.INCOMPLETE  # from here on there are rows
             code = common.run_into(args, folder, metadata, tasks, pool)
-        except ResultsError as error:
-            return common.complain(args, str(error), common.INCOMPLETE)
-    return common.close_run(args, folder, metadata, code)
+        return common.close_run(args, folder, metadata, code)
+    except ResultsError as error:
+        return common.complain(args, str(error), failure)
+
+
+def keep_maps(
+    args: argparse.Namespace,
+    folder: ResultsFolder,
+    config: BenchmarkConfig,
+    maps: Sequence[ProblemMap],
+) -> list[ProblemMap]:
+    """Write the maps and places of a run into its folder; return the maps. Raises ResultsError."""
+    ids = {sample.barrier_map.id for sample in config.samples}
+    kept = [item for item in maps if item.id in ids]
+    if args.resume and (folder.path / MAPS_FILE).exists():
+        kept += [item for item in load_kept_maps(folder.path / MAPS_FILE) if item.id not in ids]
+    folder.write_text(MAPS_FILE, format_kept_maps(kept))
+    if config.settings.instruction is not None:
+        folder.write_places(config.settings.instruction.places)
+    return kept
+
+
+def open_dataset(args: argparse.Namespace) -> named.Dataset:
+    """Return the maps that the options choose. Raises LlmAstarError or FileNotFoundError."""
+    names = () if args.named is None else named.parse_names(args.named)
+    check_options(args, names)
+    if not names:
+        file = find_file(args.dataset, 'maps')
+        return named.Dataset((), load_maps(file, args.limit, args.seed), file)
+    path = None if args.path is None else Path(args.path).expanduser()
+    rules = named.DrawRules(
+        args.seed, args.map_count or named.DEFAULT_MAPS, args.pairs or named.DEFAULT_PAIRS
+    )
+    return named.load_named(names, path, rules)
+
+
+def check_options(args: argparse.Namespace, names: Sequence[str]) -> None:
+    """Raise SelectionError where an option is of another kind of dataset."""
+    for option, value, kinds in (
+        ('--maps', args.map_count, named.GENERATED),
+        ('--pairs', args.pairs, named.GENERATED),
+        ('--path', args.path, named.READ),
+    ):
+        if value is not None and not set(names) & set(kinds):
+            raise SelectionError(f'{option}: needs --dataset with one of {", ".join(kinds)}')
 
 
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
     """Tell whether a grid is run without the baselines that are slow there."""
     has_waypoints = any(name == WAYPOINTS_ONLY or uses_waypoints(name) for name in args.methods)
-    named = set(args.source) & set(BASELINE_NAMES)
+    chosen = set(args.source) & set(BASELINE_NAMES)
     has_grids = any(isinstance(item, GridProblem) for item in maps)
-    return has_grids and has_waypoints and not named
+    return has_grids and has_waypoints and not chosen
 
 
 def benchmark_config(
-    args: argparse.Namespace, folder: ResultsFolder, dataset: Dataset
+    args: argparse.Namespace, folder: ResultsFolder, dataset: named.Dataset
 ) -> BenchmarkConfig:
     """Return what the options ask for. Raises ValueError."""
     scales = parse_ranges(args.scales, '--scales')
@@ -149,8 +200,8 @@ def benchmark_config(
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         check_grid_options(problem, args.source)
-    instruction = common.instruction_of(args, open_places(args.places_file or '', file))
-    if instruction is not None and scales != [1]:
+    settings = common.search_settings(args, open_places(args.places_file or '', file))
+    if settings.instruction is not None and scales != [1]:
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
     sources = common.source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
@@ -168,13 +219,7 @@ def benchmark_config(
         samples,
         args.methods,
         recorded.specs,
-        SearchSettings(
-            args.heuristic,
-            args.weight,
-            args.max_planning_time,
-            args.max_suboptimality,
-            instruction=instruction,
-        ),
+        settings,
         scales,
         args.scale_samples,
         args.seed,

@@ -10,12 +10,7 @@ import argparse
 import json
 import math
 
-from llm_astar_lab.analysis.run_comparison import (
-    MAX_SAMPLES,
-    METRICS,
-    compare_runs,
-    load_run,
-)
+from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
 from llm_astar_lab.report.comparison import Judgement, sample_table
 from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan
@@ -50,19 +45,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'runs', metavar='RUN', nargs='+', help='results folders of the same dataset'
     )
-    parser.add_argument(
-        '--metric', choices=METRICS, default='operation',
-        help='what decides about a regression (default: %(default)s, the expansions)',
-    )  # fmt: skip
+    text = 'what decides about a regression (default: %(default)s, the expansions)'
+    parser.add_argument('--metric', choices=METRICS, default='operation', help=text)
     parser.add_argument(
         '--variant', metavar='NAME',
         help='only this variant, METHOD/SOURCE/PROMPT/MODEL without its empty parts, or all that '
         'begin so; a method alone is the one without waypoints',
     )  # fmt: skip
-    parser.add_argument(
-        '--threshold', type=percent, metavar='PERCENT',
-        help='how much the metric may grow (default: 0; 50 for seconds_search)',
-    )  # fmt: skip
+    text = 'how much the metric may grow (default: 0; 50 for seconds_search)'
+    parser.add_argument('--threshold', type=percent, metavar='PERCENT', help=text)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     parser.add_argument(
         '--out', metavar='DIR',

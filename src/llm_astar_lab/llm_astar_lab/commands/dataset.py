@@ -6,22 +6,16 @@ import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, save_maps
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.cli.map_files import MAP_KINDS
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
 from llm_astar_lab.bags.messages import GET_PLAN_EVENT, MAP
-from llm_astar_lab.commands.dataset_options import add_dataset_options
+from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.generate import GenerationError, MapRules
-from llm_astar_lab.datasets.named import (
-    BARRIERS,
-    DEFAULT_MAPS,
-    DEFAULT_PAIRS,
-    GENERATED,
-    DrawRules,
-    draw_family,
-)
 from llm_astar_lab.datasets.samples import load_samples
 from llm_astar_lab.datasets.validate import validate_file
 
@@ -43,27 +37,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make = actions.add_parser(
         'generate', help='generate a dataset; the same seed gives the same one'
     )
-    make.add_argument(
-        '--family', choices=GENERATED,
-        help=f'kind of maps: {BARRIERS} as in the paper, or grids ({BARRIERS})',
-    )  # fmt: skip
+    text = f'kind of maps: {named.BARRIERS} as in the paper, or grids ({named.BARRIERS})'
+    make.add_argument('--family', choices=named.GENERATED, help=text)
     make.add_argument('--seed', type=int, default=0, help='seed of the maps (0)')
-    make.add_argument(
-        '--maps', type=int, default=DEFAULT_MAPS, metavar='N',
-        help='number of maps (default: %(default)s)',
-    )  # fmt: skip
-    make.add_argument(
-        '--pairs', type=int, default=DEFAULT_PAIRS, metavar='N',
-        help='start-goal pairs per map (default: %(default)s)',
-    )  # fmt: skip
-    make.add_argument(
-        '--size', type=int, nargs=2, metavar=('W', 'H'),
-        help='largest coordinates, of barriers alone (50 30)',
-    )  # fmt: skip
-    make.add_argument(
-        '--scale', type=int, default=1, metavar='K',
-        help='cells a unit of the maps, as --scales of bench makes them (1)',
-    )  # fmt: skip
+    text = 'number of maps (default: %(default)s)'
+    make.add_argument('--maps', type=int, default=named.DEFAULT_MAPS, metavar='N', help=text)
+    text = 'start-goal pairs per map (default: %(default)s)'
+    make.add_argument('--pairs', type=int, default=named.DEFAULT_PAIRS, metavar='N', help=text)
+    text = 'largest coordinates, of barriers alone (50 30)'
+    make.add_argument('--size', type=int, nargs=2, metavar=('W', 'H'), help=text)
+    text = 'cells a unit of the maps, as --scales of bench makes them (1)'
+    make.add_argument('--scale', type=int, default=1, metavar='K', help=text)
     make.add_argument('--out', required=True, metavar='FILE', help='the JSON file to write')
     make.add_argument('--pictures', metavar='DIR', help='also draw every map into this folder')
     check = actions.add_parser('check', help='validate a dataset file')
@@ -73,12 +57,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'to-bag',
         help='write the samples as a bag of maps and requests, as a robot would record them',
     )
-    add_dataset_options(bag)
+    add_map_option(bag)
+    add_map_ids_option(bag)
     bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
-    bag.add_argument(
-        '--storage', choices=('mcap', 'sqlite3'), default='mcap',
-        help='format of the bag (default: %(default)s)',
-    )  # fmt: skip
+    text = 'format of the bag (default: %(default)s)'
+    bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help=text)
+
+
+def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--map`, a file of maps with their start-goal pairs."""
+    text = f'{MAP_KINDS} (default: %(default)s); on a yaml pairs are drawn'
+    group.add_argument('--map', dest='dataset', default=SAMPLES_FILE, metavar='FILE', help=text)
+
+
+def add_map_ids_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--map-ids`, which chooses maps of a dataset."""
+    text = 'which maps of the dataset, such as 50-99 or 0-9,12 (default: all)'
+    group.add_argument('--map-ids', dest='maps', metavar='RANGES', help=text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -101,11 +96,13 @@ def generate_dataset(args: argparse.Namespace) -> int:
 
 def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
     """Draw the maps that the options ask for. Raises GenerationError."""
-    family = args.family or BARRIERS
-    if args.size is not None and family != BARRIERS:
-        raise GenerationError(f'--size is of {BARRIERS}; --scale makes {family} larger')
+    family = args.family or named.BARRIERS
+    if args.size is not None and family != named.BARRIERS:
+        raise GenerationError(f'--size is of {named.BARRIERS}; --scale makes {family} larger')
     size = MapRules.size if args.size is None else tuple(args.size)
-    maps = draw_family(family, DrawRules(args.seed, args.maps, args.pairs, size), args.scale)
+    maps = named.draw_family(
+        family, named.DrawRules(args.seed, args.maps, args.pairs, size), args.scale
+    )
     # Without an option the file is as the paper's is, which names no family.
     return [replace(item, family=args.family or '') for item in maps]
 

@@ -12,13 +12,11 @@ import os
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_planner.cli.node_processes import running_nodes
-from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
-from llm_astar_planner.cli.pictures import add_picture_option
+from llm_astar_planner.cli import flags
+from llm_astar_planner.cli.run import running_nodes
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import COSTMAP
 from llm_astar_planner.resources import find_file
@@ -26,7 +24,7 @@ from llm_astar_planner.resources import find_file
 NODES = ('map_node', 'llm_client_node', 'planner_node')
 # ROS domains 101 to 230, so that the demo never joins a robot's graph.
 FIRST_DOMAIN, DOMAINS = 101, 130
-RADIUS = tuple(item for item in COSTMAP if item.name == 'robot_radius')
+RADIUS = flags.named(COSTMAP, 'robot_radius')
 
 
 EPILOG = """\
@@ -41,29 +39,22 @@ exit codes: 0 a path, 1 no path, 2 bad usage or input
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    add_picture_option(parser, 'draw the plan', 'out/demo.png')
-    parser.add_argument(
-        '--pair', type=int, default=0, choices=range(4),
-        help='which start-goal pair of the demo map (default: 0)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--map', metavar='FILE',
-        help='another map, a map_server yaml or barrier maps; it needs --start and --goal',
-    )  # fmt: skip
-    metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
-    parser.add_argument(
-        '--start', **metres,
-        help='start here, in metres of the map; a cell of barrier maps is one metre wide',
-    )  # fmt: skip
-    parser.add_argument('--goal', **metres, help='go here, in the same unit')
-    add_parameter_flags(parser, RADIUS)
-    parser.add_argument('--verbose', action='store_true', help='show the log of the nodes')
+    flags.add_picture_option(parser, 'draw the plan', 'out/demo.png')
+    text = 'which start-goal pair of the demo map (default: 0)'
+    parser.add_argument('--pair', type=int, default=0, choices=range(4), help=text)
+    text = 'another map, a map_server yaml or barrier maps; it needs --start and --goal'
+    parser.add_argument('--map', metavar='FILE', help=text)
+    text = 'start here, in metres of the map; a cell of barrier maps is one metre wide'
+    parser.add_argument('--start', **flags.POINT, help=text)
+    parser.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
+    flags.add_parameter_flags(parser, RADIUS)
+    flags.add_switches(parser, verbose='show the log of the nodes')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the demo; return 0 if there was a path, else 1. Raises ParameterError on bad input."""
     map_file, endpoints = choose_endpoints(arguments)
-    settings = {'map_file': map_file, **given_values(arguments, RADIUS)}
+    settings = {'map_file': map_file, **flags.given_values(arguments, RADIUS)}
     os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # The paper's rules are for its own maps; other maps get a robot's.

@@ -9,8 +9,8 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from llm_astar_planner.cli.pictures import ANIMATIONS, picture_or_animation
-from llm_astar_planner.cli.plan import Problem, add_query_options, read_problem
+from llm_astar_planner.cli.flags import ANIMATIONS, picture_or_animation
+from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.planner import Planner
@@ -51,13 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
     add_query_options(parser, SAMPLES_FILE)
     parser.add_argument(
-        '--out',
-        '--png',
-        required=True,
-        type=picture_or_animation,
-        metavar='FILE',
+        '--out', '--png', required=True, type=picture_or_animation, metavar='FILE',
         help='picture (.png, .svg, .pdf) or animation (.gif), by its ending',
-    )
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,41 +9,33 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
+from llm_astar_planner.cli.flags import add_parameter_flags, add_params_file_flag, given_values
 from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.cli.parameter_flags import (
-    add_parameter_flags,
-    add_params_file_flag,
-    given_values,
-)
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.types import plan_report
 
-from llm_astar_lab.bags.files import bag_name
+from llm_astar_lab.bags.files import Problems, bag_name
 from llm_astar_lab.bags.messages import BARRIER_MAP
 from llm_astar_lab.bags.reading import Bag, open_bags
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
 from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
-from llm_astar_lab.evaluation.topics import (
-    REQUEST_KINDS,
-    TopicSelection,
-    describe,
-    describe_text,
-)
+from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
 from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
-from llm_astar_lab.runner.engine import Outcome, SearchSettings, Task
+from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
@@ -103,10 +95,8 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
         'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
     )  # fmt: skip
-    group.add_argument(
-        '--plan-window', type=float, default=10.0, metavar='SECONDS',
-        help='how long after a request its recorded plan may come (10)',
-    )  # fmt: skip
+    text = 'how long after a request its recorded plan may come (10)'
+    group.add_argument('--plan-window', type=float, default=10.0, metavar='SECONDS', help=text)
     group.add_argument(
         '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
     )
@@ -123,53 +113,61 @@ def run(args: argparse.Namespace) -> int:
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
-    with open_bags(args.bags) as (bags, unopened), ExitStack() as stack:
-        if not bags:
-            return common.complain(args, '; '.join(unopened.lines()), common.BAD_INPUT)
-        try:
+    failure = common.BAD_INPUT
+    try:
+        with open_bags(args.bags) as (bags, unopened):
+            if not bags:
+                return common.complain(args, '; '.join(unopened.lines()), common.BAD_INPUT)
             folder = choose_folder(args.out, args.default_out, resume=args.resume)
             if 'replay' in args.source and not args.transcript:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             common.check_thresholds(args, config.sources)
-            pool = stack.enter_context(common.make_executor(args, config.sources))
-            files = [*args.bags, *([args.requests] if listed else [])]
-            metadata = describe_run(
-                files, run_parameters(args, config), common.deciding_files(args)
-            )
-            metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
-            done = open_folder(
-                folder,
-                metadata,
-                resume=args.resume,
-                overwrite=args.overwrite,
-                parquet=is_parquet_run(args.format),
-            )
-        except ResultsError as error:
-            return common.complain(args, str(error), common.BAD_INPUT)
-        tasks = BagTasks(config)
-        keep = partial(write_outcomes, results_bag) if results_bag else None
-        try:
-            with results_bag or nullcontext():
+            with common.make_executor(args, config.sources) as pool:
+                metadata, done = start(args, config, folder, is_listed=bool(listed))
+                failure = common.INCOMPLETE  # from here on there are rows
+                tasks = BagTasks(config)
+                keep = partial(write_outcomes, results_bag) if results_bag else None
                 left = tasks.tasks(done)
-                code = common.run_into(
-                    args, folder, metadata, left, pool, unit='request', keep=keep
-                )
-        except (ResultsError, BagWriteError) as error:
-            return common.complain(args, str(error), common.INCOMPLETE)
-        problems = [unopened, *(bag.problems for bag in bags)]
+                with results_bag or nullcontext():
+                    code = common.run_into(
+                        args, folder, metadata, left, pool, unit='request', keep=keep
+                    )
+            problems = [unopened, *(bag.problems for bag in bags)]
+        code = report_problems(args, metadata, problems, code)
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
+        folder.write_places(config.places)
+        return common.close_run(args, folder, metadata, code)
+    except (ResultsError, BagWriteError) as error:
+        return common.complain(args, str(error), failure)
+
+
+def start(
+    args: argparse.Namespace, config: EvaluationConfig, folder: ResultsFolder, *, is_listed: bool
+) -> tuple[dict[str, Any], Finished]:
+    """Start or resume the results folder; return the run's metadata and the finished rows.
+
+    Raises ResultsError.
+    """
+    files = [*args.bags, *([args.requests] if is_listed else [])]
+    metadata = describe_run(files, run_parameters(args, config), common.deciding_files(args))
+    metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
+    parquet = is_parquet_run(args.format)
+    again = {'resume': args.resume, 'overwrite': args.overwrite}
+    return metadata, open_folder(folder, metadata, **again, parquet=parquet)
+
+
+def report_problems(
+    args: argparse.Namespace, metadata: dict[str, Any], problems: Sequence[Problems], code: int
+) -> int:
+    """Say and keep what was left out of the bags; return the exit code."""
     metadata['left_out'] = [line for one in problems for line in one.lines()]
     metadata['notes'] = [line for one in problems for line in one.notes]
     for line in metadata['notes']:
         common.complain(args, f'note: {line}', common.OK)
     for line in metadata['left_out']:
         code = common.complain(args, f'left out: {line}', code or common.INCOMPLETE)
-    try:
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
-        folder.write_places(config.places)
-    except ResultsError as error:
-        return common.complain(args, str(error), common.INCOMPLETE)
-    return common.close_run(args, folder, metadata, code)
+    return code
 
 
 def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
@@ -234,16 +232,13 @@ def make_config(
     """
     values = defaults(RULES, cli=True) | rules
     places = open_places(args.places_file or '', None)
-    settings = SearchSettings(
-        args.heuristic,
-        args.weight,
-        args.max_planning_time,
-        args.max_suboptimality,
-        costmap_config(rules),
-        values['tolerance'],
-        values['start_tolerance'],
-        'corner_cutting' not in rules and not args.params_file,
-        common.instruction_of(args, places),
+    settings = common.search_settings(
+        args,
+        places,
+        costmap=costmap_config(rules),
+        tolerance=values['tolerance'],
+        start_tolerance=values['start_tolerance'],
+        paper_corners='corner_cutting' not in rules and not args.params_file,
     )
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)

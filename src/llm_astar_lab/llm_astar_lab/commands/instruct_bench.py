@@ -15,8 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
-from llm_astar_planner.cli.pictures import picture_file
+from llm_astar_planner.cli import flags
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.route import Route
@@ -25,22 +24,8 @@ from llm_astar_planner.planning.parameters import REQUESTS, SEARCH, SOURCE, defa
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 
-from llm_astar_lab.commands.option_types import names
-from llm_astar_lab.commands.run_options import (
-    BAD_INPUT,
-    INCOMPLETE,
-    INTERRUPTED,
-    MISSED,
-    OK,
-    complain,
-)
-from llm_astar_lab.instruct_bench.report import (
-    chain_text,
-    markdown_summary,
-    result_row,
-    text_summary,
-    unanswered_lines,
-)
+from llm_astar_lab.commands import run_options as common
+from llm_astar_lab.instruct_bench import report, summary
 from llm_astar_lab.instruct_bench.results import InstructionResult
 from llm_astar_lab.instruct_bench.runner import (
     NO_INSTRUCTION,
@@ -52,13 +37,6 @@ from llm_astar_lab.instruct_bench.runner import (
     interpreter_source,
 )
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
-from llm_astar_lab.instruct_bench.summary import (
-    METRICS,
-    SuiteThreshold,
-    missed_suite_thresholds,
-    parse_suite_threshold,
-    summary_to_json,
-)
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import progress
@@ -67,16 +45,11 @@ OWN_SUITE = 'instructions/suite.json'
 GRAMMAR, ENDPOINT, REPLAY = 'grammar', 'endpoint', 'replay'
 SOURCES = (TRUTH, GRAMMAR, ENDPOINT, REPLAY, NO_INSTRUCTION)
 # The parameters of llm_client_node that matter to a model that understands instructions.
-MODEL = tuple(
-    item
-    for item in SOURCE
-    if item.name
-    in (
-        'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature', 'max_output_tokens',
-        'timeout_s', 'max_retries', 'transcript', 'record',
-    )
+MODEL = flags.named(
+    SOURCE, 'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature',
+    'max_output_tokens', 'timeout_s', 'max_retries', 'transcript', 'record',
 )  # fmt: skip
-TIME = tuple(item for item in REQUESTS if item.name == 'max_planning_time')
+TIME = flags.named(REQUESTS, 'max_planning_time')
 USAGE = """\
 llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
                                 [--fail-under LIMIT] [options]"""
@@ -114,10 +87,8 @@ unanswered, 130 interrupted
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     what = parser.add_argument_group('suite')
-    what.add_argument(
-        '--suite', default=OWN_SUITE, metavar='FILE',
-        help='the suite: a JSON file, a path or a name in maps/ (default: %(default)s)',
-    )  # fmt: skip
+    text = 'the suite: a JSON file, a path or a name in maps/ (default: %(default)s)'
+    what.add_argument('--suite', default=OWN_SUITE, metavar='FILE', help=text)
     what.add_argument(
         '--map-folder', type=Path, action='append', default=[], metavar='DIR',
         help="searched for NAME.yaml of the suite's maps, after the suite's own folder",
@@ -129,43 +100,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     sources = parser.add_argument_group('sources')
     sources.add_argument(
-        '--source', type=names, nargs='+', action='extend', default=[], metavar='NAME',
+        '--source', type=common.names, nargs='+', action='extend', default=[], metavar='NAME',
         help=f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})',
     )  # fmt: skip
-    add_parameter_flags(sources, (*MODEL, *TIME))
+    flags.add_parameter_flags(sources, (*MODEL, *TIME))
     add_output(parser.add_argument_group('output'))
 
 
 def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the options for output and thresholds."""
+    """Add the options for output and summary."""
     group.add_argument(
         '--out', metavar='DIR', help='write results.csv, summary.json and report.md into a folder'
     )
-    group.add_argument('--json', action='store_true', help='print one JSON object')
-    group.add_argument(
-        '--png',
-        type=picture_file,
-        metavar='FILE',
-        help='draw the plan of --show, with a single --source',
-    )
+    flags.add_switches(group, json='print one JSON object')
+    text = 'draw the plan of --show, with a single --source'
+    group.add_argument('--png', type=flags.picture_file, metavar='FILE', help=text)
     for flag, is_upper, text in (
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),
     ):
+        parse = partial(summary.parse_suite_threshold, is_upper=is_upper)
         group.add_argument(
-            flag, type=partial(threshold, is_upper=is_upper), action='append', default=[],
-            metavar='LIMIT',
-            help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of {", ".join(METRICS)}, in '
-            'percent or ms; without SOURCE every one but none',
+            flag, type=common.parsed_by(parse), action='append', default=[], metavar='LIMIT',
+            help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of '
+            f'{", ".join(summary.METRICS)}, in percent or ms; without SOURCE every one but '
+            'none',
         )  # fmt: skip
-
-
-def threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
-    """Parse a threshold."""
-    try:
-        return parse_suite_threshold(text, is_upper=is_upper)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def run(args: argparse.Namespace) -> int:
@@ -183,16 +143,20 @@ def run(args: argparse.Namespace) -> int:
         try:
             folder.require_new()
         except ResultsError as error:
-            return complain(args, str(error), BAD_INPUT)
+            return common.complain(args, str(error), common.BAD_INPUT)
     code, results = run_suite(args, suite, sources, runner)
     if folder is not None and results:
         write_results(folder, suite, chosen, results)
     if results:
-        print(json.dumps(summary_to_json(results)) if args.json else text_summary(results))
-    for line in unanswered_lines(results):
-        code = complain(args, line, code or INCOMPLETE)
-    for line in missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
-        code = complain(args, line, code or MISSED)
+        print(
+            json.dumps(summary.summary_to_json(results))
+            if args.json
+            else report.text_summary(results)
+        )
+    for line in report.unanswered_lines(results):
+        code = common.complain(args, line, code or common.INCOMPLETE)
+    for line in summary.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
+        code = common.complain(args, line, code or common.MISSED)
     return code
 
 
@@ -211,7 +175,7 @@ def check_options(args: argparse.Namespace, chosen: Sequence[str]) -> None:
 
 def model_values(args: argparse.Namespace) -> dict[str, Any]:
     """Return the settings of a model by parameter name. Raises ParameterError."""
-    values = defaults(SOURCE, cli=True) | given_values(args, MODEL)
+    values = defaults(SOURCE, cli=True) | flags.given_values(args, MODEL)
     if values['transcript']:
         values['transcript'] = str(find_file(values['transcript'], 'maps'))
     # The number of instructions already bounds the calls.
@@ -229,7 +193,7 @@ def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
 
 def common_request(args: argparse.Namespace) -> PlanRequest:
     """Return what all requests have in common, by the defaults of `llm-astar plan`."""
-    values = defaults((*SEARCH, *REQUESTS), cli=True) | given_values(args, TIME)
+    values = defaults((*SEARCH, *REQUESTS), cli=True) | flags.given_values(args, TIME)
     # A picture shows the expanded cells.
     request = PlanRequest((0, 0), (0, 0), want_expanded=bool(args.png))
     return replace(
@@ -252,8 +216,8 @@ def run_suite(
                 step()
         except KeyboardInterrupt:
             message = f'interrupted after {len(results)} results, which are kept'
-            return complain(args, message, INTERRUPTED), results
-    return OK, results
+            return common.complain(args, message, common.INTERRUPTED), results
+    return common.OK, results
 
 
 def write_results(
@@ -263,12 +227,12 @@ def write_results(
     results: Sequence[InstructionResult],
 ) -> None:
     """Write rows, figures and report. Raises ResultsError."""
-    rows = [result_row(result) for result in results]
+    rows = [report.result_row(result) for result in results]
     lines = [list(rows[0]), *(list(map(str, row.values())) for row in rows)]
     folder.write_text('results.csv', format_csv(lines))
     metadata = describe_run([suite.path], {'sources': list(chosen)})
-    folder.write_json('summary.json', metadata | {'sources': summary_to_json(results)})
-    folder.write_text('report.md', markdown_summary(results, metadata))
+    folder.write_json('summary.json', metadata | {'sources': summary.summary_to_json(results)})
+    folder.write_text('report.md', report.markdown_summary(results, metadata))
 
 
 def show(
@@ -282,16 +246,16 @@ def show(
     if args.json:
         print(json.dumps([shown_json(result) for result in results]))
     else:
-        print('\n\n'.join(map(chain_text, results)))
+        print('\n\n'.join(map(report.chain_text, results)))
     if args.png:
         draw(results[0], args.png)
-    return OK if all(result.plan.code == 0 for result in results) else MISSED
+    return common.OK if all(result.plan.code == 0 for result in results) else common.MISSED
 
 
 def shown_json(result: InstructionResult) -> dict[str, Any]:
     """Return one result in full as JSON."""
     outcome = None if result.outcome is None else result.outcome.to_json()
-    return result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
+    return report.result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
 
 
 def draw(result: InstructionResult, path: str) -> None:

@@ -6,13 +6,12 @@ A small server on this machine shows the page; nothing is sent anywhere else.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import threading
 import webbrowser
-from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
-from llm_astar_planner.cli.flags import add_graph_options
+from llm_astar_planner.cli.flags import add_graph_options, add_switches
 
 if TYPE_CHECKING:
     from llm_astar_lab.play.live import LiveFeed
@@ -40,40 +39,18 @@ exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        '--map',
-        action='append',
-        default=[],
-        metavar='FILE',
+        '--map', action='append', default=[], metavar='FILE',
         help='a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
         'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
-    )
-    parser.add_argument(
-        '--host',
-        default=DEFAULT_HOST,
-        metavar='NAME',
-        help='address to serve at (default: %(default)s)',
-    )
-    parser.add_argument(
-        '--port',
-        type=int,
-        default=DEFAULT_PORT,
-        metavar='N',
-        help='port to serve at; 0 takes a free one (default: %(default)s)',
-    )
-    parser.add_argument('--no-browser', action='store_true', help='do not open the browser')
+    )  # fmt: skip
+    text = 'address to serve at (default: %(default)s)'
+    parser.add_argument('--host', default=DEFAULT_HOST, metavar='NAME', help=text)
+    text = 'port to serve at; 0 takes a free one (default: %(default)s)'
+    parser.add_argument('--port', type=int, default=DEFAULT_PORT, metavar='N', help=text)
+    add_switches(parser, no_browser='do not open the browser')
     graph = parser.add_argument_group('a running graph')
-    graph.add_argument(
-        '--live',
-        action='store_true',
-        help='show the map, plans and reports of a running planner too',
-    )
-    add_graph_options(graph)
-    graph.add_argument(
-        '--client',
-        default='llm_client_node',
-        metavar='NAME',
-        help='name of its waypoint client (default: %(default)s)',
-    )
+    add_switches(graph, live='show the map, plans and reports of a running planner too')
+    add_graph_options(graph, client=True)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -99,14 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-@contextlib.contextmanager
-def shown_graph(arguments: argparse.Namespace, feed: LiveFeed | None) -> Iterator[None]:
-    """Feed what a running graph does, if there is a feed. Raises NodeNameError."""
+def shown_graph(
+    arguments: argparse.Namespace, feed: LiveFeed | None
+) -> AbstractContextManager[object]:
+    """Return what feeds what a running graph does, if there is a feed. Raises NodeNameError."""
     if feed is None:
-        yield
-        return
+        return nullcontext()
     # ROS is needed for this alone.
     from llm_astar_lab.nodes.live_view import live_view  # noqa: PLC0415
 
-    with live_view(arguments.namespace, arguments.node, arguments.client, feed):
-        yield
+    return live_view(arguments.namespace, arguments.node, arguments.client, feed)

@@ -32,18 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
     )
-    parser.add_argument(
-        '--duration', type=float, default=math.inf, metavar='SECONDS',
-        help='stop after this time (default: at Ctrl-C)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--max-size', type=float, default=0.0, metavar='MB',
-        help='begin a new file after this size (default: one file)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--storage', choices=('mcap', 'sqlite3'), default='mcap',
-        help='format of the bag (default: %(default)s)',
-    )  # fmt: skip
+    text = 'stop after this time (default: at Ctrl-C)'
+    parser.add_argument('--duration', type=float, default=math.inf, metavar='SECONDS', help=text)
+    text = 'begin a new file after this size (default: one file)'
+    parser.add_argument('--max-size', type=float, default=0.0, metavar='MB', help=text)
+    text = 'format of the bag (default: %(default)s)'
+    parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help=text)
 
 
 def run(arguments: argparse.Namespace) -> int:

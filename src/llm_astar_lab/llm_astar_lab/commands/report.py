@@ -35,10 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='write every table to DIR/tables/NAME.tex, for \\input with the packages booktabs '
         'and adjustbox',
     )  # fmt: skip
-    parser.add_argument(
-        '--csv', action='store_true',
-        help='write every table to DIR/tables/NAME.csv, with the limits of its intervals',
-    )  # fmt: skip
+    text = 'write every table to DIR/tables/NAME.csv, with the limits of its intervals'
+    parser.add_argument('--csv', action='store_true', help=text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,23 +9,22 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
+from llm_astar_planner.cli.flags import add_parameter_flags, add_switches, named
 from llm_astar_planner.cli.map_files import add_places_option
-from llm_astar_planner.cli.parameter_flags import (
-    add_endpoint_arguments,
-    add_parameter_flags,
-    parameter_values,
-)
+from llm_astar_planner.cli.planning_options import parameter_values
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
-from llm_astar_planner.parameter import Scalar
-from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
+from llm_astar_planner.parameter import Parameter, Scalar
+from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
@@ -33,60 +32,84 @@ from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 from tqdm import tqdm
 
+from llm_astar_lab.analysis import thresholds
 from llm_astar_lab.analysis.summary import summarise
-from llm_astar_lab.analysis.thresholds import (
-    compare_with_reference,
-    missed_thresholds,
-    reference_lengths,
-    unknown_variant,
-)
-from llm_astar_lab.commands.option_types import count, file_names, names, threshold
 from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
+from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import UNANSWERED
-from llm_astar_lab.runner.config import (
-    FORMATS,
-    LARGE_RUN,
-    connect,
-    describe_unanswered,
-    forecast,
-    progress,
-    run_into_folder,
-    split_timed,
-)
+from llm_astar_lab.runner import config
 from llm_astar_lab.runner.engine import (
     ALL_METHODS,
     Outcome,
+    SearchSettings,
     Task,
     compile_once,
     list_variants,
 )
 from llm_astar_lab.runner.map_costs import add_query_times
-from llm_astar_lab.runner.sources import (
-    GRID_BASELINES,
-    SourceSpec,
-    make_source_specs,
-)
+from llm_astar_lab.runner.sources import GRID_BASELINES, SourceSpec, make_source_specs
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
 INSTRUCTION = ('instruction', 'instruction_policy')
+# The parameters that say where a model's replies come from, live or recorded.
+ENDPOINT = (
+    'base_url', 'api_key_env', 'api_key_names', 'repair_rounds', 'prompt_form',
+    'retrieved_examples', 'examples_file',
+)  # fmt: skip
 # The parameters of the search, with the defaults of the benchmark.
-SEARCH_PARAMETERS = tuple(
-    item.for_bench()
-    for item in (*SEARCH, *REQUESTS)
-    if item.name in ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
-)
+SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
+SEARCH_PARAMETERS = [item.for_bench() for item in named((*SEARCH, *REQUESTS), *SEARCH_NAMES)]
+Parsed = TypeVar('Parsed')
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def names(text: str) -> list[str]:
+    """Parse one or more names, separated by commas."""
+    found = [name for name in text.split(',') if name]
+    if not found:
+        raise argparse.ArgumentTypeError('names are expected, separated by commas')
+    return found
+
+
+def file_names(text: str) -> list[str]:
+    """Parse paths of files or names in maps/, separated by commas unless one has a comma."""
+    if Path(text).is_file():
+        return [text]
+    return [str(find_file(name, 'maps')) for name in names(text)]
+
+
+def parsed_by(parse: Callable[[str], Parsed]) -> Callable[[str], Parsed]:
+    """Return a parser of an option's value whose ValueErrors argparse shows."""
+
+    def parsed(text: str) -> Parsed:
+        try:
+            return parse(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return parsed
+
+
+def whole_number(text: str, least: int) -> int:
+    """Parse a whole number of at least `least`."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = least - 1
+    if number < least:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number of at least {least}')
+    return number
+
+
+count, seed = partial(whole_number, least=1), partial(whole_number, least=0)
 
 
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
-    group.add_argument(
-        '--methods', type=names, metavar='NAMES',
-        help=f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)',
-    )  # fmt: skip
+    text = f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)'
+    group.add_argument('--methods', type=names, metavar='NAMES', help=text)
     group.add_argument(
         '--source', type=names, default=[], metavar='NAMES',
         help=f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
@@ -94,10 +117,8 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
         'there and refused on large maps)',
     )  # fmt: skip
-    group.add_argument(
-        '--prompt', type=names, default=[], metavar='NAMES',
-        help=f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates',
-    )  # fmt: skip
+    text = f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates'
+    group.add_argument('--prompt', type=names, default=[], metavar='NAMES', help=text)
     group.add_argument(
         '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
     )
@@ -106,20 +127,31 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         help='transcripts that replay answers from: paths, or names in maps/, separated by '
         'commas; each gives rows of its own',
     )  # fmt: skip
-    add_endpoint_arguments(group)
+    add_defaulted_flags(group, SOURCE, ENDPOINT)
     add_parameter_flags(group, SEARCH_PARAMETERS)
-    group.add_argument(
-        '--price', type=float, nargs=2, metavar=('IN', 'OUT'),
-        help='price of a million tokens, for the cost column',
-    )  # fmt: skip
+    text = 'price of a million tokens, for the cost column'
+    group.add_argument('--price', type=float, nargs=2, metavar=('IN', 'OUT'), help=text)
 
 
 def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options of an instruction for every sample."""
-    items = [item for item in PLANNER if item.name in INSTRUCTION]
+    add_defaulted_flags(group, PLANNER, INSTRUCTION)
+    add_places_option(group)
+
+
+def add_defaulted_flags(group: Any, parameters: Iterable[Parameter], names: Sequence[str]) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the flags of the named parameters, which have their defaults where not given."""
+    items = named(parameters, *names)
     add_parameter_flags(group, items)
     group.set_defaults(**defaults(items))
-    add_places_option(group)
+
+
+def search_settings(args: argparse.Namespace, places: Places, **others: Any) -> SearchSettings:  # noqa: ANN401 - fields of SearchSettings
+    """Return how every sample is planned, by the options and `others`. Raises ValueError."""
+    found = SearchSettings(
+        args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
+    )
+    return replace(found, instruction=instruction_of(args, places), **others)
 
 
 def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:
@@ -133,16 +165,10 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
     names = [name for name in ('endpoint', 'replay') if name in args.source]
     if 'replay' in args.source and len(args.transcript) > 1:
         raise ValueError('--instruction is replayed from one file: name one --transcript')
-    values = {
-        'source': names[0] if names else 'none',
-        'model': next(iter(args.model), ''),
-        'transcript': next(iter(args.transcript), ''),
-        'base_url': args.base_url,
-        'api_key_env': args.api_key_env,
-        'api_key_names': args.api_key_names,
-    }
-    interpreter = make_interpreter(values)
-    interpretation = interpreter.interpret(text, places, args.max_planning_time)
+    values = {name: getattr(args, name) for name in ('base_url', 'api_key_env', 'api_key_names')}
+    values['source'] = next(iter(names), 'none')
+    values |= {name: next(iter(getattr(args, name)), '') for name in ('model', 'transcript')}
+    interpretation = make_interpreter(values).interpret(text, places, args.max_planning_time)
     sys.stderr.write(f'instruction {interpretation.status.value}: {interpretation.sentence}\n')
     return RouteInstruction(interpretation, places, args.instruction_policy)
 
@@ -150,19 +176,13 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for running and output; `out` is the default folder."""
     group.set_defaults(default_out=out)
-    group.add_argument(
-        '--out', metavar='DIR',
-        help=f'folder for the results (default: {out}, or {out}-2 and so on where that has some)',
-    )  # fmt: skip
+    text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
+    group.add_argument('--out', metavar='DIR', help=text)
     again = group.add_mutually_exclusive_group()
-    again.add_argument(
-        '--resume', action='store_true',
-        help='continue an interrupted run: that in --out, or the last one',
-    )  # fmt: skip
-    again.add_argument(
-        '--overwrite',
-        action='store_true',
-        help='replace the results in --out by those of this run',
+    add_switches(
+        again,
+        resume='continue an interrupted run: that in --out, or the last one',
+        overwrite='replace the results in --out by those of this run',
     )
     group.add_argument(
         '--jobs', type=count, metavar='N',
@@ -170,13 +190,14 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         '(default: 1, or 8 with a live source)',
     )  # fmt: skip
     group.add_argument(
-        '--format', choices=FORMATS,
+        '--format', choices=config.FORMATS,
         help=f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
-        f'{LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
+        f'{config.LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
     )  # fmt: skip
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
-        '--fail-under', '--assert', type=threshold, action='append', default=[], metavar='LIMIT',
+        '--fail-under', '--assert', type=parsed_by(thresholds.parse_threshold), action='append',
+        default=[], metavar='LIMIT',
         help='VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
         'metric, such as instruction=95; exit 1 if a ratio is above it or a share below',
     )  # fmt: skip
@@ -199,8 +220,7 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
             raise ValueError(f'--methods {problem}, {WAYPOINTS_ONLY}')
     for name in args.source:
         SOURCES.admit(name)
-        problem = SOURCES.problem(name)
-        if problem:
+        if problem := SOURCES.problem(name):
             raise ValueError(f'--source {problem}')
     vars(args).update(parameter_values(args, SEARCH_PARAMETERS, file))
     args.max_suboptimality = args.max_suboptimality or None
@@ -218,22 +238,17 @@ def source_specs(
     are added, None for all of them.
     """
     settings = SourceSettings(
-        base_url=args.base_url,
-        api_key_env=args.api_key_env,
-        api_key_names=args.api_key_names,
+        **{name: getattr(args, name) for name in ENDPOINT},
         timeout_s=args.max_planning_time,
-        repair_rounds=args.repair_rounds,
-        prompt_form=args.prompt_form,
-        retrieved_examples=args.retrieved_examples,
-        examples_file=args.examples_file,
         max_concurrent=args.jobs or LIVE_JOBS,
         # The number of samples already bounds the calls.
         max_calls_per_hour=0,
         record=str(folder.transcript),
     )
-    variants = (args.source, args.prompt, args.model)
     return make_source_specs(
-        *variants,
+        args.source,
+        args.prompt,
+        args.model,
         settings=settings,
         dataset=dataset,
         transcripts=args.transcript,
@@ -245,8 +260,7 @@ def source_specs(
 def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
     """Raise ValueError where --fail-under names a variant that this run does not have."""
     variants = [variant for variant, _ in list_variants(args.methods, sources)]
-    problem = unknown_variant(args.fail_under, variants)
-    if problem is not None:
+    if problem := thresholds.unknown_variant(args.fail_under, variants):
         raise ValueError(problem)
 
 
@@ -280,7 +294,7 @@ def make_executor(
 ) -> Iterator[tuple[Executor, int]]:
     """Yield the executor for the tasks, and how many of them to submit at a time."""
     if args.dask:
-        with connect(args.dask, sources) as cluster:
+        with config.connect(args.dask, sources) as cluster:
             yield cluster
         return
     is_live = any(spec.name == 'endpoint' for spec in sources)
@@ -310,20 +324,21 @@ def run_into(
     """
     total = len(tasks) if isinstance(tasks, list) else None
     executor, at_once = pool
+    metadata['parameters']['jobs'] = args.dask or at_once // 2
+    # Tasks that are made one by one hold a map each, so fewer of them are queued.
+    queued = max(1, at_once // 2) if total is None else at_once
     try:
-        with progress(total, unit) as step:
+        with config.progress(total, unit) as step:
 
             def finish(task: Task, outcomes: list[Outcome]) -> None:
                 if keep is not None:
                     keep(task, outcomes)
                 step()
 
-            metadata['parameters']['jobs'] = args.dask or at_once // 2
-            # Tasks that are made one by one hold a map each, so fewer of them are queued.
-            queued = at_once if total is not None else max(1, at_once // 2)
-
             def run(some: Iterable[Task]) -> None:
-                run_into_folder(folder, some, executor, queued, metadata=metadata, step=finish)
+                config.run_into_folder(
+                    folder, some, executor, queued, metadata=metadata, step=finish
+                )
 
             run(run_timed(tasks, run) if isinstance(tasks, list) else tasks)
     except KeyboardInterrupt:
@@ -335,13 +350,13 @@ def run_into(
 def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> Sequence[Task]:
     """Run the first tasks of each scale, say how long the others take, and return those."""
     compile_once()
-    timed, others = split_timed(tasks)
+    timed, others = config.split_timed(tasks)
     seconds = {}
     for scale, first in timed.items():
         begun = time.monotonic()
         run(first)
         seconds[scale] = (time.monotonic() - begun) / len(first)
-    sentence = forecast(others, seconds)
+    sentence = config.forecast(others, seconds)
     if sentence is not None:
         tqdm.write(sentence, file=sys.stderr)
     return others
@@ -350,38 +365,36 @@ def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> S
 def close_run(
     args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], code: int
 ) -> int:
-    """Write the reports of a run, print the table, and return the exit code."""
+    """Write the reports of a run, print the table, and return the exit code.
+
+    Raises ResultsError where the folder cannot be written to.
+    """
     # Importing matplotlib takes most of a second, which bad usage should not wait for.
     from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
     maps = load_kept_maps(folder.path / MAPS_FILE)
-    try:
-        folder.fold()
-        rows = folder.stored()
-        unanswered = describe_unanswered(rows.rows(UNANSWERED))
-        if 'map_costs' in metadata:
-            add_query_times(metadata['map_costs'], rows)
-        folder.write_json('metadata.json', metadata)
-        recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
-        lengths = reference_lengths(maps)
-        agreements = (
-            compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
-        )
-        # Last, because figures take memory that is not given back.
-        summary = write_report(folder, metadata, maps, rows)
-    except ResultsError as error:
-        return complain(args, str(error), INCOMPLETE)
-    print(json.dumps(summary) if args.json else text_report(rows, args.seed, recorded))
-    print(
-        f'{len(rows)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
-        file=sys.stderr,
+    folder.fold()
+    rows = folder.stored()
+    unanswered = config.describe_unanswered(rows.rows(UNANSWERED))
+    if 'map_costs' in metadata:
+        add_query_times(metadata['map_costs'], rows)
+    folder.write_json('metadata.json', metadata)
+    recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
+    lengths = thresholds.reference_lengths(maps)
+    agreements = (
+        thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
     )
+    # Last, because figures take memory that is not given back.
+    summary = write_report(folder, metadata, maps, rows)
+    print(json.dumps(summary) if args.json else text_report(rows, args.seed, recorded))
+    took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
+    print(f'{took}: {folder.path}/report.html', file=sys.stderr)
     for line in unanswered:
         code = complain(args, line, code or INCOMPLETE)
     for agreement in agreements:
         code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in missed_thresholds(summarise(rows, args.seed), args.fail_under):
+    for line in thresholds.missed_thresholds(summarise(rows, args.seed), args.fail_under):
         code = complain(args, line, code or MISSED)
     return code
 

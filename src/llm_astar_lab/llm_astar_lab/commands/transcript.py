@@ -11,10 +11,7 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_planner.resources import find_file
 
 if TYPE_CHECKING:
-    from llm_astar_lab.runner.transcript_check import (
-        RecordedModel,
-        TranscriptCheck,
-    )
+    from llm_astar_lab.runner.transcript_check import RecordedModel, TranscriptCheck
 
 EPILOG = """\
 examples:

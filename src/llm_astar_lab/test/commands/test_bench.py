@@ -226,7 +226,9 @@ def test_results_are_replaced_only_when_the_run_can_begin(undrawn, dataset, out,
     words = ('bench', '--map', dataset, '--out', out, '--methods', 'guided', '--limit', '1')
     assert llm_astar(*words) == 0
     before = (out / 'results.csv').read_bytes()
-    monkeypatch.setattr(run_options, 'connect', Mock(side_effect=ValueError('no scheduler')))
+    monkeypatch.setattr(
+        run_options.config, 'connect', Mock(side_effect=ValueError('no scheduler'))
+    )
     with pytest.raises(ValueError, match='no scheduler'):
         llm_astar(*words, '--overwrite', '--dask', 'tcp://127.0.0.1:1')
     assert (out / 'results.csv').read_bytes() == before

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
-from llm_astar_planner.cli.flags import add_graph_options, check_time_limit
-from llm_astar_planner.cli.pictures import add_picture_option
+from llm_astar_planner.cli import flags
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.parameter import ParameterError
 
@@ -32,40 +31,34 @@ DISCOVERY_SECONDS = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
-    parser.add_argument('--start', **metres, help='start here, in metres of the frame of --frame')
+    parser.add_argument(
+        '--start', **flags.POINT, help='start here, in metres of the frame of --frame'
+    )
     goal = parser.add_mutually_exclusive_group()
-    goal.add_argument('--goal', **metres, help='go here, in the same unit')
+    goal.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
     goal.add_argument(
         '--to', metavar='NAME', help='go to a place instead, one of those that the planner knows'
     )
     goal.add_argument(
         '--interpret', metavar='TEXT', help='only print what an instruction means to the planner'
     )
-    parser.add_argument(
-        '--instruction', metavar='TEXT',
-        help='set the instruction of the planner first; empty: none any more',
-    )  # fmt: skip
+    text = 'set the instruction of the planner first; empty: none any more'
+    parser.add_argument('--instruction', metavar='TEXT', help=text)
     parser.add_argument('--frame', default='map', help='frame of the poses (default: %(default)s)')
-    add_graph_options(parser)
-    parser.add_argument(
-        '--time-limit', type=float, default=30.0, metavar='SECONDS',
-        help='longest wait for each answer (default: %(default)s)',
-    )  # fmt: skip
+    flags.add_graph_options(parser)
+    flags.add_time_limit(parser, 30.0)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
-    add_picture_option(parser, 'draw map and path')
-    parser.add_argument(
-        '--map-topic', default='map', metavar='NAME',
-        help="the map of the picture, such as /global_costmap/costmap (default: 'map')",
-    )  # fmt: skip
+    flags.add_picture_option(parser, 'draw map and path')
+    text = "the map of the picture, such as /global_costmap/costmap (default: 'map')"
+    parser.add_argument('--map-topic', default='map', metavar='NAME', help=text)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Call; return 0 for an answer, 1 for no path. Raises PlannerClientError, ParameterError."""
-    has_goal = arguments.goal is not None or arguments.to is not None
-    if arguments.interpret is None and (arguments.start is None or not has_goal):
+    ends = (arguments.start, arguments.to if arguments.goal is None else arguments.goal)
+    if arguments.interpret is None and None in ends:
         raise ParameterError('--start and one of --goal and --to, or --interpret, are expected')
-    check_time_limit(arguments.time_limit)
+    flags.check_time_limit(arguments.time_limit)
     drawing = find_drawing('call') if arguments.png else None
     from llm_astar_planner.nodes.tools.planner_client import calling  # noqa: PLC0415
     from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415

@@ -13,8 +13,9 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import printable
@@ -53,23 +54,32 @@ LAB_LIBRARIES = {
     'llm-astar play': ('starlette', 'uvicorn'),
 }
 PYPI_NAMES = {'PIL': 'pillow', 'yaml': 'pyyaml'}
-# The distribution that is sourced, or the one whose wheels `make install` takes by default.
-DISTRIBUTION = os.environ.get('ROS_DISTRO', 'jazzy')
+# The packages of the distribution that is sourced, or of the one whose wheels `make install`
+# takes by default.
+DEBIAN = f'apt install ros-{os.environ.get("ROS_DISTRO", "jazzy")}-'
+INSTALL_AGAIN = '{error}; install the package again'
 # Modules that the nodes need, and the Debian packages with them.
 ROS = {
-    'rclpy.node': f'ros-{DISTRIBUTION}-rclpy',
-    'nav_msgs.msg': f'ros-{DISTRIBUTION}-common-interfaces',
-    'diagnostic_msgs.msg': f'ros-{DISTRIBUTION}-common-interfaces',
-    'visualization_msgs.msg': f'ros-{DISTRIBUTION}-common-interfaces',
+    'rclpy.node': 'rclpy',
+    'nav_msgs.msg': 'common-interfaces',
+    'diagnostic_msgs.msg': 'common-interfaces',
+    'visualization_msgs.msg': 'common-interfaces',
 }
-# Modules of optional ROS packages: what needs them, and the Debian packages with them.
-OPTIONAL_ROS = {
-    'launch_ros': ('ros2 launch', f'ros-{DISTRIBUTION}-launch-ros'),
-    'nav2_msgs.action': ("Nav2's actions", f'ros-{DISTRIBUTION}-nav2-msgs'),
-    'bond.msg': ("Nav2's lifecycle manager", f'ros-{DISTRIBUTION}-bond'),
-    'tf2_ros': ('poses of other frames', f'ros-{DISTRIBUTION}-tf2-ros-py'),
-    'map_msgs.msg': ('map_updates', f'ros-{DISTRIBUTION}-map-msgs'),
-    'ros2cli': ('ros2 run', f'ros-{DISTRIBUTION}-ros2cli'),
+# Optional modules: what needs them, and how to install them.
+NO_WHEEL = '; there is no wheel'
+OPTIONAL = {
+    'threadpoolctl': (
+        'the speed of the embedded model on a busy machine',
+        'pip install threadpoolctl, or apt install python3-threadpoolctl',
+    ),
+    'mcp.server.mcpserver': ('llm-astar mcp', "pip install 'mcp>=2'"),
+    LAB: ('benchmarks, bags, pictures and the page in the browser', f'pip install ./src/{LAB}'),
+    'launch_ros': ('ros2 launch', f'{DEBIAN}launch-ros{NO_WHEEL}'),
+    'nav2_msgs.action': ("Nav2's actions", f'{DEBIAN}nav2-msgs{NO_WHEEL}'),
+    'bond.msg': ("Nav2's lifecycle manager", f'{DEBIAN}bond{NO_WHEEL}'),
+    'tf2_ros': ('poses of other frames', f'{DEBIAN}tf2-ros-py{NO_WHEEL}'),
+    'map_msgs.msg': ('map_updates', f'{DEBIAN}map-msgs{NO_WHEEL}'),
+    'ros2cli': ('ros2 run', f'{DEBIAN}ros2cli{NO_WHEEL}'),
 }
 
 
@@ -84,13 +94,13 @@ def run(arguments: argparse.Namespace) -> int:
     sound = all(finding.found or not finding.required for finding in findings)
     if arguments.json:
         print(json.dumps({'ok': sound, 'findings': [asdict(finding) for finding in findings]}))
-        return 0 if sound else 1
-    width = max(len(finding.name) for finding in findings)
-    for finding in findings:
-        mark = 'ok      ' if finding.found else 'MISSING ' if finding.required else 'absent  '
-        print(f'{mark} {finding.name:{width}}  {finding.detail}')
-    missing = 'something required is missing: see above'
-    print('everything required is installed' if sound else missing)
+    else:
+        width = max(len(finding.name) for finding in findings)
+        for finding in findings:
+            mark = 'ok      ' if finding.found else 'MISSING ' if finding.required else 'absent  '
+            print(f'{mark} {finding.name:{width}}  {finding.detail}')
+        missing = 'something required is missing: see above'
+        print('everything required is installed' if sound else missing)
     return 0 if sound else 1
 
 
@@ -106,24 +116,15 @@ def all_findings() -> Iterator[Finding]:
             remedy = f'pip install {PYPI_NAMES.get(package, package)}'
             yield module_finding(name, use, remedy, required=True)
     for name, debian in ROS.items():
-        remedy = f'apt install {debian}, or make install for the wheels'
+        remedy = f'{DEBIAN}{debian}, or make install for the wheels'
         yield module_finding(name, 'the nodes', remedy, required=True)
-    yield middleware_finding()
-    use = 'the speed of the embedded model on a busy machine'
-    remedy = 'pip install threadpoolctl, or apt install python3-threadpoolctl'
-    yield module_finding('threadpoolctl', use, remedy, required=False)
-    yield module_finding(
-        'mcp.server.mcpserver', 'llm-astar mcp', "pip install 'mcp>=2'", required=False
-    )
-    use = 'benchmarks, bags, pictures and the page in the browser'
-    yield module_finding(LAB, use, f'pip install ./src/{LAB}', required=False)
-    for name, (use, debian) in OPTIONAL_ROS.items():
-        remedy = f'apt install {debian}; there is no wheel'
+    yield attempt('rmw', middleware, 'no middleware: {error}')
+    for name, (use, remedy) in OPTIONAL.items():
         yield module_finding(name, use, remedy, required=False)
     for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
-        yield file_finding(folder, name)
-    yield kernels_finding()
-    yield weights_finding()
+        yield attempt(f'{folder}/', partial(folder_of, name, folder), INSTALL_AGAIN)
+    yield attempt('searches', compiled, 'do not compile: {kind}: {error}')
+    yield attempt('embedded', embedded_model, INSTALL_AGAIN)
     yield from plugin_findings()
 
 
@@ -151,46 +152,40 @@ def version_of(package: str) -> str:
     return str(getattr(sys.modules[package], '__version__', 'version unknown'))
 
 
-def middleware_finding() -> Finding:
-    """Find which RMW implementation would be used."""
+def attempt(name: str, check: Callable[[], str], failed: str) -> Finding:
+    """Find what `check` returns; `failed` is the text for any error that it raises."""
     try:
-        from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
+        return Finding(name, True, True, check())
+    except Exception as error:  # noqa: BLE001 - whatever is raised is the finding
+        return Finding(name, False, True, failed.format(error=error, kind=type(error).__name__))
 
-        identifier = get_rmw_implementation_identifier()
-    except (ImportError, RuntimeError) as error:
-        return Finding('rmw', False, True, f'no middleware: {error}')
+
+def middleware() -> str:
+    """Say which RMW implementation would be used."""
+    from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
+
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
-    return Finding('rmw', True, True, f'{identifier}, domain {domain}')
+    return f'{get_rmw_implementation_identifier()}, domain {domain}'
 
 
-def file_finding(folder: str, name: str) -> Finding:
+def folder_of(name: str, folder: str) -> str:
     """Find a folder of the package by one of its files."""
-    try:
-        return Finding(f'{folder}/', True, True, str(find_file(name, folder).parent))
-    except FileNotFoundError as error:
-        return Finding(f'{folder}/', False, True, f'{error}; install the package again')
+    return str(find_file(name, folder).parent)
 
 
-def kernels_finding() -> Finding:
+def compiled() -> str:
     """Compile the searches, which shows whether numba works and can write its cache."""
-    try:
-        from llm_astar_planner.planning.compile import compile_kernels  # noqa: PLC0415
+    from llm_astar_planner.planning.compile import compile_kernels  # noqa: PLC0415
 
-        compile_kernels()
-    except Exception as error:  # noqa: BLE001 - whatever numba raises is the finding
-        return Finding('searches', False, True, f'do not compile: {type(error).__name__}: {error}')
-    return Finding('searches', True, True, 'compiled')
+    compile_kernels()
+    return 'compiled'
 
 
-def weights_finding() -> Finding:
+def embedded_model() -> str:
     """Read the weights of the embedded model, a file that an installation may lack."""
-    try:
-        from llm_astar_planner.waypoints.learned import network  # noqa: PLC0415
+    from llm_astar_planner.waypoints.learned import network  # noqa: PLC0415
 
-        digest = network.packaged_weights().digest
-    except (ImportError, OSError, ValueError) as error:
-        return Finding('embedded', False, True, f'{error}; install the package again')
-    return Finding('embedded', True, True, f'learned waypoint model {digest}, not an LLM')
+    return f'learned waypoint model {network.packaged_weights().digest}, not an LLM'
 
 
 def plugin_findings() -> Iterator[Finding]:

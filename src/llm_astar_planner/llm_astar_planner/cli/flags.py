@@ -1,27 +1,145 @@
-"""Flags that several commands share."""
+"""Flags that several commands share, and those made from the table of parameters."""
 
 from __future__ import annotations
 
+import argparse
+import json
 import math
+from collections.abc import Iterable
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
+
+METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
+# What the flags of some parameters take; those with choices and the rest take a NAME.
+TEXTS = {
+    'footprint': 'POINTS',
+    'instruction': 'TEXT',
+    'base_url': 'URL',
+    'prompt': 'NAME|FILE',
+    **dict.fromkeys(('examples_file', 'instruction_examples', 'transcript', 'record'), 'FILE'),
+}
+# A point, as two numbers.
+POINT: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+# What matplotlib writes; importing it only to ask takes most of a second.
+FORMATS = ('.png', '.svg', '.pdf', '.jpg', '.jpeg', '.webp', '.tif', '.tiff', '.eps', '.ps')
+ANIMATIONS = ('.gif',)
 
 
-def add_graph_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add `--namespace` and `--node`, which name a running planner."""
+def flag_of(name: str) -> str:
+    """Return the flag of a parameter."""
+    return '--' + name.replace('_', '-')
+
+
+def add_switches(group: Any, **texts: str) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add a flag without a value for each name; its text says what it is for."""
+    for name, text in texts.items():
+        group.add_argument(flag_of(name), action='store_true', help=text)
+
+
+def add_graph_options(group: Any, *, client: bool = False) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--namespace` and `--node`, which name a running planner, and its `--client`."""
     group.add_argument(
         '--namespace', default='/', metavar='NAME', help="the planner's namespace (default: /)"
     )
-    group.add_argument(
-        '--node',
-        default='planner_node',
-        metavar='NAME',
-        help='name of the planner (default: %(default)s)',
-    )
+    names = {'--node': ('planner_node', 'the planner')}
+    names |= {'--client': ('llm_client_node', 'its waypoint client')} if client else {}
+    for flag, (default, what) in names.items():
+        text = f'name of {what} (default: %(default)s)'
+        group.add_argument(flag, default=default, metavar='NAME', help=text)
+
+
+def add_time_limit(group: Any, default: float) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the `--time-limit` of waits, in seconds."""
+    text = 'longest wait for each answer (default: %(default)s)'
+    group.add_argument('--time-limit', type=float, default=default, metavar='SECONDS', help=text)
 
 
 def check_time_limit(seconds: float) -> None:
     """Check the `--time-limit` of waits. Raises ParameterError."""
     if not 0.0 < seconds < math.inf:
         raise ParameterError(f'--time-limit: {seconds:g} is not a number of seconds above 0')
+
+
+def add_picture_option(group: Any, text: str, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--png`, which may be called `--out` as in other commands; `text` says what is drawn."""
+    shown = ' (default: %(default)s)' if default else ''
+    group.add_argument(
+        '--png', type=picture_file, default=default, metavar='FILE',
+        help=f'{text}, into a file whose ending says how: .png, .svg, .pdf, .jpg{shown}',
+    )  # fmt: skip
+    hidden = argparse.SUPPRESS
+    group.add_argument('--out', dest='png', type=picture_file, default=hidden, help=hidden)
+
+
+def picture_file(text: str, endings: tuple[str, ...] = FORMATS) -> str:
+    """Return the name of a file with one of the endings. Raises ArgumentTypeError otherwise."""
+    path = Path(text)
+    if path.is_dir():
+        raise argparse.ArgumentTypeError(f'{text}: Is a directory; a file is expected')
+    if path.suffix.lower() not in endings:
+        named = f'ends in {path.suffix!r}' if path.suffix else 'has no ending'
+        allowed = ', '.join(endings)
+        raise argparse.ArgumentTypeError(f'{text} {named}; the ending is one of {allowed}')
+    return text
+
+
+# The name of a picture or an animation.
+picture_or_animation = partial(picture_file, endings=(*ANIMATIONS, *FORMATS))
+
+
+def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add a flag for each parameter; a flag that is not given is None."""
+    for item in parameters:
+        default = item.default if item.cli_default is None else item.cli_default
+        facts = [str(default or 'none') if isinstance(default, str) else json.dumps(default)]
+        facts += [item.cli_reason] if item.cli_reason else []
+        text = f'{item.sentence} (default: {", ".join(facts)})'.replace('`', '')
+        common: dict[str, Any] = {'dest': item.name, 'help': text.replace('%', '%%')}
+        flags = map(flag_of, (item.name, *item.short_flags))
+        if isinstance(item.default, bool):
+            group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
+            continue
+        kind = type(item.default)
+        word = TEXTS.get(item.name, 'NAME') if kind is str else 'N'
+        if item.choices:
+            common['help'] += f'; one of {item.limits}'
+        group.add_argument(*flags, type=kind, metavar=METAVARS.get(item.unit, word), **common)
+
+
+def named(parameters: Iterable[Parameter], *names: str) -> tuple[Parameter, ...]:
+    """Return the parameters of these names, in the order of the table."""
+    return tuple(item for item in parameters if item.name in names)
+
+
+def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--params-file`, which may be given several times."""
+    group.add_argument(
+        '--params-file', action='append', default=[], metavar='FILE',
+        help="a node's own parameter file; flags override it, and what neither says has the "
+        "node's default",
+    )  # fmt: skip
+
+
+def given_values(
+    arguments: argparse.Namespace, parameters: Iterable[Parameter]
+) -> dict[str, Scalar]:
+    """Return the values of the flags that were given, by parameter name.
+
+    Raises ParameterError for one that its parameter cannot have, PluginError for a plug-in that
+    cannot be imported.
+    """
+    given = {}
+    for item in parameters:
+        value = getattr(arguments, item.name)
+        if value is not None:
+            if item.plugins is not None:
+                item.plugins.admit(value)
+            try:
+                given[item.name] = item.read(value)
+            except ParameterError as error:
+                message = str(error).replace(item.name, flag_of(item.name), 1)
+                raise ParameterError(message) from None
+    return given

@@ -1,15 +1,17 @@
-"""The map and the places that a command works on, by its options."""
+"""The map, the places and the unit of points that a command works with, by its options."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, find_barrier_map
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMapError, Point, find_barrier_map
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.grid_map import FAR, GridMap
 from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_msgs_adapter.maps.places import (
     NO_PLACES,
@@ -19,10 +21,13 @@ from llm_astar_msgs_adapter.maps.places import (
     places_beside,
     places_problems,
 )
-from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, ProblemMap, load_maps
+from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 
+from llm_astar_planner.cli.flags import add_switches
+from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.resources import find_file
+from llm_astar_planner.search.result import Cell
 
 # What --map takes.
 MAP_KINDS = (
@@ -34,33 +39,94 @@ DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
 
 
+@dataclass(frozen=True)
+class Coordinates:
+    """How points of one map are read and written.
+
+    `offset` is what the map's file calls cell (0, 0). With `metres`, points are metres of the
+    map's frame, else cells as the file counts them.
+    """
+
+    grid_map: GridMap
+    offset: Point
+    metres: bool
+
+    def to_cell(self, option: str, point: Sequence[float]) -> Cell:
+        """Return the cell (x, y) of a point that an option names, on the map or off it.
+
+        Raises ParameterError for a cell that is not two whole numbers, and for a point that is
+        not finite or farther than any map.
+        """
+        x, y = point
+        if not max(abs(x), abs(y)) <= FAR:
+            raise ParameterError(f'{option} {x:g} {y:g}: numbers up to {FAR:g} are expected')
+        if self.metres:
+            return self.grid_map.world_to_cell(x, y)
+        if not (float(x).is_integer() and float(y).is_integer()):
+            raise ParameterError(
+                f'{option} {x:g} {y:g}: coordinates are cells on this map, so whole numbers; '
+                'add --metres to give metres'
+            )
+        return int(x) - self.offset[0], int(y) - self.offset[1]
+
+    def could_be_cell(self, point: Sequence[float]) -> bool:
+        """Tell whether a point's numbers would also be a cell of the map."""
+        x, y = point
+        return x.is_integer() and y.is_integer() and self.grid_map.contains((int(x), int(y)))
+
+    def describe(self, x: float, y: float) -> str:
+        """Return a point given in grid coordinates as text: metres and cell, or cell alone."""
+        cell = f'cell ({x + self.offset[0]:g}, {y + self.offset[1]:g})'
+        if not self.metres:
+            return cell
+        ((east, north),) = self.grid_map.grid_to_world([(x, y)]).tolist()
+        return f'({round(east, 3):g}, {round(north, 3):g}) m, {cell}'
+
+    def describe_length(self, cells: float) -> str:
+        """Return a length given in cells as text, in metres first if points are in metres."""
+        text = f'{cells:.2f} cells'
+        return f'{self.grid_map.resolution * cells:.2f} m, {text}' if self.metres else text
+
+    def describe_distance(self, metres: float) -> str:
+        """Return a distance given in metres as text, in the unit of the points."""
+        if self.metres:
+            return f'{metres:.2f} m'
+        return f'{metres / self.grid_map.resolution:.2f} cells'
+
+
 def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--map` and `--map-id`."""
     shown = ' (default: %(default)s)' if default else ''
-    group.add_argument(
-        '--map',
-        default=default,
-        metavar='FILE',
-        help=f'{MAP_KINDS}{shown}',
-    )
-    group.add_argument(
-        '--map-id',
-        type=int,
-        metavar='ID',
-        help='which of the barrier maps in the file (default: the first)',
-    )
+    group.add_argument('--map', default=default, metavar='FILE', help=f'{MAP_KINDS}{shown}')
+    text = 'which of the barrier maps in the file (default: the first)'
+    group.add_argument('--map-id', type=int, metavar='ID', help=text)
 
 
 def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--places`, the flag of the parameter `places_file`."""
     group.add_argument(
-        '--places',
-        '--places-file',
-        dest=PLACES_FILE.name,
-        metavar='FILE',
+        '--places', '--places-file', dest=PLACES_FILE.name, metavar='FILE',
         help='GeoJSON with the named places of the map (default: NAME.places.geojson or '
         'places.geojson beside the map)',
+    )  # fmt: skip
+
+
+def add_unit_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--cells` and `--metres`, of which one may be given."""
+    add_switches(
+        group.add_mutually_exclusive_group(),
+        metres="points are metres of the map's frame: the default on a map_server yaml",
+        cells='points are cells, as the map counts them: the default on all other maps',
     )
+
+
+def coordinates_of(
+    arguments: argparse.Namespace, problem: ProblemMap, grid_map: GridMap
+) -> Coordinates:
+    """Return the unit of a map's points: by the options, else by the kind of the map's file."""
+    is_robot_map = arguments.query is None and Path(arguments.map).suffix.lower() in YAML
+    in_metres = arguments.metres or (is_robot_map and not arguments.cells)
+    return Coordinates(grid_map, problem.offset, in_metres)
 
 
 def open_maps(arguments: argparse.Namespace) -> tuple[list[ProblemMap], ProblemMap]:
@@ -80,11 +146,6 @@ def maps_of(path: Path) -> list[ProblemMap]:
     except BarrierMapError as error:
         known = '' if path.suffix.lower() == '.json' else f'; --map takes {MAP_KINDS}'
         raise BarrierMapError(f'{error}{known}') from None
-
-
-def barrier_maps_of(maps: list[ProblemMap]) -> list[BarrierMap]:
-    """Return the maps that are given by barriers."""
-    return [item for item in maps if isinstance(item, BarrierMap)]
 
 
 def open_places(name: str, map_name: str | None) -> Places:

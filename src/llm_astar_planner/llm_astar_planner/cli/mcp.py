@@ -11,20 +11,8 @@ import argparse
 import threading
 from typing import TYPE_CHECKING
 
+from llm_astar_planner.cli import map_files, planning_options
 from llm_astar_planner.cli.flags import add_graph_options
-from llm_astar_planner.cli.map_files import (
-    add_map_options,
-    add_places_option,
-    open_maps,
-    open_places,
-    warn_of_places,
-)
-from llm_astar_planner.cli.planning_options import (
-    RULES,
-    PlanningOptions,
-    add_planning_options,
-    read_planning_options,
-)
 from llm_astar_planner.cli.route_tools import RouteTools
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.parameters import costmap_config
@@ -54,12 +42,12 @@ the graph understands the instructions. The robot's own plans and instruction st
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     where = parser.add_argument_group('on a map file')
-    add_map_options(where, default='demo.json')
-    add_places_option(where)
+    map_files.add_map_options(where, default='demo.json')
+    map_files.add_places_option(where)
     graph = parser.add_argument_group('on a running graph')
     graph.add_argument('--graph', action='store_true', help='use what a running planner has')
     add_graph_options(graph)
-    add_planning_options(parser)
+    planning_options.add_planning_options(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -81,11 +69,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def tools_of_files(arguments: argparse.Namespace) -> RouteTools:
     """Return the tools on a map file with its places. Raises what reading them raises."""
-    problem = open_maps(arguments)[1]
-    options = read_planning_options(arguments, problem)
-    places = open_places(options.values['places_file'], arguments.map)
+    problem = map_files.open_maps(arguments)[1]
+    options = planning_options.read_planning_options(arguments, problem)
+    places = map_files.open_places(options.values['places_file'], arguments.map)
     planner = options.make_planner(problem)
-    warn_of_places(places, planner.grid_map)
+    map_files.warn_of_places(places, planner.grid_map)
     return RouteTools(planner.prepare(), places, options.make_interpreter(), options)
 
 
@@ -101,11 +89,11 @@ class GraphTools:
     def current(self) -> RouteTools:
         """Return the tools. Raises PlannerClientError where the planner does not answer."""
         with self._lock:
-            values = self._state.values([item.name for item in RULES])
+            values = self._state.values([item.name for item in planning_options.RULES])
             grid_map, config = self._state.grid_map(), costmap_config(values)
             known = self._planner
             if known is None or (known.grid_map.digest, known.config) != (grid_map.digest, config):
                 self._planner = known = Planner(grid_map, config).prepare()
         settings = SourceSettings(timeout_s=GRAPH_SECONDS)
-        options = PlanningOptions(values, settings)
+        options = planning_options.PlanningOptions(values, settings)
         return RouteTools(known, self._state.places(), self._state, options)

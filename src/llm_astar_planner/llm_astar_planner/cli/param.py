@@ -6,9 +6,10 @@ import argparse
 import json
 import textwrap
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.cli.flags import check_time_limit
+from llm_astar_planner.cli.flags import add_time_limit, check_time_limit
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -36,10 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--namespace', default='/', metavar='NAME', help="the node's namespace (default: /)"
     )
-    parser.add_argument(
-        '--time-limit', type=float, default=10.0, metavar='SECONDS',
-        help='longest wait for each answer (default: %(default)s)',
-    )  # fmt: skip
+    add_time_limit(parser, 10.0)
     parser.add_argument('--json', action='store_true', help='print one JSON value')
 
 
@@ -67,11 +65,10 @@ def list_all(client: ParameterClient, *nodes: str) -> tuple[Any, str]:
     found = {node: client.parameters(node) for node in nodes or client.nodes()}
     if not found:
         raise ParameterError('no node is running; start some with llm-astar run')
-    lines = []
+    lines, values = [], {}
     for node, parameters in found.items():
-        lines.append(node)
-        lines += [f'  {name:<32} {shown(one.value)}' for name, one in parameters.items()]
-    values = {node: values_of(parameters) for node, parameters in found.items()}
+        lines += [node, *(f'  {name:<32} {shown(one.value)}' for name, one in parameters.items())]
+        values[node] = {name: plain(one.value) for name, one in parameters.items()}
     return values, '\n'.join(lines)
 
 
@@ -83,11 +80,7 @@ def get(client: ParameterClient, node: str, name: str) -> tuple[Any, str]:
 
 def describe(client: ParameterClient, node: str, *names: str) -> tuple[Any, str]:
     """Return what a node says about one or all of its parameters."""
-    found = (
-        {name: client.parameter(node, name) for name in names}
-        if names
-        else client.parameters(node)
-    )
+    found = {name: client.parameter(node, name) for name in names} or client.parameters(node)
     facts = {
         name: {
             'type': one.type.name.lower(),
@@ -107,12 +100,8 @@ def set_value(client: ParameterClient, node: str, name: str, text: str) -> tuple
     return plain(after), f'{name}: {shown(plain(after))} (was {shown(plain(before))})'
 
 
-ACTIONS: dict[str, Callable[..., tuple[Any, str]]] = {
-    'list': list_all,
-    'get': get,
-    'describe': describe,
-    'set': set_value,
-}
+Action = Callable[..., tuple[Any, str]]
+ACTIONS: dict[str, Action] = {'list': list_all, 'get': get, 'describe': describe, 'set': set_value}
 
 
 def description(name: str, one: RemoteParameter) -> str:
@@ -121,21 +110,8 @@ def description(name: str, one: RemoteParameter) -> str:
     head += ' (fixed at start)' if one.descriptor.read_only else ''
     facts = [one.descriptor.description, one.limits and f'values: {one.limits}']
     indent = ' ' * 4
-    return '\n'.join(
-        [
-            head,
-            *(
-                textwrap.fill(fact, WIDTH, initial_indent=indent, subsequent_indent=indent)
-                for fact in facts
-                if fact
-            ),
-        ]
-    )
-
-
-def values_of(parameters: dict[str, RemoteParameter]) -> dict[str, Any]:
-    """Return the values of parameters as JSON has them."""
-    return {name: plain(one.value) for name, one in parameters.items()}
+    fill = partial(textwrap.fill, width=WIDTH, initial_indent=indent, subsequent_indent=indent)
+    return '\n'.join([head, *map(fill, filter(None, facts))])
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - of the parameter's type

@@ -11,13 +11,8 @@ import json
 
 from llm_astar_msgs_adapter.maps.places import Places, places_problems
 
-from llm_astar_planner.cli.map_files import (
-    add_map_options,
-    open_maps,
-    open_places,
-    place_to_json,
-)
-from llm_astar_planner.cli.pictures import add_picture_option
+from llm_astar_planner.cli.flags import add_picture_option
+from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places, place_to_json
 from llm_astar_planner.extensions import find_drawing
 
 EPILOG = """\
@@ -67,8 +62,7 @@ def places_to_text(places: Places) -> str:
         entry = place_to_json(place)
         x, y = entry['centre']
         area = 'point' if entry['area'] is None else f'{entry["area"]:.1f} m²'
-        names = (', '.join(entry[field]) or '-' for field in ('tags', 'aliases'))
-        tags, aliases = names
+        tags, aliases = (', '.join(entry[field]) or '-' for field in ('tags', 'aliases'))
         rows.append((place.name, place.kind, tags, f'{x:.2f}, {y:.2f}', area, aliases))
     widths = [max(map(len, column)) for column in zip(*rows)]
     lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -10,51 +10,23 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_msgs_adapter.maps.barrier_map import Point
 
-from llm_astar_planner.cli.coordinates import (
-    Coordinates,
-    add_unit_options,
-    coordinates_of,
-)
-from llm_astar_planner.cli.map_files import (
-    add_map_options,
-    add_places_option,
-    barrier_maps_of,
-    open_maps,
-    open_places,
-    warn_of_places,
-)
-from llm_astar_planner.cli.pictures import add_picture_option
-from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
-from llm_astar_planner.cli.planning_options import (
-    PlanningOptions,
-    add_planning_options,
-    read_planning_options,
-)
-from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.cli.flags import add_picture_option, add_switches
+from llm_astar_planner.cli.map_files import Coordinates
+from llm_astar_planner.cli.planning_options import add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
-from llm_astar_planner.instructions.route import Route, find_place
-from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import Unknown
 from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.parameters import (
-    request_fields,
-)
-from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import guiding_points
-from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, check_request
-from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.config import make_source
-from llm_astar_planner.waypoints.prompts.query_parser import parse_query
-from llm_astar_planner.waypoints.replay import FixedReply
-from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
+from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
 
 USAGE = """\
 llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
@@ -83,74 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_query_options(parser, 'demo.json')
     output = parser.add_argument_group('output')
-    output.add_argument(
-        '--require-waypoints',
-        action='store_true',
-        help='exit with 3 if no waypoint came that the search could use',
-    )
+    text = 'exit with 3 if no waypoint came that the search could use'
+    add_switches(output, require_waypoints=text)
     add_picture_option(output, 'draw the plan')
-    output.add_argument(
-        '--json', action='store_true', help='print one JSON object, with its points in cells'
-    )
-
-
-def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None:
-    """Add what is asked: map, start and goal, parameters and waypoints."""
-    where = parser.add_argument_group('where')
-    add_map_options(where, default=default_map)
-    add_places_option(where)
-    where.add_argument(
-        '--pair',
-        type=int,
-        default=0,
-        metavar='N',
-        help='start-goal pair of the map, unless start and goal are given (default: 0)',
-    )
-    point: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
-    first, last = (where.add_mutually_exclusive_group() for _ in range(2))
-    first.add_argument(
-        '--start', **point, help='start here: in metres on a robot map, else a cell'
-    )
-    first.add_argument(
-        '--from', dest='start_place', metavar='NAME', help='start at a place instead'
-    )
-    last.add_argument('--goal', **point, help='go here, in the same unit')
-    last.add_argument(
-        '--to',
-        dest='goal_place',
-        metavar='NAME',
-        help='go to a place instead: to the free cell that is nearest to its centre; without a '
-        'start, from that of --pair',
-    )
-    where.add_argument(
-        '--query',
-        metavar='TEXT',
-        help='the whole question as a sentence, in the form of the dataset (see below)',
-    )
-    where.add_argument(
-        '--via',
-        **point,
-        action='append',
-        default=[],
-        help='pass here on the way, in the same unit; repeat it for more, in order',
-    )
-    add_unit_options(where)
-    guide = add_planning_options(parser)
-    guide.add_argument(
-        '--reply',
-        metavar='TEXT',
-        help="a model's reply, with its waypoints in cells, used instead of a source",
-    )
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What a command was asked to plan: a request on the map of a planner."""
-
-    planner: Planner
-    request: PlanRequest
-    coordinates: Coordinates
-    places: Places
+    add_switches(output, json='print one JSON object, with its points in cells')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -169,32 +77,6 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.json:
             print(f'picture    {arguments.png}')
     return exit_code(plan, arguments)
-
-
-def read_problem(arguments: argparse.Namespace) -> Problem:
-    """Return what the options of `add_query_options` ask for.
-
-    Raises ParameterError, and what reading a map or a source raises, on bad input.
-    """
-    maps, problem = choose_problem(arguments)
-    options = read_planning_options(arguments, problem)
-    planner = options.make_planner(problem)
-    map_file = arguments.map if arguments.query is None else None
-    places = open_places(options.values['places_file'], map_file)
-    warn_of_places(places, planner.grid_map)
-    coordinates = coordinates_of(arguments, problem, planner.grid_map)
-    start, goal = choose_endpoints(arguments, problem, places, planner.costmap, coordinates)
-    request = PlanRequest(
-        start,
-        goal,
-        source=waypoint_source(arguments, options, maps, coordinates.offset),
-        sample=sample_key_of(problem, start, goal),
-        via=tuple(coordinates.to_cell('--via', point) for point in arguments.via),
-        instruction=options.route_instruction(places),
-        **request_fields(options.values),
-    )
-    check_request(request)
-    return Problem(planner, request, coordinates, places)
 
 
 def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) -> None:
@@ -222,76 +104,84 @@ def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
     return 0
 
 
-def waypoint_source(
-    arguments: argparse.Namespace,
-    options: PlanningOptions,
-    maps: list[ProblemMap],
-    offset: Point,
-) -> WaypointSource | None:
-    """Return the source of waypoints, or None. Raises what making one raises."""
-    if arguments.reply is not None:
-        return FixedReply(arguments.reply, offset)
-    if not options.values['use_waypoints']:
-        return None
-    return make_source(options.settings, dataset=barrier_maps_of(maps))
+def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
+    """Return a plan as a JSON object, in map coordinates: cells counted from `offset`.
 
-
-def choose_problem(
-    arguments: argparse.Namespace,
-) -> tuple[list[ProblemMap], ProblemMap]:
-    """Return all maps, and the one to plan on: of a sentence or of a file."""
-    if arguments.query is not None:
-        barrier_map = parse_query(arguments.query)
-        return [barrier_map], barrier_map
-    return open_maps(arguments)
-
-
-def choose_endpoints(
-    arguments: argparse.Namespace,
-    problem: ProblemMap,
-    places: Places,
-    costmap: Costmap,
-    coordinates: Coordinates,
-) -> tuple[Cell, Cell]:
-    """Return the cells of start and goal: of places, of coordinates, else of the map's pair.
-
-    Raises ParameterError for options that do not go together and for coordinates in the wrong
-    unit, PlaceGoalError for a place that does not exist or that nobody can stand in.
+    `start_shift`, `goal_shift`, `unknown_length` and `clearance` (null: no obstacle) are in
+    metres, the lengths and costs in cells.
     """
-
-    def cell_of(place: str | None, point: Sequence[float] | None, option: str) -> Cell | None:
-        if place is not None:
-            from llm_astar_planner.instructions.enforcement import goal_cell  # noqa: PLC0415
-
-            return goal_cell(find_place(place, places), costmap)
-        return None if point is None else coordinates.to_cell(option, point)
-
-    start = cell_of(arguments.start_place, arguments.start, '--start')
-    goal = cell_of(arguments.goal_place, arguments.goal, '--goal')
-    if start is None or goal is None:
-        if start is not None or arguments.goal is not None:
-            raise ParameterError(
-                '--start and --goal, or --from and --to, go together; leave them out to take '
-                '--pair'
-            )
-        sample = pair_of(arguments, problem)
-        start, goal = problem.to_cell(sample.start), goal or problem.to_cell(sample.goal)
-    return start, goal
+    x_min, y_min = offset
+    shortened = plan.any_angle
+    return plan.to_dict() | {
+        'start': [plan.start[0] + x_min, plan.start[1] + y_min],
+        'goal': [plan.goal[0] + x_min, plan.goal[1] + y_min],
+        'path': (plan.path + offset).tolist(),
+        'waypoints': [
+            {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.status.value}
+            for point in plan.checked_waypoints
+        ],
+        'any_angle_path': None if shortened is None else (shortened.points + offset).tolist(),
+    }
 
 
-def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
-    """Return the start-goal pair of `--pair`. Raises ParameterError where there is none."""
-    if not 0 <= arguments.pair < len(problem.samples):
-        count = len(problem.samples)
-        fix = '' if count else '; give --start and --goal'
-        raise ParameterError(f'--pair {arguments.pair}: map {problem.id} has {count} pairs{fix}')
-    sample: Sample = problem.samples[arguments.pair]
-    return sample
+def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: str = '') -> str:
+    """Return a plan as lines for a person: what came out, from where to where, and how.
+
+    `start` and `goal` are the names of places, '' for points.
+    """
+    report = plan_report(plan, coordinates.grid_map)
+    lines = [report.summary, *(f'warning    {warning}' for warning in plan.warnings)]
+    via = [(f'via {number}', cell, '') for number, cell in enumerate(plan.via, start=1)]
+    for name, cell, place in (('start', plan.start, start), *via, ('goal', plan.goal, goal)):
+        at = f', {place}' if place else ''
+        lines.append(f'{name:<10} {coordinates.describe(*cell)}{at}')
+    lines.append(f'waypoints  {report.waypoint_summary}')
+    for number, point in enumerate(plan.checked_waypoints, start=1):
+        status = point.status.value.replace('_', ' ')
+        lines.append(f'waypoint {number} {coordinates.describe(point.x, point.y)}: {status}')
+    if plan.instruction is not None:
+        lines += instruction_lines(plan.instruction)
+    if plan.code == 0:
+        lines += path_lines(plan, coordinates)
+    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
+    lines.append('time       {:.2f} ms for waypoints, {:.2f} ms to search'.format(*milliseconds))
+    return '\n'.join(lines)
 
 
-def sample_key_of(problem: ProblemMap, start: Cell, goal: Cell) -> SampleKey | None:
-    """Return the key of the map's sample between two cells, None if it has none."""
-    for pair, sample in enumerate(problem.samples):
-        if (problem.to_cell(sample.start), problem.to_cell(sample.goal)) == (start, goal):
-            return SampleKey(problem.id, pair)
-    return None
+def path_lines(plan: Plan, coordinates: Coordinates) -> list[str]:
+    """Return the lines that only a plan with a path has."""
+    turns = f'{plan.turns} turn{"" if plan.turns == 1 else "s"}'
+    length = coordinates.describe_length(plan.length)
+    lines = [
+        f'length     {length}, {len(plan.path)} points, {turns}',
+        f'expansions {plan.expansions}, {plan.storage} states stored',
+    ]
+    if math.isfinite(plan.clearance):
+        clearance = coordinates.describe_distance(plan.clearance)
+        lines.append(f'clearance  {clearance} to the nearest obstacle')
+    if plan.unknown_length:
+        unknown = coordinates.describe_distance(plan.unknown_length)
+        lines.append(f'unknown    {unknown} through unknown cells')
+    if plan.any_angle is not None:
+        segments = len(plan.any_angle.points) - 1
+        length = coordinates.describe_length(plan.any_angle.length)
+        lines.append(f'any angle  {length}, in {segments} straight segments')
+    return lines
+
+
+def instruction_lines(outcome: InstructionOutcome) -> Iterator[str]:
+    """Yield what was understood of an instruction, and a line for each of its clauses."""
+    interpretation = outcome.interpretation
+    yield f'instruction "{interpretation.text}"'
+    if interpretation.specification.enforceable:
+        yield f'understood as: {interpretation.sentence}'
+    by = f' by {interpretation.understood_by}' if interpretation.understood_by else ''
+    reason = f': {interpretation.detail}' if interpretation.detail else ''
+    yield f'{interpretation.status.value}{by}{reason}'
+    for number, clause in enumerate(outcome.clauses, start=1):
+        entry = clause.to_json()
+        detail = f' ({entry["detail"]})' if entry['detail'] else ''
+        verdict = '' if isinstance(clause.clause, Unknown) else f': {entry["status"]}{detail}'
+        yield f'clause {number:<3} {entry["clause"]}{verdict}'
+    if outcome.note:
+        yield f'note       {outcome.note}'

@@ -1,37 +1,46 @@
-"""The options of the commands that plan on a map file: rules, sources, instructions."""
+"""The options of the commands that plan on a map file, and the problem that they pose."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
-from llm_astar_planner.cli.map_files import PLACES_FILE
-from llm_astar_planner.cli.parameter_flags import (
-    add_parameter_flags,
-    add_params_file_flag,
-    parameter_values,
-)
+from llm_astar_planner.cli import flags, map_files
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.interpretation import (
     Interpreter,
     RouteInstruction,
     clean_instruction,
 )
-from llm_astar_planner.parameter import ParameterError, Scalar
+from llm_astar_planner.instructions.route import find_place
+from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import PLANNER, SOURCE, costmap_config, source_config
+from llm_astar_planner.planning.parameters import (
+    PLANNER,
+    SOURCE,
+    costmap_config,
+    defaults,
+    request_fields,
+    source_config,
+)
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.replay import FixedReply
+from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
 # planner_node's parameters that decide a plan, wherever it is made; the map's options include
 # that of its places.
-RULES = tuple(item for item in PLANNER if not item.node_only and item is not PLACES_FILE)
+RULES = tuple(item for item in PLANNER if not item.node_only and item is not map_files.PLACES_FILE)
 
 
 @dataclass(frozen=True)
@@ -63,19 +72,74 @@ class PlanningOptions:
         return RouteInstruction(interpretation, places, self.values['instruction_policy'])
 
 
+@dataclass(frozen=True)
+class Problem:
+    """What a command was asked to plan: a request on the map of a planner."""
+
+    planner: Planner
+    request: PlanRequest
+    coordinates: map_files.Coordinates
+    places: Places
+
+
 def add_planning_options(parser: argparse.ArgumentParser) -> Any:  # noqa: ANN401 - argparse keeps its type private
     """Add planner_node's and llm_client_node's parameters; return the group of the latter."""
     rules = parser.add_argument_group(
         'rules', 'the parameters of planner_node; a cell of a barrier map is one metre wide'
     )
-    add_params_file_flag(rules)
-    add_parameter_flags(rules, RULES)
-    rules.add_argument(
-        '--methods', dest='method', default=argparse.SUPPRESS, help=argparse.SUPPRESS
-    )
+    flags.add_params_file_flag(rules)
+    flags.add_parameter_flags(rules, RULES)
+    hidden = argparse.SUPPRESS
+    rules.add_argument('--methods', dest='method', default=hidden, help=hidden)
     guide = parser.add_argument_group('waypoints', 'the parameters of llm_client_node')
-    add_parameter_flags(guide, SOURCE)
+    flags.add_parameter_flags(guide, SOURCE)
     return guide
+
+
+def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None:
+    """Add what is asked: map, start and goal, parameters and waypoints."""
+    where = parser.add_argument_group('where')
+    map_files.add_map_options(where, default=default_map)
+    map_files.add_places_option(where)
+    text = 'start-goal pair of the map, unless start and goal are given (default: 0)'
+    where.add_argument('--pair', type=int, default=0, metavar='N', help=text)
+    first, last = (where.add_mutually_exclusive_group() for _ in range(2))
+    first.add_argument(
+        '--start', **flags.POINT, help='start here: in metres on a robot map, else a cell'
+    )
+    first.add_argument(
+        '--from', dest='start_place', metavar='NAME', help='start at a place instead'
+    )
+    last.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
+    last.add_argument(
+        '--to', dest='goal_place', metavar='NAME',
+        help='go to a place instead: to the free cell that is nearest to its centre; without a '
+        'start, from that of --pair',
+    )  # fmt: skip
+    text = 'the whole question as a sentence, in the form of the dataset (see below)'
+    where.add_argument('--query', metavar='TEXT', help=text)
+    text = 'pass here on the way, in the same unit; repeat it for more, in order'
+    where.add_argument('--via', **flags.POINT, action='append', default=[], help=text)
+    map_files.add_unit_options(where)
+    add_planning_options(parser).add_argument(
+        '--reply', metavar='TEXT',
+        help="a model's reply, with its waypoints in cells, used instead of a source",
+    )  # fmt: skip
+
+
+def parameter_values(
+    arguments: argparse.Namespace,
+    parameters: Iterable[Parameter],
+    file: Mapping[str, Scalar] | None,
+) -> dict[str, Any]:
+    """Return every parameter's value: of its flag, else of a file, else its default.
+
+    The default is the node's where there is a file, else the command line's.
+    """
+    parameters = tuple(parameters)
+    known = defaults(parameters, cli=file is None)
+    in_file = {name: value for name, value in (file or {}).items() if name in known}
+    return known | in_file | flags.given_values(arguments, parameters)
 
 
 def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) -> PlanningOptions:
@@ -84,22 +148,109 @@ def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) ->
     Raises ParameterError, and FileNotFoundError for a file that does not exist.
     """
     files = read_parameter_files(arguments.params_file) if arguments.params_file else {}
-    values = parameter_values(arguments, (*RULES, PLACES_FILE), files.get('planner_node'))
+    values = parameter_values(
+        arguments, (*RULES, map_files.PLACES_FILE), files.get('planner_node')
+    )
     if arguments.corner_cutting is None and not arguments.params_file:
         values['corner_cutting'] = isinstance(problem, BarrierMap)
-    return PlanningOptions(values, source_settings(arguments, files.get('llm_client_node')))
-
-
-def source_settings(
-    arguments: argparse.Namespace, file: Mapping[str, Scalar] | None
-) -> SourceSettings:
-    """Return the settings of the waypoint source, by flags and llm_client_node's parameters.
-
-    Raises ParameterError, and FileNotFoundError for a transcript that does not exist.
-    """
-    settings = source_config(parameter_values(arguments, SOURCE, file))
+    settings = source_config(parameter_values(arguments, SOURCE, files.get('llm_client_node')))
     if arguments.record and settings.source != 'endpoint':
         raise ParameterError('--record keeps exchanges with --source endpoint; no other has any')
     if settings.transcript:
         settings = replace(settings, transcript=str(find_file(settings.transcript, 'maps')))
-    return settings
+    return PlanningOptions(values, settings)
+
+
+def read_problem(arguments: argparse.Namespace) -> Problem:
+    """Return what the options of `add_query_options` ask for.
+
+    Raises ParameterError, and what reading a map or a source raises, on bad input.
+    """
+    if arguments.query is None:
+        maps, problem = map_files.open_maps(arguments)
+    else:
+        maps = [problem := parse_query(arguments.query)]
+    options = read_planning_options(arguments, problem)
+    planner = options.make_planner(problem)
+    map_file = arguments.map if arguments.query is None else None
+    places = map_files.open_places(options.values['places_file'], map_file)
+    map_files.warn_of_places(places, planner.grid_map)
+    coordinates = map_files.coordinates_of(arguments, problem, planner.grid_map)
+    start, goal = choose_endpoints(arguments, problem, places, planner.costmap, coordinates)
+    request = PlanRequest(
+        start,
+        goal,
+        source=waypoint_source(arguments, options, maps, problem.offset),
+        sample=sample_key_of(problem, start, goal),
+        via=tuple(coordinates.to_cell('--via', point) for point in arguments.via),
+        instruction=options.route_instruction(places),
+        **request_fields(options.values),
+    )
+    check_request(request)
+    return Problem(planner, request, coordinates, places)
+
+
+def waypoint_source(
+    arguments: argparse.Namespace,
+    options: PlanningOptions,
+    maps: list[ProblemMap],
+    offset: Point,
+) -> WaypointSource | None:
+    """Return the source of waypoints, or None. Raises what making one raises."""
+    if arguments.reply is not None:
+        return FixedReply(arguments.reply, offset)
+    if not options.values['use_waypoints']:
+        return None
+    barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
+    return make_source(options.settings, dataset=barrier_maps)
+
+
+def choose_endpoints(
+    arguments: argparse.Namespace,
+    problem: ProblemMap,
+    places: Places,
+    costmap: Costmap,
+    coordinates: map_files.Coordinates,
+) -> tuple[Cell, Cell]:
+    """Return the cells of start and goal: of places, of coordinates, else of the map's pair.
+
+    Raises ParameterError for options that do not go together and for coordinates in the wrong
+    unit, PlaceGoalError for a place that does not exist or that nobody can stand in.
+    """
+
+    def cell_of(end: str) -> Cell | None:
+        place, point = getattr(arguments, f'{end}_place'), getattr(arguments, end)
+        if place is not None:
+            from llm_astar_planner.instructions.enforcement import goal_cell  # noqa: PLC0415
+
+            return goal_cell(find_place(place, places), costmap)
+        return None if point is None else coordinates.to_cell(f'--{end}', point)
+
+    start, goal = cell_of('start'), cell_of('goal')
+    if start is None or goal is None:
+        if start is not None or arguments.goal is not None:
+            raise ParameterError(
+                '--start and --goal, or --from and --to, go together; leave them out to take '
+                '--pair'
+            )
+        sample = pair_of(arguments, problem)
+        start, goal = problem.to_cell(sample.start), goal or problem.to_cell(sample.goal)
+    return start, goal
+
+
+def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
+    """Return the start-goal pair of `--pair`. Raises ParameterError where there is none."""
+    count = len(problem.samples)
+    if not 0 <= arguments.pair < count:
+        fix = '' if count else '; give --start and --goal'
+        raise ParameterError(f'--pair {arguments.pair}: map {problem.id} has {count} pairs{fix}')
+    sample: Sample = problem.samples[arguments.pair]
+    return sample
+
+
+def sample_key_of(problem: ProblemMap, start: Cell, goal: Cell) -> SampleKey | None:
+    """Return the key of the map's sample between two cells, None if it has none."""
+    for pair, sample in enumerate(problem.samples):
+        if (problem.to_cell(sample.start), problem.to_cell(sample.goal)) == (start, goal):
+            return SampleKey(problem.id, pair)
+    return None

@@ -6,12 +6,16 @@ What `ros2 launch llm_astar_planner planner.launch.py` does, without ROS 2's lau
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO
 
-from llm_astar_planner.cli.node_processes import running_nodes
+from llm_astar_planner.nodes.common.process import PARENT_VARIABLE
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES, check_names
@@ -28,29 +32,23 @@ Then, in another terminal: llm-astar call --start X Y --goal X Y, or watch, para
 exit codes: 1 a node has ended by itself, 2 bad usage, 130 Ctrl-C
 """
 POLL_SECONDS = 0.2
+STOP_SECONDS = 10.0
+# What ends a command but would not let it stop its nodes.
+ENDING = (signal.SIGTERM, signal.SIGHUP)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     maps = parser.add_mutually_exclusive_group()
-    maps.add_argument(
-        '--map', default='demo.json', metavar='FILE',
-        help='a map_server yaml or barrier maps (default: %(default)s)',
-    )  # fmt: skip
+    text = 'a map_server yaml or barrier maps (default: %(default)s)'
+    maps.add_argument('--map', default='demo.json', metavar='FILE', help=text)
     maps.add_argument(
         '--no-map', action='store_true', help="start no map_node: another node publishes 'map'"
     )
-    parser.add_argument(
-        '--map-id',
-        type=int,
-        default=0,
-        metavar='ID',
-        help='which of the barrier maps (default: 0)',
-    )
-    parser.add_argument(
-        '--params-file', action='append', default=[], metavar='FILE',
-        help="the nodes' parameter file, a path or a name in config/; may be given again",
-    )  # fmt: skip
+    text = 'which of the barrier maps (default: 0)'
+    parser.add_argument('--map-id', type=int, default=0, metavar='ID', help=text)
+    text = "the nodes' parameter file, a path or a name in config/; may be given again"
+    parser.add_argument('--params-file', action='append', default=[], metavar='FILE', help=text)
     parser.add_argument(
         '-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
         help='a parameter of the nodes, over those of the files; may be given again',
@@ -106,3 +104,72 @@ def wait_for_end(processes: Mapping[str, subprocess.Popen[bytes]]) -> str:
             if node.poll() is not None:
                 return name
         time.sleep(POLL_SECONDS)
+
+
+@contextlib.contextmanager
+def running_nodes(
+    arguments: Mapping[str, Sequence[str]], log: IO[str] | None = None
+) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
+    """Start the named nodes, each with its arguments; stop them in the end, SIGTERM included.
+
+    They write to `log`, None for where this process writes. The kernel stops them should this
+    process be killed.
+    """
+    nodes: dict[str, subprocess.Popen[bytes]] = {}
+    with ended_by_signals():
+        try:
+            for name, words in arguments.items():
+                nodes[name] = start_node(name, words, log)
+            yield nodes
+        finally:
+            stop_nodes(nodes)
+
+
+def start_node(name: str, words: Sequence[str], log: IO[str] | None) -> subprocess.Popen[bytes]:
+    """Start a node in a session of its own, so that Ctrl-C is left to this process."""
+    return subprocess.Popen(  # noqa: S603 - our own modules, no shell
+        [sys.executable, '-m', 'llm_astar_planner.nodes', name, *words],
+        stdin=subprocess.DEVNULL,
+        stdout=log,
+        stderr=subprocess.STDOUT if log else None,
+        env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
+        start_new_session=True,
+    )
+
+
+def stop_nodes(nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
+    """Stop all nodes; say which had to be killed or had failed."""
+    for node in nodes.values():
+        node.terminate()
+    for name, node in nodes.items():
+        try:
+            code = node.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            node.kill()
+            code = node.wait()
+        # A node that has no signal handler yet is ended by the signal itself.
+        if code not in (0, -signal.SIGTERM):
+            sys.stderr.write(f'{name} ended with exit code {code}\n')
+
+
+@contextlib.contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP raise SystemExit with the exit code of a process that they ended.
+
+    One that is ignored, as under nohup, stays so.
+    """
+
+    def end(number: int, _: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        raise SystemExit(128 + number)
+
+    before = [
+        (number, signal.signal(number, end))
+        for number in ENDING
+        if signal.getsignal(number) is not signal.SIG_IGN
+    ]
+    try:
+        yield
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)

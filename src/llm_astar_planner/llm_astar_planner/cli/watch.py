@@ -49,13 +49,7 @@ exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    add_graph_options(parser)
-    parser.add_argument(
-        '--client',
-        default='llm_client_node',
-        metavar='NAME',
-        help='name of its waypoint client (default: %(default)s)',
-    )
+    add_graph_options(parser, client=True)
     parser.add_argument('--count', type=int, metavar='N', help='end after N plans')
     parser.add_argument('--json', action='store_true', help='print one JSON object per line')
 
@@ -127,11 +121,11 @@ def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
     clock = time.strftime('%H:%M:%S', time.localtime(event.stamp / 1e9))
     words = {'plan': plan_words, 'exchange': exchange_words, 'health': health_words}
     line = '  '.join([clock, *filter(None, words[event.kind.value](event))])
-    lines = [(colour_of(event), line), *clause_lines(event)]
-    printed = [
-        (code, ''.join(x if x.isprintable() else ' ' for x in line)) for code, line in lines
-    ]
-    return '\n'.join(f'\033[{code}m{line}\033[0m' if colour else line for code, line in printed)
+    lines = []
+    for code, text in ((colour_of(event), line), *clause_lines(event)):
+        shown = ''.join(x if x.isprintable() else ' ' for x in text)
+        lines.append(f'\033[{code}m{shown}\033[0m' if colour else shown)
+    return '\n'.join(lines)
 
 
 def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
