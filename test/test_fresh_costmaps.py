@@ -132,7 +132,7 @@ def robot_in(namespace, **parameters):
         wait_for(lambda: planner._server and planner.is_active, 'the start')
         # Maps that change are prepared at once.
         compiler = planner._server.handler._compiler
-        wait_for(lambda: compiler.done >= 3, 'the compilation')  # of maps that change, too
+        wait_for(lambda: compiler.done >= 4, 'the compilation')  # of maps that change, too
         costmap = Costmap(caller.node)
         robot = Robot(planner, caller, costmap)
         try:

@@ -469,8 +469,6 @@ class Goal:
 class LateAnswerer:
     """Has a path just when it is canceled; rclpy notes that a moment later."""
 
-    is_active = True
-
     def __init__(self, goal):
         self.goal = goal
 
@@ -484,7 +482,7 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(
     monkeypatch.setattr(goals, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
-    goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal))
+    goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal).answer_goal, lambda: True)
     goal.action.on_cancel(goal)
     goal.action.on_accepted(goal)
     assert goal.ended == 'c'

@@ -22,8 +22,7 @@ from llm_astar_planner.nodes.tools.planner_client import (
     PlannerClientError,
 )
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.types import report_lines
-from llm_astar_planner.search.result import describe_expansions
+from llm_astar_planner.planning.types import describe_expansions, report_lines
 from nav_msgs.msg import GridCells, OccupancyGrid, Path
 
 from llm_astar_lab.pictures.figures import Picture, describe_guidance, save_picture

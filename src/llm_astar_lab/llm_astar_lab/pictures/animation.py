@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from llm_astar_planner.planning.types import describe_expansions
 from llm_astar_planner.search.expansion_order import ExpansionOrder
-from llm_astar_planner.search.result import describe_expansions
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
 from PIL import Image, ImageDraw, ImageFont

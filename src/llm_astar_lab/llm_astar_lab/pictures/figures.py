@@ -16,9 +16,9 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.planning.types import Plan, describe_expansions
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
-from llm_astar_planner.search.result import Cell, describe_expansions
+from llm_astar_planner.search.result import Cell
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection

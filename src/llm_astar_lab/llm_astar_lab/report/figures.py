@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_planner.planning.types import describe_expansions
 from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
 from llm_astar_planner.search.paper import SearchOptions, astar, llm_astar
-from llm_astar_planner.search.result import Cell, SearchResult, describe_expansions
+from llm_astar_planner.search.result import Cell, SearchResult
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure

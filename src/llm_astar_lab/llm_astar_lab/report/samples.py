@@ -21,8 +21,8 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.types import describe_expansions
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
-from llm_astar_planner.search.result import describe_expansions
 from numpy.typing import NDArray
 from PIL import Image
 

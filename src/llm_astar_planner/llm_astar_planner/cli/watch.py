@@ -140,7 +140,7 @@ def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
 def plan_words(event: MonitorEvent) -> list[str]:
     """Return the words of a plan's line; empty ones are left out."""
     # Importing numpy takes a tenth of a second.
-    from llm_astar_planner.search.result import describe_expansions  # noqa: PLC0415
+    from llm_astar_planner.planning.types import describe_expansions  # noqa: PLC0415
 
     plan = event.values
     report = PlanReport(**plan)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED
 
@@ -91,7 +92,7 @@ class CostmapConfig:
         is_costmap = self.occupied_threshold == COSTMAP_THRESHOLD
         return OCCUPIED if is_costmap else self.occupied_threshold
 
-    @property
+    @cached_property
     def has_radius(self) -> bool:
         """Whether lethal cells affect others; without a radius a map is used unchanged."""
         return self.robot_radius > 0.0 or self.inflation_radius > 0.0

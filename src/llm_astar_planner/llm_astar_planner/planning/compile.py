@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import TextIO
 
 import numpy as np
@@ -45,7 +46,7 @@ from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.planning.types import PlanRequest, kind_of_plan
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -68,8 +69,8 @@ CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0
 WAYPOINTS = FixedReply('[[2, 2]]')
 FOOTPRINT = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
 START, GOAL, VIA = (2, 20), (21, 20), ((12, 1),)
-# The kinds of plans, see `compile_for`, that this process has compiled.
-_compiled: set[tuple[object, ...]] = set()
+# The kinds of plans that this process has compiled.
+COMPILED: set[tuple[object, ...]] = set()
 
 
 class CompilationStopped(BaseException):
@@ -103,21 +104,20 @@ def compilations(on_compile: Callable[[str], None]) -> Iterator[None]:
 def compile_for(
     config: CostmapConfig,
     request: PlanRequest,
-    stop: StopFlag | None = None,
-    *,
+    is_graded: bool,
     has_landmarks: bool = False,
+    stop: StopFlag | None = None,
 ) -> bool:
     """Compile what requests like this take on costmaps of `config`; tell whether that is done.
+
+    `is_graded`: where costs are not uniform. `has_landmarks`: where there are landmarks.
 
     Once for each kind in a process. It ends before the next function when `stop[0]` is 1. That of
     a plug-in's method is compiled without it, since it may take any time. Raises what numba does.
     """
     method = request.method if request.method in METHODS else EXACT
-    has_source = request.source is not None or bool(request.viapoints)
-    has_landmarks &= method == GUIDED
-    parts = bool(request.via), request.footprint is None, request.instruction is None
-    kind = config.has_radius, method, has_source, has_landmarks, request.any_angle, *parts
-    if kind in _compiled:
+    kind = kind_of_plan(config, request, is_graded, has_landmarks)
+    if kind in COMPILED:
         return True
 
     def check(_: str) -> None:
@@ -126,7 +126,7 @@ def compile_for(
 
     try:
         with compilations(check):
-            compile_plans(config, replace(request, method=method), has_landmarks=has_landmarks)
+            compile_plans(config, replace(request, method=method), is_graded, has_landmarks)
             if request.footprint is not None:
                 compile_footprint_kernels()
             if request.instruction is not None:
@@ -136,19 +136,22 @@ def compile_for(
             raise
         return False
     except Exception:
-        _compiled.add(kind)
+        COMPILED.add(kind)
         raise
-    _compiled.add(kind)
+    COMPILED.add(kind)
     return True
 
 
-def compile_plans(config: CostmapConfig, like: PlanRequest, *, has_landmarks: bool) -> None:
-    """Plan requests like one on small maps, one of uniform costs and one of graded costs.
+def compile_plans(
+    config: CostmapConfig, like: PlanRequest, is_graded: bool, has_landmarks: bool
+) -> None:
+    """Plan requests like one on small maps of graded costs, or of uniform ones.
 
     Where costs are uniform, goals far away take kernels of their own.
     """
     has_source = like.source is not None or like.viapoints
-    for width, occupancy in ((100, FREE), (24, 50)):
+    has_landmarks &= like.method == GUIDED
+    for width, occupancy in ((24, 50),) if is_graded else ((100, FREE), (24, FREE)):
         cells = np.zeros((24, width), dtype=np.int8)
         cells[4:, 12], cells[4, 4] = OCCUPIED, occupancy
         planner = PathPlanner(GridMap(cells), config)
@@ -174,9 +177,10 @@ def compile_kernels() -> None:
     for config in CONFIGS:
         for method in METHODS:
             request = PlanRequest(START, GOAL, method, source=WAYPOINTS, any_angle=True)
-            for has_landmarks in (False, True):
-                compile_for(config, request, has_landmarks=has_landmarks)
-            compile_for(config, replace(request, via=VIA))
+            for is_graded, has_landmarks in product((False, True), repeat=2):
+                compile_for(config, request, is_graded, has_landmarks)
+            for is_graded in (False, True):
+                compile_for(config, replace(request, via=VIA), is_graded)
     compile_footprint_kernels()
 
 
@@ -348,8 +352,10 @@ class KernelCompiler:
         self._is_closed = False
         guided = replace(request, source=WAYPOINTS)
         steps = (
-            lambda: compile_for(config, request),
-            lambda: compile_for(config, guided, has_landmarks=True),
+            # Plans go on after this; on maps of uniform costs they take the next one too.
+            lambda: compile_for(config, request, is_graded=True),
+            lambda: compile_for(config, request, is_graded=False),
+            lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
             compile_instruction_kernels,
             compile_kernels,

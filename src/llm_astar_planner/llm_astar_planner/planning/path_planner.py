@@ -53,7 +53,6 @@ from llm_astar_planner.search.result import (
     empty_path,
 )
 from llm_astar_planner.search.stop import StopFlag
-from llm_astar_planner.waypoints.source import SourceStatus
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -238,7 +237,7 @@ class PathPlanner:
                 warnings = (*warnings, problem) if problem else warnings
         # Where there are via points, no source is asked.
         reply = first.reply if first else NOT_ASKED
-        if request.source is not None and reply.status is SourceStatus.NONE:
+        if request.source is not None and not (first and first.is_asked):
             reply = not_asked(request)
         if first and first.checked_waypoints:
             path = empty_path() if result is None else result.path

@@ -6,10 +6,17 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
-from llm_astar_planner.planning.compile import compile_for
+from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.planning.compile import COMPILED, compile_for
 from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
 from llm_astar_planner.planning.path_planner import PathPlanner
-from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.planning.types import (
+    Plan,
+    PlanningFailure,
+    PlanRequest,
+    ResultCode,
+    kind_of_plan,
+)
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
 NOT_COMPILED = 'cancelled while the searches were compiled'
@@ -30,11 +37,11 @@ class Planner(PathPlanner):
     def plans(
         self, request: PlanRequest, stop: StopFlag | None = None, *, anytime: bool = True
     ) -> Iterator[Plan]:
-        """Yield each better plan as it is found, validated; the last one is the answer.
+        """Compile what a request takes, and return its plans: each better one, then the answer.
 
-        Only `guided` and plug-ins that are generators find several, and only without via points
-        and instruction. `anytime` False yields the answer alone. Otherwise as `plan`. The time of
-        the request begins when what it takes is compiled.
+        Each is validated, and made when it is asked for; the time of the request begins with the
+        first. Only `guided` and plug-ins that are generators find several, and only without via
+        points and instruction. `anytime` False yields the answer alone. Otherwise as `plan`.
         """
         stop = no_stop() if stop is None else stop
         if request.viapoints:
@@ -43,16 +50,10 @@ class Planner(PathPlanner):
         if not self.compile(request, stop):
             failure = PlanningFailure(ResultCode.TIMEOUT, NOT_COMPILED)
             endpoints = Endpoints(request.start, request.goal, request.via)
-            yield self.build_plan(request, endpoints, [], failure=failure)
-        elif request.instruction is None:
-            yield from self.direct_plans(request, stop, anytime=anytime)
-        else:
-            # What instructions take is many modules, which other plans do not need.
-            from llm_astar_planner.planning.instruction import (  # noqa: PLC0415
-                plan_with_instruction,
-            )
-
-            yield plan_with_instruction(self, request, request.instruction, stop)
+            return iter([self.build_plan(request, endpoints, [], failure=failure)])
+        if request.instruction is None:
+            return self.direct_plans(request, stop, anytime=anytime)
+        return self.instructed_plans(request, request.instruction, stop)
 
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.
@@ -60,8 +61,21 @@ class Planner(PathPlanner):
         Only the first one of its kind in a process takes time: up to half a minute where numba
         has nothing in its cache. `stop` ends it as it ends a plan.
         """
+        is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
+        kind = self.config, request, is_graded, self.landmarks.is_measured
+        if kind_of_plan(*kind) in COMPILED:
+            return True
         with suppress(Exception):  # where it does not compile, the plan says why
-            return compile_for(
-                self.config, request, stop, has_landmarks=self.landmarks.is_measured
-            )
+            return compile_for(*kind, stop)
         return True
+
+    def instructed_plans(
+        self, request: PlanRequest, instruction: RouteInstruction, stop: StopFlag
+    ) -> Iterator[Plan]:
+        """Yield the plan of a request with an instruction."""
+        # What instructions take is many modules, which other plans do not need.
+        from llm_astar_planner.planning.instruction import (  # noqa: PLC0415
+            plan_with_instruction,
+        )
+
+        yield plan_with_instruction(self, request, instruction, stop)

@@ -27,6 +27,7 @@ from llm_astar_planner.planning.types import (
     PlanRequest,
     ResultCode,
     WaypointStatus,
+    describe_expansions,
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
@@ -37,13 +38,7 @@ from llm_astar_planner.search.methods import (
     uses_waypoints,
 )
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
-from llm_astar_planner.search.result import (
-    BoundedResult,
-    Cell,
-    SearchResult,
-    SearchStatus,
-    describe_expansions,
-)
+from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
 from llm_astar_planner.waypoints.source import (
@@ -65,6 +60,10 @@ PAPER_EDGE = 2
 KEPT_BY_PAPER = frozenset(WaypointStatus) - {WaypointStatus.OUT_OF_BOUNDS, WaypointStatus.OCCUPIED}
 # Which waypoints the guided search uses. OUT_OF_ORDER is known only after it, so it was used.
 GUIDING = frozenset({WaypointStatus.ACCEPTED, WaypointStatus.OUT_OF_ORDER})
+# How a source replied that has not failed: in time, with whatever it found.
+NO_FAILURE = frozenset({
+    SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.LATE
+})  # fmt: skip
 # The result of a segment before its search has ended.
 NOT_SEARCHED = SearchResult(SearchStatus.STOPPED, 0, 0, np.zeros((0, 0), dtype=np.bool_))
 
@@ -75,7 +74,8 @@ class SegmentPlanner:
     `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
     `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
     were), `seconds_source` and `seconds_search`; `search_visits` instead fills in `result`,
-    `visit_problem` and `seconds_search`. `by_heading` says that another search replaced its path.
+    `visit_problem` and `seconds_search`. `is_asked` says that the source was
+    asked, `by_heading` that another search replaced its path.
     """
 
     def __init__(
@@ -92,7 +92,8 @@ class SegmentPlanner:
         """
         self.costmap = costmap
         self.request = request
-        self.method: SearchMethod = SEARCH_METHODS.load(request.method)
+        method = SEARCH_METHODS.loaded.get(request.method)
+        self.method: SearchMethod = method or SEARCH_METHODS.load(request.method)
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks
@@ -101,7 +102,7 @@ class SegmentPlanner:
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
         self.waypoints_used = True
-        self.by_heading = False
+        self.is_asked = self.by_heading = False
         self.seconds_source = 0.0
         self.seconds_search = 0.0
 
@@ -122,6 +123,7 @@ class SegmentPlanner:
         task, waypoints = None, list[Waypoint]()
         arrivals: deque[NDArray[np.float64]] = deque()
         if query is not None:
+            self.is_asked = True
             if self.method.takes_late_waypoints and request.search_while_waiting:
                 task = self.query_meanwhile(query, arrivals)
             else:
@@ -331,7 +333,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     if result.status is SearchStatus.STOPPED:
         message += '; stopped before more could be proven'
     reply, source = first.reply, first.request.source
-    if reply.status is not SourceStatus.OK and reply.status.is_failure and source is not None:
+    if reply.status not in NO_FAILURE and source is not None:
         message += f'; no waypoints from {source.name}: {reply.detail} [{reply.status.value}]'
     elif reply.detail:
         message += f'; {reply.detail}'

@@ -19,6 +19,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
+from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.result import Cell, empty_path
 from llm_astar_planner.waypoints.source import (
     SampleKey,
@@ -28,6 +29,7 @@ from llm_astar_planner.waypoints.source import (
 )
 
 if TYPE_CHECKING:
+    from llm_astar_planner.costmap.config import CostmapConfig
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
@@ -181,6 +183,21 @@ def check_request(request: PlanRequest) -> None:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 
+def kind_of_plan(
+    config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
+) -> tuple[object, ...]:
+    """Return what decides which kernels a plan takes, for `planning.compile`.
+
+    `is_graded`: costs are not uniform on the map. `has_landmarks`: there are some.
+    """
+    is_guided, has_source = request.method == GUIDED, request.source is not None
+    return (
+        config.has_radius, is_graded, request.method if request.method in METHODS else EXACT,
+        has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
+        bool(request.via), request.footprint is None, request.instruction is None,
+    )  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """The answer to a request.
@@ -281,6 +298,11 @@ class Plan:
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,
         }
+
+
+def describe_expansions(count: int) -> str:
+    """Return a count of expansions as text: '1 expansion', '82,264 expansions'."""
+    return f'{count:,} expansion{"" if count == 1 else "s"}'
 
 
 def finite_or_none(value: float) -> float | None:

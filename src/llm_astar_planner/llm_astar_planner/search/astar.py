@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
-from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
@@ -45,7 +45,7 @@ class SlicedSearch:
         self.work = self.expansions = self.storage = 0
         self.status: SearchStatus | None = None
         self.workspace = grid.borrow()
-        self.generation = self.workspace.next_generation()
+        self.generation = self.workspace.generation
 
     def note(self, ended: int) -> None:
         """Note how a call of the kernel ended; give it more space. Raises OverflowError."""
@@ -56,8 +56,16 @@ class SlicedSearch:
         self.status = ENDED.get(ended)
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:
-        """Return the path that the records hold, its length in cells and its cost in units."""
-        return self.workspace.trace(self.grid, self.start, self.goal)
+        """Return the path [n, 2] that the records hold, its length in cells and cost in units."""
+        workspace = self.workspace
+        while True:
+            count, diagonals, units = kernels.trace(
+                self._cells, self.start, self.goal, workspace.records, workspace.path
+            )
+            if count <= len(workspace.path):
+                length = count - 1 - diagonals + diagonals * math.sqrt(2.0)
+                return workspace.path[-count:].copy(), length, units
+            workspace.path = np.empty((2 * count, 2), dtype=np.int32)
 
     def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
         """Set `expanded` [height, width] where this search has expanded a cell."""
@@ -156,7 +164,9 @@ def exact_astar(
     make pointless, as a textbook A* does: about as many expansions, more states stored. Raises
     ValueError for a cell off the grid and PathTooLongError beyond 30 million cells.
     """
-    grid = as_grid(blocked, corner_cutting=corner_cutting)
+    if not isinstance(blocked, GridGraph):
+        blocked = GridGraph(blocked, corner_cutting=corner_cutting)
+    grid = blocked
     search = PlainSearch(grid, start, goal, landmarks, every_move=every_move)
     try:
         run(search, no_stop() if stop is None else stop, deadline)

@@ -54,30 +54,6 @@ class Workspace:
         arrays = (self.records, self.pool, self.keys, self.heads, self.control, self.path)
         return sum(array.nbytes for array in arrays)
 
-    def next_generation(self) -> int:
-        """Return a query number that no record carries; clear the records once in 500 thousand."""
-        if self.generation == MAX_GENERATION:
-            self.records[:] = 0
-            self.generation = 0
-        self.generation += 1
-        return self.generation
-
-    def trace(
-        self, grid: GridGraph, start: int, goal: int
-    ) -> tuple[NDArray[np.int32], float, int]:
-        """Return the path that the records hold between two cells, its length and its cost.
-
-        The path is int32 [n, 2], the length in cells, the cost in the grid's units.
-        """
-        while True:
-            count, diagonals, units = kernels.trace(
-                grid.cells, start, goal, self.records, self.path
-            )
-            if count <= len(self.path):
-                length = count - 1 - diagonals + diagonals * math.sqrt(2.0)
-                return self.path[-count:].copy(), length, units
-            self.path = np.empty((2 * count, 2), dtype=np.int32)
-
     def grow_pool(self) -> None:
         """Double the pool of queue entries and keep its content."""
         self.pool = np.concatenate((self.pool, np.empty_like(self.pool)))
@@ -276,11 +252,16 @@ class GridGraph:
         return self.straight * most + (self.diagonal - self.straight) * least
 
     def borrow(self) -> Workspace:
-        """Take a workspace; return it with `give_back`."""
+        """Take a workspace, of a query number that no record carries; see `give_back`."""
         try:
-            return self._spare.pop()
+            workspace = self._spare.pop()
         except IndexError:
-            return Workspace(self.moves.size, self.ring)
+            workspace = Workspace(self.moves.size, self.ring)
+        if workspace.generation == MAX_GENERATION:  # once in 500 thousand queries
+            workspace.records[:] = 0
+            workspace.generation = 0
+        workspace.generation += 1
+        return workspace
 
     def give_back(self, workspace: Workspace) -> None:
         """Return a workspace that no kernel uses any more."""
@@ -296,13 +277,6 @@ class GridGraph:
             grid._coarse = grid
             self._coarse = grid
         return self._coarse
-
-
-def as_grid(grid: GridGraph | ArrayLike, *, corner_cutting: bool = False) -> GridGraph:
-    """Return `grid` itself if it is prepared, else prepare it from bool [height, width]."""
-    if isinstance(grid, GridGraph):
-        return grid
-    return GridGraph(grid, corner_cutting=corner_cutting)
 
 
 def path_length(path: NDArray[np.int32]) -> float:

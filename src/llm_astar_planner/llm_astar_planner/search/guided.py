@@ -26,7 +26,7 @@ from llm_astar_planner.search.astar import (
     SlicedSearch,
 )
 from llm_astar_planner.search.expansion_order import ExpansionRecorder
-from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
@@ -117,7 +117,9 @@ class GuidedSearch:
             raise ValueError(f'weight: {weight} is not in 1 to 100')
         if work_factor is not None and not 0.0 <= work_factor <= 1000.0:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
-        self._grid = as_grid(blocked, corner_cutting=corner_cutting)
+        if not isinstance(blocked, GridGraph):
+            blocked = GridGraph(blocked, corner_cutting=corner_cutting)
+        self._grid = blocked
         self._grid.index(start)
         self._grid.index(goal)
         if landmarks is not None and landmarks.distances.shape[1] != self._grid.moves.size:

@@ -21,11 +21,6 @@ class SearchStatus(Enum):
     STOPPED = 'stopped'  # the stop flag was raised: a deadline or a cancel
 
 
-def describe_expansions(count: int) -> str:
-    """Return a count of expansions as text: '1 expansion', '82,264 expansions'."""
-    return f'{count:,} expansion{"" if count == 1 else "s"}'
-
-
 def empty_path() -> NDArray[np.int32]:
     """Return a path without cells: int32 [0, 2]."""
     return np.empty((0, 2), dtype=np.int32)

@@ -13,9 +13,10 @@ from collections import deque
 from collections.abc import Callable, Hashable
 from dataclasses import KW_ONLY, InitVar, dataclass, replace
 
+import numpy as np
 from cachetools import LRUCache
 
-from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag, no_stop
+from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints.source import (
     MAX_WAYPOINTS,
     SourceStatus,
@@ -68,7 +69,7 @@ class QueryTask:
         """Put the query into the queue."""
         self._begin = time.monotonic()
         self.deadline = self._begin + self.time_limit
-        self._stop = no_stop()
+        self._stop: StopFlag = np.zeros(1, dtype=np.uint8)
         self._lock = threading.Lock()
         self._done = threading.Event()
         self._answer: tuple[WaypointReply, float] | None = None

@@ -86,11 +86,6 @@ class SourceStatus(str, Enum):
         """Whether a model has answered, usefully or not: asking it again changes nothing."""
         return self.value in ('OK', 'NO_WAYPOINTS', 'MALFORMED')
 
-    @property
-    def is_failure(self) -> bool:
-        """Whether a source was asked and could not answer."""
-        return self.value not in ('OK', 'NONE', 'NO_WAYPOINTS', 'LATE')
-
 
 def name_problem(name: str) -> str | None:
     """Say why a text cannot be the name of a model or a prompt; None where it can."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning import compile as module
-from llm_astar_planner.planning.compile import CompilationStopped
+from llm_astar_planner.planning.compile import COMPILED, CompilationStopped
 from llm_astar_planner.planning.planner import NOT_COMPILED, Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
@@ -77,11 +77,12 @@ def test_with_an_empty_cache_a_plan_keeps_its_time_limit_and_compiles_nothing(wo
 
 
 @pytest.fixture
-def fresh(monkeypatch):
+def fresh():
     """No kind of plan is compiled yet."""
-    monkeypatch.setattr(module, '_compiled', set())
-    cells = np.zeros((20, 20), dtype=np.int8)
-    return Planner(GridMap(cells))
+    before = set(COMPILED)
+    COMPILED.clear()
+    yield Planner(GridMap(np.zeros((20, 20), dtype=np.int8)))
+    COMPILED.update(before)
 
 
 def test_a_plan_that_is_cancelled_while_it_waits_for_the_compilation_says_so(fresh, monkeypatch):
@@ -94,7 +95,7 @@ def test_a_plan_that_is_cancelled_while_it_waits_for_the_compilation_says_so(fre
     monkeypatch.setattr(module, 'compile_plans', cancelled)
     plan = fresh.plan(PlanRequest((1, 1), (9, 9)), stop)
     assert (plan.code, plan.message) == (ResultCode.TIMEOUT, NOT_COMPILED)
-    assert not module._compiled
+    assert not COMPILED
 
 
 def test_a_plan_goes_on_where_the_searches_do_not_compile(fresh, monkeypatch):

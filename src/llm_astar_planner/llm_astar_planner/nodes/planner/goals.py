@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,6 @@ from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 
 # The services are there before what plans is imported: see planner_node.
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.planner.planner_node import PlannerNode
     from llm_astar_planner.planning.planner import Planner
 
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
@@ -126,13 +126,19 @@ class PlanResponse:
     map_age: float | None = None
 
 
+# Plans for a goal: PlannerNode.answer_goal.
+Answer = Callable[..., PlanResponse]
+
+
 def refusal(code: ResultCode, message: str) -> Plan:
     """Return the plan of a goal that never came to planning."""
     return Plan(code, message, '', (0, 0), (0, 0), np.zeros((0, 0), dtype=np.bool_))
 
 
-def serve_goals(entities: Entities, node: PlannerNode, introspection: str) -> None:
-    """Serve `~/get_plan` and Nav2's path actions, whose goals `node` answers.
+def serve_goals(
+    entities: Entities, answer: Answer, is_active: Callable[[], bool], introspection: str
+) -> None:
+    """Serve `~/get_plan` and Nav2's path actions; goals of these are taken while `is_active()`.
 
     `introspection` is one of INTROSPECTION_STATES, for `~/get_plan`. Nothing that takes long to
     import is needed.
@@ -140,17 +146,17 @@ def serve_goals(entities: Entities, node: PlannerNode, introspection: str) -> No
 
     def on_get_plan(request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
         goal = PlanGoal((request.goal,), request.start, float(request.tolerance))
-        response.plan = node.answer_goal(goal).path
+        response.plan = answer(goal).path
         return response
 
     callers = LimitedCallbackGroup(CALLERS)
     service = entities.service(GetPlan, '~/get_plan', on_get_plan, callers)
     state = INTROSPECTION_STATES[introspection]
-    service.configure_introspection(node.get_clock(), RELIABLE, state)
+    service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():
-        PathAction(entities, kind, name, node)
+        PathAction(entities, kind, name, answer, is_active)
     served = 'with' if ACTIONS else 'without nav2_msgs, so without'
-    node.get_logger().info(f"{served} Nav2's planner actions")
+    entities.node.get_logger().info(f"{served} Nav2's planner actions")
 
 
 def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
@@ -208,10 +214,17 @@ def error_name(response: PlanResponse, reason: str) -> str:
 class PathAction:
     """One action server; a new goal preempts the previous one."""
 
-    def __init__(self, entities: Entities, kind: Any, name: str, node: PlannerNode) -> None:  # noqa: ANN401 - an action type
-        """Serve the action, whose goals `node` answers."""
+    def __init__(
+        self,
+        entities: Entities,
+        kind: Any,  # noqa: ANN401 - an action type
+        name: str,
+        answer: Answer,
+        is_active: Callable[[], bool],
+    ) -> None:
+        """Serve the action; goals are taken while `is_active()`."""
         self._kind = kind
-        self._node = node
+        self._answer, self._is_active = answer, is_active
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
         server = ActionServer(
@@ -232,7 +245,7 @@ class PathAction:
 
     def on_goal(self, _: Any) -> GoalResponse:  # noqa: ANN401 - any goal
         """Accept a goal if the node is active."""
-        return GoalResponse.ACCEPT if self._node.is_active else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if self._is_active() else GoalResponse.REJECT
 
     def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Cancel the previous goal and execute this one."""
@@ -252,7 +265,7 @@ class PathAction:
         """Plan for a goal and finish it."""
         goal, token = plan_goal(handle.request), self.token_of(handle)
         feedback = self._kind.Feedback()
-        response = self._node.answer_goal(goal, token, lambda: handle.publish_feedback(feedback))
+        response = self._answer(goal, token, lambda: handle.publish_feedback(feedback))
         if token.reason == CANCELED:
             wait_for_cancel(handle)
         if handle.is_cancel_requested:

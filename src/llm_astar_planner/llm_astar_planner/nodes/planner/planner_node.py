@@ -133,7 +133,8 @@ class PlannerNode(LifecycleNodeMixin, Node):
         """Join the graph: at first what clients wait for, then what takes long to import."""
         with self._lock:
             self._goals = Entities(self)
-            serve_goals(self._goals, self, self._settings['introspection_mode'])
+            introspection = self._settings['introspection_mode']
+            serve_goals(self._goals, self.answer_goal, lambda: self.is_active, introspection)
         from llm_astar_planner.nodes.planner.planner_server import (  # noqa: PLC0415
             PlannerServer,
         )
@@ -141,7 +142,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         with self._lock:
             if self._is_leaving:
                 raise ExternalShutdownException
-            self._server = PlannerServer(self, self._settings)
+            self._server = PlannerServer(self, self._settings, self.answer_goal)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Answer goals."""

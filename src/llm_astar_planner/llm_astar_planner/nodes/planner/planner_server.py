@@ -5,7 +5,7 @@ Importing them takes a second, so planner_node does it after its first services 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -23,16 +23,11 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
-from llm_astar_planner.nodes.planner.goals import (
-    PlanGoal,
-    PreemptingGoalSlot,
-)
+from llm_astar_planner.nodes.planner.goals import Answer, PlanGoal, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
-from llm_astar_planner.nodes.planner.path_validity import (
-    PathValidityService,
-)
+from llm_astar_planner.nodes.planner.path_validity import PathValidityService
 from llm_astar_planner.nodes.planner.places_server import PlacesServer
 from llm_astar_planner.nodes.planner.publishers import DiagnosticsPublisher, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
@@ -46,9 +41,6 @@ from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
-if TYPE_CHECKING:
-    from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-
 
 class PlannerServer:
     """What the node does between configure and cleanup: its parts, and its topics and services.
@@ -57,9 +49,10 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: PlannerNode, settings: Parameters) -> None:
-        """Join the graph, not active yet."""
+    def __init__(self, node: Node, settings: Parameters, answer: Answer) -> None:
+        """Join the graph, not active yet; `answer` takes the goals of RViz."""
         self._node = node
+        self._answer = answer
         self._settings = settings
         self._entities = entities = Entities(node)
         self._goals = PreemptingGoalSlot()
@@ -141,7 +134,7 @@ class PlannerServer:
         token = self._goals.begin('a newer goal came')
         goal = PlanGoal((message,), fallback_start=self._initial_pose)
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
-        self._node.executor.create_task(self._node.answer_goal, goal, token)
+        self._node.executor.create_task(self._answer, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
@@ -184,9 +177,10 @@ class PlannerServer:
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
         settings = self._settings.current
+        source = self._cache if settings['use_waypoints'] else None
         compiler = KernelCompiler(
             costmap_config(settings),
-            PlanRequest((0, 0), (0, 0), **request_fields(settings)),
+            PlanRequest((0, 0), (0, 0), source=source, **request_fields(settings)),
             self._node.get_logger().info,
         )
         self._entities.on_close(compiler.close)

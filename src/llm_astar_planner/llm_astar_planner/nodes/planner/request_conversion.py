@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 
@@ -85,8 +86,8 @@ class RequestConverter:
                 locate(pose, frame_id, f'via point {number}', may_wait)
                 for number, pose in enumerate(goal.viapoints, start=1)
             ]
-            places = (start, *goals, *viapoints)
-            cells = tuple(grid_map.world_to_cell(place.x, place.y) for place in places)
+            places = [start, *goals, *viapoints]
+            cells = tuple(map(tuple, grid_map.world_to_cells(np.array(places)[:, :2]).tolist()))
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:

@@ -63,17 +63,12 @@ class Job:
 
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
-        return self.goes_on() and time.monotonic() < self.deadline
-
-    @property
-    def deadline(self) -> float:
-        """When its time is up, in monotonic seconds."""
-        return self.begin + self.limit
+        return self.goes_on() and time.monotonic() < self.begin + self.limit
 
     def search_seconds(self) -> float:
         """Return the seconds that are left, but for those to check and write the path."""
         finish = min(FINISH_SECONDS, FINISH_SHARE * self.limit)
-        return max(LEAST_SECONDS, self.deadline - finish - time.monotonic())
+        return max(LEAST_SECONDS, self.begin + self.limit - finish - time.monotonic())
 
 
 class RequestHandler:
@@ -201,18 +196,20 @@ class RequestHandler:
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
         began = time.monotonic()
-        planner.compile(request, job.token.stop)
+        plans = planner.plans(request, job.token.stop)
+        # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
-        for plan in planner.plans(request, job.token.stop):
+        deadline = job.begin + job.limit
+        for plan in plans:
             if not plan.is_final:
                 # Half of the time left is for the search and the final path.
-                path, _ = writer.write_plan(plan, (time.monotonic() + job.deadline) / 2.0)
+                path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
                 if not job.token.reason:
                     self.publish(path, replan_reason)
                     if on_better is not None:
                         on_better()
         job.goes_on()
-        path, left_out = writer.write_plan(plan, job.deadline)
+        path, left_out = writer.write_plan(plan, deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.goes_on()
         if plan.code is ResultCode.NONE:
