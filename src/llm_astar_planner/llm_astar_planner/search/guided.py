@@ -185,9 +185,7 @@ class GuidedSearch:
 
 
 @search_method(uses_waypoints=True, takes_late_waypoints=True)
-def guided_method(
-    problem: SearchProblem,
-) -> Generator[AnytimeSolution, None, GuidedResult]:
+def guided_method(problem: SearchProblem) -> Generator[AnytimeSolution, None, GuidedResult]:
     """Search along the waypoints of a problem, those included that come in meanwhile."""
     search = GuidedSearch(
         problem.grid, problem.start, problem.goal, max_suboptimality=problem.max_suboptimality,

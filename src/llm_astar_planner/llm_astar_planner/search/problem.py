@@ -79,10 +79,7 @@ class SearchMethod(Protocol):
 
 
 def search_method(
-    *,
-    uses_waypoints: bool = False,
-    takes_late_waypoints: bool = False,
-    as_published: bool = False,
+    *, uses_waypoints: bool = False, takes_late_waypoints: bool = False, as_published: bool = False
 ) -> Callable[[Callable[[SearchProblem], Any]], SearchMethod]:
     """Make a function of a SearchProblem a SearchMethod with these properties.
 

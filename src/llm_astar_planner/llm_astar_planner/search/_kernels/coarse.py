@@ -11,18 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.search._kernels import tiles as tiling
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y
 from llm_astar_planner.search._kernels.line_of_sight import line_cost
-from llm_astar_planner.search._kernels.tiles import (
-    EAST,
-    FIRST_SHIFT,
-    LAST_SHIFT,
-    NUMBER_BITS,
-    NUMBER_MASK,
-    SIDE_SHIFT,
-    SOUTH,
-    TileTables,
-)
+from llm_astar_planner.search._kernels.tiles import TileTables
 from llm_astar_planner.search.kernel_cache import jit
 
 # Blocked cells, surcharges or none, and whether moves may cut corners, as `line_cost` takes them.
@@ -118,11 +110,7 @@ def add_row(found: NDArray[np.int32], count: int, row: tuple[int, ...]) -> int:
 
 @jit
 def neighbours(
-    tiles: TileTables,
-    number: int,
-    row: int,
-    column: int,
-    found: NDArray[np.int32],
+    tiles: TileTables, number: int, row: int, column: int, found: NDArray[np.int32]
 ) -> int:
     """Write the neighbours of local component `number` of a tile to `found`; return how many.
 
@@ -151,20 +139,20 @@ def neighbours(
             other_tile -= columns
         for index in range(starts[other_tile], starts[other_tile + 1]):
             contact = np.int64(contacts[index])
-            kind = (contact >> SIDE_SHIFT) & 3
-            inner = contact & NUMBER_MASK
-            outer = (contact >> NUMBER_BITS) & NUMBER_MASK
-            first = (contact >> FIRST_SHIFT) & 31
-            last = (contact >> LAST_SHIFT) & 31
+            kind = (contact >> tiling.SIDE_SHIFT) & 3
+            inner = contact & tiling.NUMBER_MASK
+            outer = (contact >> tiling.NUMBER_BITS) & tiling.NUMBER_MASK
+            first = (contact >> tiling.FIRST_SHIFT) & 31
+            last = (contact >> tiling.LAST_SHIFT) & 31
             if side == 0:
-                if inner != number or kind > SOUTH:
+                if inner != number or kind > tiling.SOUTH:
                     continue
-                node = nodes[tile + (1 if kind == EAST else columns)] + outer
+                node = nodes[tile + (1 if kind == tiling.EAST else columns)] + outer
             else:
-                if outer != number or kind != (EAST if side == 1 else SOUTH):
+                if outer != number or kind != (tiling.EAST if side == 1 else tiling.SOUTH):
                     continue
                 node = nodes[other_tile] + inner
-            is_east = kind == EAST
+            is_east = kind == tiling.EAST
             step = 1 if side == 0 else -1
             if is_east:
                 border = right - 1 if side == 0 else left
@@ -396,11 +384,7 @@ def trace(
 
 
 @jit
-def taut(
-    rules: Rules,
-    shift: int,
-    points: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def taut(rules: Rules, shift: int, points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the turns [n, 2] of a route pulled taut, without its ends."""
     points = fill_in(rules, shift, points)
     points = pull(rules, points)
@@ -416,11 +400,7 @@ def with_room(rows: NDArray[Any], count: int) -> NDArray[Any]:
 
 
 @jit
-def fill_in(
-    rules: Rules,
-    shift: int,
-    points: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def fill_in(rules: Rules, shift: int, points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a route [n, 2] with a path of single moves wherever two points do not see another.
 
     Two successive points are connected within the square of tiles around both.
@@ -477,10 +457,7 @@ def fill_in(
 
 
 @jit
-def pull(
-    rules: Rules,
-    points: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def pull(rules: Rules, points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the points [n, 2] at which a route has to turn, with its ends.
 
     From each point kept the route goes straight to a far one, as long as the line is free and
@@ -522,10 +499,7 @@ def pull(
 
 
 @jit
-def tighten(
-    rules: Rules,
-    points: NDArray[np.int64],
-) -> None:
+def tighten(rules: Rules, points: NDArray[np.int64]) -> None:
     """Move each turn of a route towards the line between its neighbours while that is cheaper.
 
     It stays in sight of both.
@@ -562,15 +536,7 @@ def tighten(
 
 
 @jit
-def through(
-    rules: Rules,
-    from_x: int,
-    from_y: int,
-    x: int,
-    y: int,
-    to_x: int,
-    to_y: int,
-) -> float:
+def through(rules: Rules, from_x: int, from_y: int, x: int, y: int, to_x: int, to_y: int) -> float:
     """Return the cost of two straight lines over (x, y), inf where one is blocked."""
     first = line_cost(*rules, from_x, from_y, x, y)
     if first < 0.0:

@@ -17,25 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    BUCKET_BITS,
-    CANONICAL_SUCCESSORS,
-    CLOSED,
-    EVERY_MOVE,
-    EXHAUSTED,
-    FOUND,
-    LOWEST,
-    NEED_SPACE,
-    POLL_MASK,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    STOPPED,
-    Cells,
-    octile,
-    pop,
-    push,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, octile, pop, push
 from llm_astar_planner.search.kernel_cache import jit
 
 # One more way a call can end: a layer was entered for which there is no slot.
@@ -294,7 +277,7 @@ def spread(
         cell = y * width + x
         mask = np.int64(moves[cell])
         while mask:
-            move = LOWEST[mask]
+            move = shared.LOWEST[mask]
             mask &= mask - 1
             other_x = x + STEP_X[move]
             other_y = y + STEP_Y[move]
@@ -317,12 +300,7 @@ def spread(
 
 @jit
 def region_cap(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    slot: int,
-    region: int,
-    margin: int,
+    tables: Tables, layers: Layers, states: States, slot: int, region: int, margin: int
 ) -> float:
     """Return a cost at which entering a pending region from a layer is of no use any more.
 
@@ -375,12 +353,7 @@ def region_cap(
 
 @jit
 def measure_caps(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    slots: int,
-    margin: int,
-    patience: int,
+    tables: Tables, layers: Layers, states: States, slots: int, margin: int, patience: int
 ) -> None:
     """Measure the caps of layers whose search went on for `patience` times the work of that."""
     for slot in range(slots):
@@ -569,7 +542,7 @@ def begin(
         return
     rows = tables.groups.candidate_begin[base], tables.groups.candidate_begin[base + 1]
     x, y = start % tables.grid.width, start // tables.grid.width
-    key = np.int64(estimate(tables.slopes, tables.offsets, *rows, x, y)) >> BUCKET_BITS
+    key = np.int64(estimate(tables.slopes, tables.offsets, *rows, x, y)) >> shared.BUCKET_BITS
     control[C_LAST] = key
     queue.entries[0] = np.int64(start) << 32
     queue.keys[0] = key
@@ -582,7 +555,7 @@ def allowed_moves(tables: Tables, entered: int, cell: int, mask: int) -> int:
     """Return the moves of `mask` that no rule forbids."""
     allowed = 0
     while mask:
-        move = LOWEST[mask]
+        move = shared.LOWEST[mask]
         mask &= mask - 1
         other = cell + STEP_Y[move] * tables.grid.width + STEP_X[move]
         bits = np.int64(tables.cell_bits[other])
@@ -633,20 +606,20 @@ def advance(
     expansions, storage, slots = control[C_EXPANSIONS], control[C_STORAGE], control[C_SLOTS]
     limit = expansions + quota
     least: Any = best[0]
-    status = RUNNING
-    while status == RUNNING:
+    status = shared.RUNNING
+    while status == shared.RUNNING:
         while live > 0 and heads[last & digits] == 0:
             digit = last & digits
             while digit < digits and heads[digit] == 0:
                 digit += 1
             last = refill(queue, last) if heads[digit] == 0 else last & ~digits | digit
-        if live == 0 or last << BUCKET_BITS >= least:
-            status = FOUND if least < np.inf else EXHAUSTED
+        if live == 0 or last << shared.BUCKET_BITS >= least:
+            status = shared.FOUND if least < np.inf else shared.EXHAUSTED
             break
         if expansions >= limit:
             break
         if top + 8 > keys.size:
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         if slots + 8 > capacity and capacity < layers.slots.size:
             status = NEED_SLOT
@@ -654,9 +627,9 @@ def advance(
         state, free = pop(entries, heads, last & digits, free)
         live -= 1
         tag = tags[state]
-        if tag & CLOSED:
+        if tag & shared.CLOSED:
             continue
-        tags[state] = tag | CLOSED
+        tags[state] = tag | shared.CLOSED
         cost = costs[state]
         slot = np.int64((state + 0.5) * per_cells)
         cell = state - slot * cells
@@ -668,7 +641,7 @@ def advance(
             f = cost + estimate_below_caps(tables, layers, slot, cost, x, y)
             if f >= least:
                 continue
-            key = np.int64(f) >> BUCKET_BITS
+            key = np.int64(f) >> shared.BUCKET_BITS
             if key > last:
                 tags[state] = tag
                 bucket = bucket_of(key, last)
@@ -676,21 +649,21 @@ def advance(
                 keys[entry - 1] = key
                 live += 1
                 continue
-        tags[state] = tag | CLOSED | EXPANDED
+        tags[state] = tag | shared.CLOSED | EXPANDED
         expansions += 1
         slot_expansions[slot] += 1
-        if expansions & POLL_MASK == 0 and stop[0] != 0:
-            status = STOPPED
+        if expansions & shared.POLL_MASK == 0 and stop[0] != 0:
+            status = shared.STOPPED
         entered = slot_entered[slot]
         mask = np.int64(moves[cell])
         cell_price = np.float64(price[cell]) if priced else 0.0
         if second_mask:
             cell_price += rule_price(tables.rules, np.int64(cell_bits[cell]), entered)
             mask = np.int64(allowed_moves(tables, entered, cell, mask))
-        row = EVERY_MOVE if every_move or tag & ENTERED else np.int64(tag & 7) << 8
-        mask = np.int64(CANONICAL_SUCCESSORS[row | mask])
+        row = shared.EVERY_MOVE if every_move or tag & ENTERED else np.int64(tag & 7) << 8
+        mask = np.int64(shared.CANONICAL_SUCCESSORS[row | mask])
         while mask:
-            move = LOWEST[mask]
+            move = shared.LOWEST[mask]
             mask &= mask - 1
             other_x = x + STEP_X[move]
             other_y = y + STEP_Y[move]
@@ -732,7 +705,7 @@ def advance(
                         control[C_GOAL] = other
                         control[C_GOAL_SLOT] = other_slot
                         continue
-                    key = max(np.int64(f) >> BUCKET_BITS, last)
+                    key = max(np.int64(f) >> shared.BUCKET_BITS, last)
                     bucket = bucket_of(key, last)
                     entry, free, top = push(entries, heads, bucket, other_state << 32, free, top)
                     keys[entry - 1] = key

@@ -13,16 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    EXHAUSTED,
-    FOUND,
-    NEED_SPACE,
-    RUNNING,
-    STOPPED,
-    heap_pop,
-    heap_push,
-    sift_down,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import heap_pop, heap_push, sift_down
 from llm_astar_planner.search.kernel_cache import jit
 
 EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
@@ -126,16 +118,16 @@ def paper_search(
 
     while True:
         if size == 0:
-            status = EXHAUSTED
+            status = shared.EXHAUSTED
             break
         if stop[0]:
-            status = STOPPED
+            status = shared.STOPPED
             break
         if quota <= 0:
-            status = RUNNING
+            status = shared.RUNNING
             break
         if size + 8 > len(keys):
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         quota -= 1
         if decay != 1.0:
@@ -154,7 +146,7 @@ def paper_search(
         expansions += 1
         closed[node] = True
         if node == goal:
-            status = FOUND
+            status = shared.FOUND
             break
 
         x, y = node // height, node % height
