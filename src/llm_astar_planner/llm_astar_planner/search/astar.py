@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
-from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.grid_graph import GridGraph, as_grid, traced
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
@@ -47,6 +47,13 @@ class SlicedSearch:
         self.workspace = grid.borrow()
         self.generation = self.workspace.next_generation()
 
+    def advance(self, quota: int) -> None:
+        """Search for up to `quota` units of work; set `status` if that ends the search.
+
+        Raises OverflowError where the cost of a path does not fit the records.
+        """
+        raise NotImplementedError
+
     def note(self, ended: int) -> None:
         """Note how a call of the kernel ended; give it more space. Raises OverflowError."""
         if ended == kernels.NEED_SPACE:
@@ -57,7 +64,10 @@ class SlicedSearch:
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:
         """Return the path that the records hold, its length in cells and its cost in units."""
-        return self.workspace.trace(self.grid, self.start, self.goal)
+        path, (diagonals, units) = traced(
+            kernels.trace, self._cells, self.start, self.goal, self.workspace.records
+        )
+        return path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0), units
 
     def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
         """Set `expanded` [height, width] where this search has expanded a cell."""
@@ -109,10 +119,7 @@ class PlainSearch(SlicedSearch):
         self._control[self.BEST_SLOT] = kernels.NO_PATH
 
     def advance(self, quota: int) -> None:
-        """Search for up to `quota` units of work; set `status` if that ends the search.
-
-        Raises OverflowError where the cost of a path does not fit the records.
-        """
+        """Expand up to `quota` cells; see `SlicedSearch.advance`."""
         workspace, control = self.workspace, self._control
         ended = kernels.astar(
             self._cells, self.start, self.goal, self._every_move, self.distances, self.active,
@@ -158,15 +165,13 @@ def exact_astar(
     """
     grid = as_grid(blocked, corner_cutting=corner_cutting)
     search = PlainSearch(grid, start, goal, landmarks, every_move=every_move)
+    stop = no_stop() if stop is None else stop
     try:
-        run(search, no_stop() if stop is None else stop, deadline)
-        return make_result(search, want_expanded=want_expanded)
+        return complete(search, stop, deadline, want_expanded=want_expanded)
     except OverflowError:
         if grid.coarse() is grid:
             message = f'the cost of a path from {start} to {goal} does not fit'
             raise PathTooLongError(message) from None
-    finally:
-        search.close()
     return exact_astar(
         grid.coarse(), start, goal, stop=stop, deadline=deadline, want_expanded=want_expanded,
         every_move=every_move,
@@ -193,6 +198,20 @@ def shortest_path(
     if result.status is SearchStatus.STOPPED:
         raise InterruptedError('the search was stopped')
     return result.path, result.cost
+
+
+def complete(
+    search: PlainSearch, stop: StopFlag, deadline: float, *, want_expanded: bool
+) -> BoundedResult:
+    """Run a search to its end, or until it is stopped, and close it; return what it proves.
+
+    Raises OverflowError.
+    """
+    try:
+        run(search, stop, deadline)
+        return make_result(search, want_expanded=want_expanded)
+    finally:
+        search.close()
 
 
 def run(search: PlainSearch, stop: StopFlag, deadline: float) -> None:

@@ -15,6 +15,8 @@ from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, push
 from llm_astar_planner.search.kernel_cache import jit
 
+CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
+
 # Slots of the control array: the state of a run between two calls.
 D_BUCKET, D_SEED, D_FREE, D_TOP, D_LIVE, D_EXPANDED, D_SIZE = range(7)
 # A queue entry holds cell << 32 | move that led there << 28 | number of the next entry.
@@ -95,7 +97,7 @@ def propagate(
             status = shared.OVERFLOW
             break
         came = (item >> _MOVE_SHIFT & 15) << 8
-        mask = np.int64(shared.CANONICAL_SUCCESSORS[came | moves[cell]])
+        mask = np.int64(CANONICAL_SUCCESSORS[came | moves[cell]])
         for move in range(8):
             if mask >> move & 1 == 0:
                 continue
@@ -307,7 +309,7 @@ def find_seeds(
         g = before
         mask = np.int64(moves[cell])
         while mask:
-            move = shared.LOWEST[mask]
+            move = LOWEST[mask]
             mask &= mask - 1
             other = cell + STEP_Y[move] * width + STEP_X[move]
             length = straight if move < 4 else diagonal
@@ -323,7 +325,7 @@ def find_seeds(
         # The ends of a new move are both changed cells; a lower surcharge helps any neighbour.
         mask = np.int64(moves[cell]) if graded and distances[cell] >= 0 else np.int64(0)
         while mask:
-            move = shared.LOWEST[mask]
+            move = LOWEST[mask]
             mask &= mask - 1
             other = cell + STEP_Y[move] * width + STEP_X[move]
             length = straight if move < 4 else diagonal

@@ -15,6 +15,8 @@ from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile, pop, push
 from llm_astar_planner.search.kernel_cache import jit
 
+LOWEST, STEP_X, STEP_Y = shared.LOWEST, shared.STEP_X, shared.STEP_Y
+
 # The number of targets that a cell's tag can hold: eight bits, above the closed bit and the move.
 MAX_TARGETS = 256
 TARGET_SHIFT = 4
@@ -273,10 +275,10 @@ def advance(
         # Every move: canonical ones alone could not turn where the targets do.
         mask = np.int64(moves[cell])
         while mask:
-            move = shared.LOWEST[mask]
+            move = LOWEST[mask]
             mask &= mask - 1
-            other_x = x + shared.STEP_X[move]
-            other_y = y + shared.STEP_Y[move]
+            other_x = x + STEP_X[move]
+            other_y = y + STEP_Y[move]
             other = other_y * width + other_x
             length = straight if move < 4 else diagonal
             other_g = g + length

@@ -82,12 +82,10 @@ def fits(
     x = cell - y * width
     if known[cell] == 0:
         # Far from obstacles one look tells of all motions.
-        blocked = False
         for row in range(y - reach, y + reach + 1):
             if is_lethal(*obstacles, row, x - reach, x + reach):
-                blocked = True
                 break
-        if not blocked:
+        else:
             known[cell] = free[cell] = ALL_KNOWN
             return True
     known[cell] |= bit

@@ -23,6 +23,9 @@ from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile
 from llm_astar_planner.search.kernel_cache import inlined, jit
 
+CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
+STEP_X, STEP_Y = shared.STEP_X, shared.STEP_Y
+
 # Words of 64 cells: blocked, stops of rising scans, stops of falling scans.
 PLANES = 3
 # A bucket of the queue is 1 << BUCKET_BITS units of f wide; the last one holds what is beyond.
@@ -321,14 +324,14 @@ def jump_search(
         x = cell - y * width
         rise = g + octile(straight, extra, x - goal_x, y - goal_y) + RISE
         row = shared.EVERY_MOVE if cell == start else (pool[ENTRY * entry - 1] & 7) << 8
-        mask = np.int64(shared.CANONICAL_SUCCESSORS[row | moves[cell]])
+        mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
         # What the scans find is written behind the last entry: cell, g and move.
         last = top
         while mask:
-            move = shared.LOWEST[mask]
+            move = LOWEST[mask]
             mask &= mask - 1
-            step_x = shared.STEP_X[move]
-            step_y = shared.STEP_Y[move]
+            step_x = STEP_X[move]
+            step_y = STEP_Y[move]
             bit = 1 << move
             turn_x, turn_y = 1 - step_x, 2 - step_y
             at, at_x, at_y, at_g = cell, x, y, g

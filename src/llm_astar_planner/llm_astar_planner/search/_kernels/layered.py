@@ -21,6 +21,7 @@ from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, octile, pop, push
 from llm_astar_planner.search.kernel_cache import jit
 
+CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
 # One more way a call can end: a layer was entered for which there is no slot.
 NEED_SLOT = 6
 DIGIT_BITS = 10
@@ -112,32 +113,23 @@ class Layers(NamedTuple):
     caps: NDArray[np.float64]
 
 
-@jit
-def mark_region(
-    mask: NDArray[np.bool_],
-    blocked: NDArray[np.bool_],
-    bit: int,
-    cell_bits: NDArray[np.uint32],
-    box: NDArray[np.int64],
-) -> int:
-    """Set a bit in the free cells of a region that lie in the rows `box[2]` to `box[3]`.
+class Queue(NamedTuple):
+    """The open states: `heads` [LEVELS << DIGIT_BITS] and a pool of linked entries."""
 
-    Returns their number and writes their bounding box: x0, x1, y0, y1.
-    """
-    width = mask.shape[1]
-    first_row, last_row = box[2], box[3]
-    box[0], box[1], box[2], box[3] = width, -1, last_row, -1
-    count = 0
-    for y in range(first_row, last_row + 1):
-        for x in range(width):
-            if mask[y, x] and not blocked[y, x]:
-                cell_bits[y * width + x] |= np.uint32(bit)
-                count += 1
-                box[0] = min(box[0], x)
-                box[1] = max(box[1], x)
-                box[2] = min(box[2], y)
-                box[3] = y
-    return count
+    heads: NDArray[np.int32]
+    keys: NDArray[np.int64]
+    entries: NDArray[np.int64]  # state << 32 | next entry + 1
+
+
+class Search(NamedTuple):
+    """A search: what it is for, and what it keeps from call to call."""
+
+    tables: Tables
+    layers: Layers
+    states: States
+    queue: Queue
+    control: NDArray[np.int64]  # [C_SIZE]
+    best: NDArray[np.float64]  # the cost of the best path, inf without one; one element
 
 
 @jit
@@ -150,21 +142,6 @@ def pack(bits: int, mask: int) -> int:
             packed |= (bits >> region & 1) << place
             place += 1
     return packed
-
-
-@jit
-def fill_bases(groups: Groups) -> None:
-    """Write the group and the visited regions of each base layer."""
-    for group in range(groups.masks.size):
-        for packed in range(groups.first_base[group + 1] - groups.first_base[group]):
-            base = groups.first_base[group] + packed
-            groups.base_group[base] = group
-            place = 0
-            for region in range(MAX_REGIONS):
-                if groups.masks[group] >> region & 1:
-                    groups.base_visited[base] |= (packed >> place & 1) << region
-                    place += 1
-    groups.base_group[-1] = groups.masks.size
 
 
 @jit
@@ -192,11 +169,7 @@ def layer_after(tables: Tables, layers: Layers, slot: int, bits: int) -> tuple[i
 @jit
 def layer_number(tables: Tables, base: int, entered: int) -> int:
     """Return the index in `Layers.slots` of a base layer with the regions `entered`."""
-    first_mask = tables.rules.first_mask[0]
-    firsts = 0
-    for region in range(MAX_REGIONS):
-        firsts += first_mask >> region & 1
-    return base << firsts | pack(entered, first_mask)
+    return pack(entered, tables.rules.first_mask[0]) * tables.groups.base_group.size + base
 
 
 @jit
@@ -277,7 +250,7 @@ def spread(
         cell = y * width + x
         mask = np.int64(moves[cell])
         while mask:
-            move = shared.LOWEST[mask]
+            move = LOWEST[mask]
             mask &= mask - 1
             other_x = x + STEP_X[move]
             other_y = y + STEP_Y[move]
@@ -299,15 +272,14 @@ def spread(
 
 
 @jit
-def region_cap(
-    tables: Tables, layers: Layers, states: States, slot: int, region: int, margin: int
-) -> float:
+def region_cap(search: Search, slot: int, region: int, margin: int) -> float:
     """Return a cost at which entering a pending region from a layer is of no use any more.
 
     By then every cell of the region is reached by way of the cells entered so far and of paths
     that leave the region's bounding box by at most `margin` cells. Cells in a pocket do not
     count, since no path reaches them. inf if other cells are not reached.
     """
+    tables, layers, states = search.tables, search.layers, search.states
     width, cells = tables.grid.width, tables.grid.moves.size
     box = tables.boxes[region]
     window = box.copy()
@@ -352,11 +324,10 @@ def region_cap(
 
 
 @jit
-def measure_caps(
-    tables: Tables, layers: Layers, states: States, slots: int, margin: int, patience: int
-) -> None:
+def measure_caps(search: Search, margin: int, patience: int) -> None:
     """Measure the caps of layers whose search went on for `patience` times the work of that."""
-    for slot in range(slots):
+    tables, layers = search.tables, search.layers
+    for slot in range(search.control[C_SLOTS]):
         fresh = layers.expansions[slot] - layers.measured[slot]
         work = 0
         for region in range(MAX_REGIONS):
@@ -367,7 +338,7 @@ def measure_caps(
             layers.measured[slot] = layers.expansions[slot]
             for region in range(MAX_REGIONS):
                 if layers.reached[slot] >> region & 1:
-                    cap = region_cap(tables, layers, states, slot, region, margin)
+                    cap = region_cap(search, slot, region, margin)
                     layers.caps[slot, region] = min(layers.caps[slot, region], cap)
 
 
@@ -470,14 +441,6 @@ def estimate_below_caps(
     return least
 
 
-class Queue(NamedTuple):
-    """The open states: `heads` [LEVELS << DIGIT_BITS] and a pool of linked entries."""
-
-    heads: NDArray[np.int32]
-    keys: NDArray[np.int64]
-    entries: NDArray[np.int64]  # state << 32 | next entry + 1
-
-
 @jit
 def bucket_of(key: int, last: int) -> int:
     """Return the bucket of a key, not below `last`, the last key taken."""
@@ -514,16 +477,9 @@ def refill(queue: Queue, last: int) -> int:
 
 
 @jit
-def begin(
-    tables: Tables,
-    layers: Layers,
-    queue: Queue,
-    states: States,
-    start: int,
-    control: NDArray[np.int64],
-    best: NDArray[np.float64],
-) -> None:
-    """Put the start on the queue. `best[0]` is the cost of the best path, inf without one."""
+def begin(search: Search, start: int) -> None:
+    """Put the start on the queue."""
+    tables, layers, states, queue, control, best = search
     control[:] = 0
     best[0] = np.inf
     bits = np.int64(tables.cell_bits[start])
@@ -555,7 +511,7 @@ def allowed_moves(tables: Tables, entered: int, cell: int, mask: int) -> int:
     """Return the moves of `mask` that no rule forbids."""
     allowed = 0
     while mask:
-        move = shared.LOWEST[mask]
+        move = LOWEST[mask]
         mask &= mask - 1
         other = cell + STEP_Y[move] * tables.grid.width + STEP_X[move]
         bits = np.int64(tables.cell_bits[other])
@@ -569,11 +525,11 @@ def allowed_moves(tables: Tables, entered: int, cell: int, mask: int) -> int:
 def advance(
     tables: Tables,
     layers: Layers,
-    queue: Queue,
     states: States,
-    every_move: bool,
+    queue: Queue,
     control: NDArray[np.int64],
     best: NDArray[np.float64],
+    every_move: bool,
     quota: int,
     stop: NDArray[np.uint8],
 ) -> int:
@@ -661,9 +617,9 @@ def advance(
             cell_price += rule_price(tables.rules, np.int64(cell_bits[cell]), entered)
             mask = np.int64(allowed_moves(tables, entered, cell, mask))
         row = shared.EVERY_MOVE if every_move or tag & ENTERED else np.int64(tag & 7) << 8
-        mask = np.int64(shared.CANONICAL_SUCCESSORS[row | mask])
+        mask = np.int64(CANONICAL_SUCCESSORS[row | mask])
         while mask:
-            move = shared.LOWEST[mask]
+            move = LOWEST[mask]
             mask &= mask - 1
             other_x = x + STEP_X[move]
             other_y = y + STEP_Y[move]
@@ -717,21 +673,13 @@ def advance(
 
 
 @jit
-def parent_slot(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    slots: int,
-    slot: int,
-    cell: int,
-    parent: int,
-    length: int,
-) -> int:
+def parent_slot(search: Search, slot: int, cell: int, parent: int, length: int) -> int:
     """Return the slot in which the path was at the cell `parent` before it changed to `slot`."""
+    tables, layers, states = search.tables, search.layers, search.states
     bits = np.int64(tables.cell_bits[cell])
     chosen = -1
     least = np.inf
-    for one in range(slots):
+    for one in range(search.control[C_SLOTS]):
         state = one * tables.grid.moves.size + parent
         if states.tags[state] and one != slot and bits & layers.pending[one]:
             base, entered = layer_after(tables, layers, one, bits)
@@ -746,19 +694,13 @@ def parent_slot(
 
 
 @jit
-def trace(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    start: int,
-    control: NDArray[np.int64],
-    path: NDArray[np.int32],
-) -> int:
+def trace(search: Search, start: int, path: NDArray[np.int32]) -> tuple[int]:
     """Write the best path's cells (x, y) at the end of `path`; return their count.
 
     If `path` is too short it holds the last cells, and the count is the length needed.
     """
-    moves, _, width, straight, diagonal = tables.grid
+    moves, _, width, straight, diagonal = search.tables.grid
+    tags, control = search.states.tags, search.control
     cell, slot = control[C_GOAL], control[C_GOAL_SLOT]
     count = 0
     row = len(path)
@@ -770,13 +712,11 @@ def trace(
         if row >= 0:
             path[row, 0], path[row, 1] = x, y
         if cell == start and slot == 0:
-            return count
-        tag = states.tags[slot * moves.size + cell]
+            return (count,)
+        tag = tags[slot * moves.size + cell]
         move = np.int64(tag & 7)
         parent = (y - STEP_Y[move]) * width + x - STEP_X[move]
         if tag & ENTERED:
             length = straight if move < 4 else diagonal
-            slot = parent_slot(
-                tables, layers, states, control[C_SLOTS], slot, cell, parent, length
-            )
+            slot = parent_slot(search, slot, cell, parent, length)
         cell = parent
