@@ -101,14 +101,9 @@ def search_again(
 
 def record_exact(search: PlainSearch, recorder: ExpansionRecorder) -> SearchStatus:
     """Run an exact search to its end and record it. Raises OverflowError."""
-
-    def run(quota: int) -> int:
-        search.advance(quota)
-        return search.expansions
-
     try:
         while search.status is None:
-            recorder.advance(search, EXPANSION_SLICE, run)
+            recorder.advance(search, EXPANSION_SLICE)
         return search.status
     finally:
         search.close()

@@ -55,7 +55,7 @@ def string_pull(
     if len(cells) == 0:
         return AnyAnglePath(cells, math.nan, math.nan)
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-    cost, _, wrong, room = kernels.path_cost(*rules, cells)
+    cost, _, wrong, room = kernels.path_cost(rules, cells)
     if wrong >= 0:
         last: Cell = tuple(cells[wrong].tolist())
         grid.index(last)
@@ -71,7 +71,7 @@ def string_pull(
             raise TimeoutError('the path at any angle is left out: there was no time for it')
         is_done = kernels.string_pull(*rules, points, centres, counts, costs, SLICE)
     points = points[: counts[kernels.POINTS]].copy()
-    cost, length, _, _ = kernels.path_cost(*rules, points)
+    cost, length, _, _ = kernels.path_cost(rules, points)
     return AnyAnglePath(points, length, cost)
 
 

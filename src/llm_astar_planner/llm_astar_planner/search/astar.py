@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
-from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.grid_graph import GridGraph, traced
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
@@ -47,6 +47,13 @@ class SlicedSearch:
         self.workspace = grid.borrow()
         self.generation = self.workspace.generation
 
+    def advance(self, quota: int) -> None:
+        """Search for up to `quota` units of work; set `status` if that ends the search.
+
+        Raises OverflowError where the cost of a path does not fit the records.
+        """
+        raise NotImplementedError
+
     def note(self, ended: int) -> None:
         """Note how a call of the kernel ended; give it more space. Raises OverflowError."""
         if ended == kernels.NEED_SPACE:
@@ -56,16 +63,11 @@ class SlicedSearch:
         self.status = ENDED.get(ended)
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:
-        """Return the path [n, 2] that the records hold, its length in cells and cost in units."""
-        workspace = self.workspace
-        while True:
-            count, diagonals, units = kernels.trace(
-                self._cells, self.start, self.goal, workspace.records, workspace.path
-            )
-            if count <= len(workspace.path):
-                length = count - 1 - diagonals + diagonals * math.sqrt(2.0)
-                return workspace.path[-count:].copy(), length, units
-            workspace.path = np.empty((2 * count, 2), dtype=np.int32)
+        """Return the path that the records hold, its length in cells and its cost in units."""
+        path, (diagonals, units) = traced(
+            kernels.trace, self._cells, self.start, self.goal, self.workspace.records
+        )
+        return path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0), units
 
     def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
         """Set `expanded` [height, width] where this search has expanded a cell."""
@@ -117,10 +119,7 @@ class PlainSearch(SlicedSearch):
         self._control[self.BEST_SLOT] = kernels.NO_PATH
 
     def advance(self, quota: int) -> None:
-        """Search for up to `quota` units of work; set `status` if that ends the search.
-
-        Raises OverflowError where the cost of a path does not fit the records.
-        """
+        """Expand up to `quota` cells; see `SlicedSearch.advance`."""
         workspace, control = self.workspace, self._control
         ended = kernels.astar(
             self._cells, self.start, self.goal, self._every_move, self.distances, self.active,
@@ -168,15 +167,13 @@ def exact_astar(
         blocked = GridGraph(blocked, corner_cutting=corner_cutting)
     grid = blocked
     search = PlainSearch(grid, start, goal, landmarks, every_move=every_move)
+    stop = no_stop() if stop is None else stop
     try:
-        run(search, no_stop() if stop is None else stop, deadline)
-        return make_result(search, want_expanded=want_expanded)
+        return complete(search, stop, deadline, want_expanded=want_expanded)
     except OverflowError:
         if grid.coarse() is grid:
             message = f'the cost of a path from {start} to {goal} does not fit'
             raise PathTooLongError(message) from None
-    finally:
-        search.close()
     return exact_astar(
         grid.coarse(), start, goal, stop=stop, deadline=deadline, want_expanded=want_expanded,
         every_move=every_move,
@@ -203,6 +200,20 @@ def shortest_path(
     if result.status is SearchStatus.STOPPED:
         raise InterruptedError('the search was stopped')
     return result.path, result.cost
+
+
+def complete(
+    search: PlainSearch, stop: StopFlag, deadline: float, *, want_expanded: bool
+) -> BoundedResult:
+    """Run a search to its end, or until it is stopped, and close it; return what it proves.
+
+    Raises OverflowError.
+    """
+    try:
+        run(search, stop, deadline)
+        return make_result(search, want_expanded=want_expanded)
+    finally:
+        search.close()
 
 
 def run(search: PlainSearch, stop: StopFlag, deadline: float) -> None:

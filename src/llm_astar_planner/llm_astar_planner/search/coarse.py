@@ -7,6 +7,8 @@ the parts, over the borders where they touch, times the mean price of the cells 
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,20 +17,7 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 
-# A workspace that has served so many queries is not used again.
-LAST_GENERATION = 2**30 - 1
 EVERY_NODE = 2**62
-
-
-class RouteWorkspace:
-    """What one running query writes for each node; `_kernels.coarse.route` describes it."""
-
-    def __init__(self, nodes: int) -> None:
-        """Make a workspace for so many nodes."""
-        self.generation = 0
-        self.costs = np.zeros(nodes)
-        self.parents = np.zeros((nodes, 3), dtype=np.int32)
-        self.stamps = np.zeros(nodes, dtype=np.int32)
 
 
 class CoarseGraph:
@@ -44,12 +33,13 @@ class CoarseGraph:
         nodes = tiles.components.size
         self._places = np.zeros(nodes, dtype=np.int64)
         self._prices = np.ones(nodes if grid.cell_surcharge.size else 0, dtype=np.float32)
-        self._is_open = np.zeros(tiles.counts.shape, dtype=np.bool_)
+        self._is_open = np.zeros(tiles.tables.counts.shape, dtype=np.bool_)
         kernels.describe_nodes(
             tiles.tables, grid.cell_surcharge, self._places, self._prices, self._is_open
         )
         self._highest_price = float(self._prices.max(initial=1.0))
-        self._spare: list[RouteWorkspace] = []
+        self._spare: list[kernels.Workspace] = []
+        self._generations = count(1)
 
     def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> NDArray[np.int64] | None:
         """Return the cells (x, y), int64 [n, 2], at which a route turns between start and goal.
@@ -66,27 +56,29 @@ class CoarseGraph:
             return None
         points = self._route(start, goal, most)
         rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-        return kernels.taut(rules, tiles.shift, points)
+        return kernels.taut(rules, tiles.tables.shift, points)
 
     def _route(self, start: Cell, goal: Cell, most: int) -> NDArray[np.int64]:
         """Return the cells of a cheapest route, start and goal included: int64 [n, 2]."""
         try:
             workspace = self._spare.pop()
         except IndexError:
-            workspace = RouteWorkspace(self._places.size)
-        workspace.generation += 1
-        ended, node = kernels.route(
-            self._tiles.tables, self._is_open, self._places, self._prices, self._highest_price,
-            start, goal, workspace.generation, workspace.costs, workspace.parents,
-            workspace.stamps, most,
-        )  # fmt: skip
-        if ended == kernels.ROUTE:
-            points = kernels.trace(start, goal, node, self._places, workspace.parents)
-        if workspace.generation < LAST_GENERATION:
+            nodes = self._places.size
+            workspace = kernels.Workspace(
+                np.zeros(nodes),
+                np.zeros((nodes, 3), dtype=np.int32),
+                np.zeros(nodes, dtype=np.int64),
+            )
+        try:
+            ended, node = kernels.route(
+                self._tiles.tables, self._is_open, self._places, self._prices,
+                self._highest_price, start, goal, next(self._generations), workspace, most,
+            )  # fmt: skip
+            if ended != kernels.ROUTE:
+                raise TimeoutError(f'no route after {most} nodes')
+            return np.asarray(kernels.trace(start, goal, node, self._places, workspace.parents))
+        finally:
             self._spare.append(workspace)
-        if ended != kernels.ROUTE:
-            raise TimeoutError(f'no route after {most} nodes')
-        return points
 
 
 def compile_kernels() -> None:

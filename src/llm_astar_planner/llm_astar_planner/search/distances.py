@@ -85,8 +85,7 @@ class DistanceRows:
         self._map = freest
         self._distances = distances
         self._pool = np.empty(1 << 14, dtype=np.int64)
-        self._heads = np.zeros(freest.ring, dtype=np.int32)
-        self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
+        self._clear()
 
     def fill(self, row: int, source: int, stop: StopFlag, deadline: float = math.inf) -> bool:
         """Measure a row from the cell `source`; False: stopped, out of time or beyond 32 bits.
@@ -149,10 +148,8 @@ class DistanceRows:
 
     def _clear(self) -> None:
         """Empty the queue."""
-        if self._heads.size != self._map.ring:
-            self._heads = np.zeros(self._map.ring, dtype=np.int32)
-        self._heads[:] = 0
-        self._control[:] = 0
+        self._heads = np.zeros(self._map.ring, dtype=np.int32)
+        self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
 
     def _propagate(
         self, row: int, seeds: NDArray[np.int64], canonical: bool, quota: int, stop: StopFlag

@@ -6,7 +6,6 @@ each of these steps which cells are new: the searches run as they always do, onl
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -64,19 +63,19 @@ class ExpansionRecorder:
         """Begin another search, whose expansions count on from those before."""
         self._before = self._steps[-1][0] if self._steps else 0
 
-    def advance(self, search: SlicedSearch, quota: int, run: Callable[[int], int]) -> None:
-        """Do one slice of `quota` by calling `run` with smaller quotas; look after each.
+    def advance(self, search: SlicedSearch, quota: int, others: int = 0) -> None:
+        """Advance a search by `quota` in smaller slices; look after each.
 
-        `run` returns the expansions of this search so far. The slice ends where one call of it
-        would have: it did less than it was allowed to where the search has ended or its memory
+        `others` are the expansions of other searches that count too. It ends where one slice
+        would have: that does less than it is allowed to where the search has ended or its memory
         has to grow.
         """
         end = search.work + quota
         while (left := end - search.work) > 0:
             before, step = search.work, min(self.step, left)
-            expansions = run(step)
+            search.advance(step)
             search.add_expanded(self._expanded)
-            self.look(self._expanded, expansions)
+            self.look(self._expanded, others + search.expansions)
             if search.work - before < step:
                 return
 

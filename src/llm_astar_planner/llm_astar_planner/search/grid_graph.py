@@ -45,13 +45,12 @@ class Workspace:
         self.keys = np.empty(self.pool.size, dtype=np.int64)
         self.heads = np.zeros(ring, dtype=np.int32)
         self.control = np.zeros(kernels.A_SIZE, dtype=np.int64)
-        self.path = np.empty((512, 2), dtype=np.int32)
         self.generation = 0
 
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        arrays = (self.records, self.pool, self.keys, self.heads, self.control, self.path)
+        arrays = (self.records, self.pool, self.keys, self.heads, self.control)
         return sum(array.nbytes for array in arrays)
 
     def grow_pool(self) -> None:
@@ -99,11 +98,6 @@ class PackedGrid:
                 _, jumps = jump_kernels.pack_window(blocked.T, words, columns, across)
                 jump_points += jumps
         return PackedGrid(words, count, jump_points)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        return self.words.nbytes
 
 
 class GridGraph:
@@ -202,7 +196,7 @@ class GridGraph:
         idle = list(self._spare) + ([] if self._coarse is None else list(self._coarse._spare))
         own = self.moves.nbytes + self.cell_surcharge.nbytes
         if 'packed' in vars(self):
-            own += self.packed.nbytes
+            own += self.packed.words.nbytes
         return own + sum(workspace.nbytes for workspace in idle)
 
     @cached_property
@@ -247,9 +241,8 @@ class GridGraph:
 
     def octile(self, cell: Cell, other: Cell) -> int:
         """Return the octile distance between two cells in units: the least a path can cost."""
-        delta_x, delta_y = abs(cell[0] - other[0]), abs(cell[1] - other[1])
-        least, most = min(delta_x, delta_y), max(delta_x, delta_y)
-        return self.straight * most + (self.diagonal - self.straight) * least
+        deltas = abs(cell[0] - other[0]), abs(cell[1] - other[1])
+        return self.straight * max(deltas) + (self.diagonal - self.straight) * min(deltas)
 
     def borrow(self) -> Workspace:
         """Take a workspace, of a query number that no record carries; see `give_back`."""
@@ -277,6 +270,19 @@ class GridGraph:
             grid._coarse = grid
             self._coarse = grid
         return self._coarse
+
+
+def traced(trace: Any, *found: Any) -> tuple[NDArray[np.int32], list[int]]:  # noqa: ANN401
+    """Return a path, int32 [n, 2], that the kernel `trace` writes, and what else it counts.
+
+    A kernel writes to the end of an array as many cells as fit; it returns how many there are.
+    """
+    path = np.empty((1024, 2), dtype=np.int32)
+    count, *others = trace(*found, path)
+    if count > len(path):
+        path = np.empty((count, 2), dtype=np.int32)
+        trace(*found, path)
+    return path[-count:].copy(), others
 
 
 def path_length(path: NDArray[np.int32]) -> float:

@@ -125,11 +125,11 @@ class GuidedSearch:
         if landmarks is not None and landmarks.distances.shape[1] != self._grid.moves.size:
             raise ValueError('landmarks: are of a map of another size')
         self._landmarks = landmarks
-        stop = no_stop() if stop is None else stop
-        self._query = _Query(
-            start, goal, max_suboptimality, stop, deadline, weight, work_factor, recorder,
-            deque() if inbox is None else inbox,
-        )  # fmt: skip
+        self.start, self.goal, self.stop = start, goal, no_stop() if stop is None else stop
+        self.max_suboptimality, self.recorder = max_suboptimality, recorder
+        self.deadline, self.weight, self.work_factor = deadline, weight, work_factor
+        # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
+        self.inbox: deque[NDArray[np.float64]] = deque() if inbox is None else inbox
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
@@ -146,7 +146,7 @@ class GuidedSearch:
         if points.ndim != 2 or points.shape[1] != 2:
             raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
         if len(points):
-            self._query.inbox.append(points)
+            self.inbox.append(points)
 
     def solutions(
         self, *, want_expanded: bool = False
@@ -157,7 +157,7 @@ class GuidedSearch:
         """
         grid, landmarks = self._grid, self._landmarks
         while True:
-            run = _Run(self._query, grid, landmarks)
+            run = _Run(self, grid, landmarks)
             try:
                 yield from run.solutions()
                 self._result = run.result(want_expanded=want_expanded)
@@ -165,12 +165,11 @@ class GuidedSearch:
             except OverflowError:
                 # Too long for the fine units: restart in coarse ones, which landmarks are not in.
                 if grid.coarse() is grid:
-                    query = self._query
-                    message = f'the cost of a path {query.start} to {query.goal} does not fit'
+                    message = f'the cost of a path {self.start} to {self.goal} does not fit'
                     raise PathTooLongError(message) from None
                 grid, landmarks = grid.coarse(), None
                 if run.waypoints is not None:
-                    self._query.inbox.appendleft(run.waypoints)
+                    self.inbox.appendleft(run.waypoints)
             except GeneratorExit:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
@@ -178,6 +177,14 @@ class GuidedSearch:
                 run.plain.close()
                 if run.waypoint_search is not None:
                     run.waypoint_search.close()
+
+    def is_met(self, plain: PlainSearch) -> bool:
+        """Tell whether the best path that the plain search knows is good enough."""
+        if plain.best == plain_kernels.NO_PATH or self.max_suboptimality is None:
+            return plain.best < plain_kernels.NO_PATH
+        # Rounded down: the bound reported is never above the one asked for.
+        limit = math.floor(self.max_suboptimality / plain.grid.rounding * kernels.ONE)
+        return plain.best * kernels.ONE <= plain.bound * limit
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
@@ -187,9 +194,7 @@ class GuidedSearch:
 
 
 @search_method(uses_waypoints=True, takes_late_waypoints=True)
-def guided_method(
-    problem: SearchProblem,
-) -> Generator[AnytimeSolution, None, GuidedResult]:
+def guided_method(problem: SearchProblem) -> Generator[AnytimeSolution, None, GuidedResult]:
     """Search along the waypoints of a problem, those included that come in meanwhile."""
     search = GuidedSearch(
         problem.grid, problem.start, problem.goal, max_suboptimality=problem.max_suboptimality,
@@ -217,37 +222,13 @@ def guided(
     return search.result()
 
 
-@dataclass(frozen=True, eq=False)
-class _Query:
-    """What a search was asked for: the parameters of `GuidedSearch` and its waypoints."""
-
-    start: Cell
-    goal: Cell
-    max_suboptimality: float | None
-    stop: StopFlag
-    deadline: float
-    weight: float
-    work_factor: float | None
-    recorder: ExpansionRecorder | None
-    # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
-    inbox: deque[NDArray[np.float64]]
-
-    def is_met(self, plain: PlainSearch) -> bool:
-        """Tell whether the best path that the plain search knows is good enough."""
-        if plain.best == plain_kernels.NO_PATH or self.max_suboptimality is None:
-            return plain.best < plain_kernels.NO_PATH
-        # Rounded down: the bound reported is never above the one asked for.
-        limit = math.floor(self.max_suboptimality / plain.grid.rounding * kernels.ONE)
-        return plain.best * kernels.ONE <= plain.bound * limit
-
-
 class WaypointSearch(SlicedSearch):
     """The search along waypoints: its records, its queue and its counts.
 
     It ends when it reaches the goal (FOUND) or cannot find a path cheaper than the best known.
     """
 
-    def __init__(self, query: _Query, plain: PlainSearch) -> None:
+    def __init__(self, query: GuidedSearch, plain: PlainSearch) -> None:
         """Search the grid of the plain search, with its estimate; `follow` starts it."""
         super().__init__(plain.grid, query.start, query.goal)
         self._plain = plain
@@ -285,19 +266,19 @@ class WaypointSearch(SlicedSearch):
 class _Run:
     """One run of a guided search on one grid: an exact search and, with waypoints, theirs."""
 
-    def __init__(self, query: _Query, grid: GridGraph, landmarks: Landmarks | None) -> None:
+    def __init__(self, query: GuidedSearch, grid: GridGraph, landmarks: Landmarks | None) -> None:
         self.query = query
         (x, y), (goal_x, goal_y) = query.start, query.goal
         # Jump points pay for far goals, on uniform costs without corner cutting, unless the map
         # is full of them.
-        jumps = max(abs(x - goal_x), abs(y - goal_y)) >= FAR
-        jumps = jumps and not (grid.cell_surcharge.size or grid.corner_cutting)
+        self.fewest_moves = max(abs(x - goal_x), abs(y - goal_y))
+        jumps = self.fewest_moves >= FAR and not (grid.cell_surcharge.size or grid.corner_cutting)
         jumps = jumps and grid.packed.jump_points <= MOST_JUMP_POINTS * grid.moves.size
         exact_search = JumpSearch if jumps else PlainSearch
         self.plain = exact_search(grid, query.start, query.goal, landmarks)
         self.waypoint_search: WaypointSearch | None = None
         self.waypoints: NDArray[np.float64] | None = None
-        self.expansions = self.fewest_moves = self.plain_first = 0
+        self.expansions = self.plain_first = 0
         self.status = self.plain.status
         self.best = self.units = plain_kernels.NO_PATH
         self.solution: AnytimeSolution | None = None
@@ -353,13 +334,8 @@ class _Run:
         """Advance one of the searches, and record what it expands if that is wanted."""
         if self.query.recorder is None:
             search.advance(quota)
-            return
-
-        def run(step: int) -> int:
-            search.advance(step)
-            return self.count()
-
-        self.query.recorder.advance(search, quota, run)
+        else:
+            self.query.recorder.advance(search, quota, self.count() - search.expansions)
 
     def count(self) -> int:
         """Return the expansions of both searches."""
@@ -386,8 +362,7 @@ class _Run:
         if self.waypoint_search is not None:
             self.waypoint_search.follow(points)
             return
-        (x, y), (goal_x, goal_y) = self.query.start, self.query.goal
-        moves, grid = max(abs(x - goal_x), abs(y - goal_y)), self.plain.grid
+        moves, grid = self.fewest_moves, self.plain.grid
         if not grid.cell_surcharge.size:
             moves = max(moves, self.plain.bound // grid.diagonal)
         self.fewest_moves = moves

@@ -20,7 +20,7 @@ from llm_astar_planner.search._kernels import headings as kernels
 from llm_astar_planner.search._kernels.astar import NEED_SPACE, OVERFLOW, RUNNING, heap_push
 from llm_astar_planner.search.astar import ENDED, EXPANSION_SLICE, PathTooLongError
 from llm_astar_planner.search.distances import DistanceRows, FreestMap
-from llm_astar_planner.search.grid_graph import GridGraph, path_length
+from llm_astar_planner.search.grid_graph import GridGraph, path_length, traced
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
 from llm_astar_planner.search.stop import StopFlag
 
@@ -90,8 +90,6 @@ class HeadingSearch:
         self._to_goal = np.zeros((1, cells), dtype=np.int32)
         self._known, self._free = (np.zeros(cells, dtype=np.uint16) for _ in range(2))
         self._control = np.zeros(kernels.H_SLOTS, dtype=np.int64)
-        self._costs = np.zeros(0, dtype=np.int32)
-        self._came = np.zeros(0, dtype=np.uint8)
         self.status = SearchStatus.STOPPED
         self.expansions = 0
 
@@ -163,12 +161,7 @@ class HeadingSearch:
 
     def result(self, state: int, *, want_expanded: bool) -> BoundedResult:
         """Describe the cheapest path to a state that was expanded."""
-        path = np.empty((512, 2), dtype=np.int32)
-        count, _ = kernels.trace(self._came, self.grid.width, state, path)
-        if count > len(path):
-            path = np.empty((count, 2), dtype=np.int32)
-            kernels.trace(self._came, self.grid.width, state, path)
-        path = path[-count:].copy()
+        path, _ = traced(kernels.trace, self._came, self.grid.width, state)
         units = int(self._costs[state]) - 1
         proven = self.grid.proven(path, units, units)
         expanded = np.zeros((0, 0), dtype=np.bool_)

@@ -9,20 +9,17 @@ by looking for set bits in words of 64 cells.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import jump as kernels
 from llm_astar_planner.search._kernels.astar import EXHAUSTED, FOUND, NO_PATH
-from llm_astar_planner.search.astar import PlainSearch, make_result, run
+from llm_astar_planner.search.astar import PlainSearch, complete
+from llm_astar_planner.search.grid_graph import GridGraph, traced
+from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell
 from llm_astar_planner.search.stop import StopFlag
-
-if TYPE_CHECKING:
-    from llm_astar_planner.search.grid_graph import GridGraph
-    from llm_astar_planner.search.landmarks import Landmarks
 
 
 class JumpSearch(PlainSearch):
@@ -65,16 +62,11 @@ class JumpSearch(PlainSearch):
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:
         """Return the path found, as single moves, its length in cells and its cost in units."""
-        grid, workspace = self.grid, self.workspace
-        path = workspace.path
-        while True:
-            count, diagonals = kernels.trace(grid.width, self._found, workspace.pool, path)
-            if count <= len(path):
-                break
-            path = np.empty((count, 2), dtype=np.int32)
-        straights = count - 1 - diagonals
+        grid = self.grid
+        path, (diagonals,) = traced(kernels.trace, grid.width, self._found, self.workspace.pool)
+        straights = len(path) - 1 - diagonals
         units = straights * grid.straight + diagonals * grid.diagonal
-        return path[len(path) - count :].copy(), straights + diagonals * math.sqrt(2.0), units
+        return path, straights + diagonals * math.sqrt(2.0), units
 
 
 def jump_search(
@@ -95,8 +87,4 @@ def jump_search(
     its 32 bits (beyond 900 thousand cells).
     """
     search = JumpSearch(grid, start, goal, landmarks)
-    try:
-        run(search, stop, deadline)
-        return make_result(search, want_expanded=False)
-    finally:
-        search.close()
+    return complete(search, stop, deadline, want_expanded=False)

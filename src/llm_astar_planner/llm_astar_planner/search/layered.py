@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import layered as kernels
 from llm_astar_planner.search.astar import ENDED
-from llm_astar_planner.search.grid_graph import GridGraph, path_length
+from llm_astar_planner.search.grid_graph import GridGraph, path_length, traced
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
@@ -141,79 +142,70 @@ class LayeredSearch:
         Raises LayersTooLargeError.
         """
         self._graph, self._start, self._problem = graph, start, problem
-        self._tables, self._counts = make_tables(graph, goal, problem)
-        firsts = int(self._tables.rules.first_mask[0]).bit_count()
-        count = self._tables.groups.base_group.size << firsts
+        tables, self._counts = make_tables(graph, goal, problem)
+        count = tables.groups.base_group.size << int(tables.rules.first_mask[0]).bit_count()
         if count > MAX_LAYERS:
             raise LayersTooLargeError(
                 f'{count} layers are over {MAX_LAYERS}: give fewer regions in any order'
             )
         self._limit = min(count, max(1, MAX_BYTES // (STATE_BYTES * graph.moves.size)))
-        self._layers = make_layers(count, self._limit)
-        self._states = kernels.States(np.empty(0), np.zeros(0, dtype=np.uint8))
         heads = np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32)
-        self._queue = kernels.Queue(heads, *np.empty((2, 4096), dtype=np.int64))
-        self._control = np.zeros(kernels.C_SIZE, dtype=np.int64)
-        self._best = np.full(1, np.inf)
+        self._search = kernels.Search(
+            tables, make_layers(count, self._limit),
+            kernels.States(np.empty(0), np.zeros(0, dtype=np.uint8)),
+            kernels.Queue(heads, *np.empty((2, 4096), dtype=np.int64)),
+            np.zeros(kernels.C_SIZE, dtype=np.int64), np.full(1, np.inf),
+        )  # fmt: skip
 
     def run(self, stop: StopFlag, deadline: float) -> SearchStatus:
         """Search to the end, or until stopped. Raises LayersTooLargeError."""
-        graph, tables = self._graph, self._tables
+        graph, tables = self._graph, self._search.tables
         wanted = [region for group in self._problem.visits for region in group]
         if graph.blocked.reshape(-1)[self._start] or not all(
             self._counts[region] for region in (*wanted, MAX_REGIONS)
         ):
             return SearchStatus.EXHAUSTED
         self.add_slots()
-        kernels.begin(
-            tables, self._layers, self._queue, self._states, self._start, self._control,
-            self._best,
-        )  # fmt: skip
+        kernels.begin(self._search, self._start)
         prices = tables.rules.prices
         every_move = bool(tables.grid.cell_surcharge.size or tables.price.size)
         every_move |= bool(((prices > 0.0) & (prices < np.inf)).any())
         while not stop[0] and time.monotonic() < deadline:
-            ended = kernels.advance(
-                tables, self._layers, self._queue, self._states, every_move,
-                self._control, self._best, EXPANSION_SLICE, stop,
-            )  # fmt: skip
+            ended = kernels.advance(*self._search, every_move, EXPANSION_SLICE, stop)
             if ended == plain_kernels.NEED_SPACE:
-                heads, *pool = self._queue
+                heads, *pool = self._search.queue
                 longer = (np.concatenate((part, np.empty_like(part))) for part in pool)
-                self._queue = kernels.Queue(heads, *longer)
+                self._search = self._search._replace(queue=kernels.Queue(heads, *longer))
             elif ended == kernels.NEED_SLOT:
                 self.add_slots()
             elif ended != plain_kernels.RUNNING:
                 return ENDED[ended]
             else:
-                slots = int(self._control[kernels.C_SLOTS])
-                kernels.measure_caps(
-                    tables, self._layers, self._states, slots, CAP_MARGIN, CAP_PATIENCE
-                )
+                kernels.measure_caps(self._search, CAP_MARGIN, CAP_PATIENCE)
         return SearchStatus.STOPPED
 
     def add_slots(self) -> None:
         """Make room for more layers. Raises LayersTooLargeError beyond the limit of memory."""
         cells = self._graph.moves.size
-        have = self._states.tags.size // cells
+        have = self._search.states.tags.size // cells
         if have >= self._limit or cells * STATE_BYTES > MAX_BYTES:
             raise LayersTooLargeError(
                 f'the layers of {cells} cells take over {MAX_BYTES / 1e9:g} GB'
             )
         slots = min(self._limit, max(4, 2 * have))
         costs, tags = np.empty(slots * cells), np.zeros(slots * cells, dtype=np.uint8)
-        costs[: have * cells], tags[: have * cells] = self._states
-        self._states = kernels.States(costs, tags)
+        costs[: have * cells], tags[: have * cells] = self._search.states
+        self._search = self._search._replace(states=kernels.States(costs, tags))
 
     def result(self, status: SearchStatus, *, want_expanded: bool) -> LayeredResult:
         """Describe how the search ended."""
-        graph, control = self._graph, self._control
+        graph, control = self._graph, self._search.control
         slots = int(control[kernels.C_SLOTS])
         expanded: NDArray[np.bool_] = np.zeros((0, 0), dtype=np.bool_)
         if want_expanded and slots == 0:
             expanded = np.zeros_like(graph.blocked)
         elif want_expanded:
-            tags = self._states.tags[: slots * graph.moves.size].reshape(slots, -1)
+            tags = self._search.states.tags[: slots * graph.moves.size].reshape(slots, -1)
             every = np.bitwise_or.reduce(tags, axis=0)
             expanded = (every & kernels.EXPANDED).astype(np.bool_).reshape(graph.blocked.shape)
         counts = int(control[kernels.C_EXPANSIONS]), int(control[kernels.C_STORAGE])
@@ -224,29 +216,19 @@ class LayeredSearch:
         if status is SearchStatus.EXHAUSTED:
             lower_bound = math.inf
         elif status is SearchStatus.FOUND:
-            path = self.path()
+            path, _ = traced(kernels.trace, self._search, self._start)
             visited_at = self.visited_at(path)
-            cost = lower_bound = float(self._best[0]) / graph.straight
+            cost = lower_bound = float(self._search.best[0]) / graph.straight
             ratio = graph.rounding
         return LayeredResult(
             status, *counts, expanded, path, path_length(path), cost, lower_bound, ratio,
             counts[0], cost, visited_at, slots,
         )  # fmt: skip
 
-    def path(self) -> NDArray[np.int32]:
-        """Return the path found: int32 [n, 2]."""
-        path = np.empty((1024, 2), dtype=np.int32)
-        while True:
-            count = kernels.trace(
-                self._tables, self._layers, self._states, self._start, self._control, path
-            )  # fmt: skip
-            if count <= len(path):
-                return path[-count:].copy()
-            path = np.empty((count, 2), dtype=np.int32)
-
     def visited_at(self, path: NDArray[np.int32]) -> tuple[int, ...]:
         """Return for each region of the visits the index in the path where it counts."""
-        bits = self._tables.cell_bits[path[:, 1].astype(np.int64) * self._graph.width + path[:, 0]]
+        cells = path[:, 1].astype(np.int64) * self._graph.width + path[:, 0]
+        bits = self._search.tables.cell_bits[cells]
         indices: list[int] = []
         due = 0
         for group in self._problem.visits:
@@ -277,10 +259,16 @@ def make_tables(
     for region, mask in masks.items():
         rows = np.flatnonzero(mask.any(axis=1))
         if rows.size:
-            boxes[region, 2:] = rows[0], rows[-1]
-            counts[region] = kernels.mark_region(
-                mask, graph.blocked, 1 << region, cell_bits, boxes[region]
-            )
+            first, end = rows[0], rows[-1] + 1
+            free = mask[first:end] & ~graph.blocked[first:end]
+            counts[region] = int(np.count_nonzero(free))
+            bits = cell_bits.reshape(mask.shape)[first:end]
+            np.bitwise_or(bits, np.uint32(1 << region), out=bits, where=free)
+            ys, xs = (np.flatnonzero(free.any(axis=axis)) for axis in (1, 0))
+            if counts[region]:
+                boxes[region] = xs[0], xs[-1], first + ys[0], first + ys[-1]
+            else:
+                boxes[region] = graph.width, -1, end - 1, -1
     price = np.zeros(0, dtype=np.float32)
     if problem.price is not None:
         price = np.ascontiguousarray(problem.price, dtype=np.float32).reshape(-1)
@@ -312,15 +300,22 @@ def make_groups(visits: tuple[tuple[int, ...], ...]) -> kernels.Groups:
             f'visits: too many regions in any order, {first_base[-1]} layers'
         )
     masks = np.array([sum(1 << region for region in group) for group in groups], dtype=np.int64)
-    base_group, base_visited = np.zeros((2, first_base[-1] + 1), dtype=np.int64)
-    none = np.empty(0, dtype=np.int64)
-    tables = kernels.Groups(masks, first_base, base_group, base_visited, none, none)
-    kernels.fill_bases(tables)
+    base_group = np.append(np.repeat(np.arange(len(groups)), sizes), len(groups))
+    base_visited = np.array([*chain(*map(subsets, groups)), 0], dtype=np.int64)
     due = np.append(masks, 1 << MAX_REGIONS)[base_group] & ~base_visited
     rows, candidates = np.nonzero(due[:, None] >> np.arange(MAX_REGIONS + 1) & 1)
     begin = np.searchsorted(rows, np.arange(len(due) + 1))
     # Contiguous as the others, whatever their number: otherwise numba compiles all of it twice.
-    return tables._replace(candidate_begin=begin, candidates=np.ascontiguousarray(candidates))
+    candidates = np.ascontiguousarray(candidates)
+    return kernels.Groups(masks, first_base, base_group, base_visited, begin, candidates)
+
+
+def subsets(group: set[int]) -> list[int]:
+    """Return the masks of the sets of regions of a group, all but the last, which is the group."""
+    masks = [0]
+    for region in sorted(group):
+        masks += [mask | 1 << region for mask in masks]
+    return masks[:-1]
 
 
 def make_slopes(graph: GridGraph) -> NDArray[np.float64]:
@@ -340,8 +335,5 @@ def make_slopes(graph: GridGraph) -> NDArray[np.float64]:
 def make_layers(count: int, slots: int) -> kernels.Layers:
     """Return the table of `count` layers, of which as many as `slots` may be entered."""
     numbers = np.zeros((6, slots), dtype=np.int64)
-    base, entered, pending, reached, expansions, measured = numbers
-    return kernels.Layers(
-        np.full(count, -1, dtype=np.int32), base, entered, pending, reached, expansions, measured,
-        np.empty((slots, MAX_REGIONS)),
-    )  # fmt: skip
+    caps = np.empty((slots, MAX_REGIONS))
+    return kernels.Layers._make([np.full(count, -1, dtype=np.int32), *numbers, caps])

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,16 +20,13 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.methods import HEURISTIC_NAMES
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import Cell, SearchResult
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
-HEURISTICS = {
-    'euclidean': kernels.EUCLIDEAN,
-    'octile': kernels.OCTILE,
-    'chebyshev': kernels.CHEBYSHEV,
-    'manhattan': kernels.MANHATTAN,
-}
+# The numbers of `kernels.EUCLIDEAN` and those after it.
+HEURISTICS = {name: number for number, name in enumerate(HEURISTIC_NAMES)}
 # Dynamic weighted A* starts at weight 2, which decays by 0.99 per pop (LLM-A* paper, table 1).
 DYNAMIC_WEIGHT = 2.0
 DYNAMIC_DECAY = 0.99
@@ -84,9 +80,32 @@ class PaperMethod:
         `targets` [n, 2] is the paper's target list without its start, in cells; methods that
         use no waypoints ignore it.
         """
+        height, width = blocked.shape
+        first, last = (x * height + y for x, y in (start, goal))
         weight = options.weight if self.weight is None else self.weight
         chosen: ArrayLike = targets if self.uses_targets else []
-        return run_kernel(blocked, start, goal, chosen, options, weight=weight, decay=self.decay)
+        # The system provides zeroed pages on first touch: a small search of a large map is cheap.
+        seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
+        g, move_to = np.empty(width * height), np.empty(width * height, dtype=np.int8)
+        counts = np.zeros(kernels.COUNTS, dtype=np.int64)
+        search: Callable[..., int] = partial(
+            kernels.paper_search,
+            np.ascontiguousarray(blocked, dtype=np.bool_), first, last,
+            np.asarray(chosen, dtype=np.float64).reshape(-1, 2), HEURISTICS[options.heuristic],
+            float(self.decay), bool(options.corner_cutting), options.stop,
+            SLICE if options.recorder is None else options.recorder.step,
+            seen, closed, g, move_to, counts, np.array([max(1.0, weight), weight]),
+        )  # fmt: skip
+        expanded = closed.reshape(width, height).T
+        code = run_slices(search, options, expanded, counts)
+        expansions, storage = int(counts[kernels.EXPANSIONS]), int(counts[kernels.STORAGE])
+        found = (
+            ENDED[code], expansions, storage, expanded if options.want_expanded else _NOT_WANTED,
+        )  # fmt: skip
+        if code != FOUND:
+            return SearchResult(*found)
+        path, diagonals = kernels.trace_back(move_to, first, last, height)
+        return SearchResult(*found, path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0))
 
 
 # Stale queue entries are expanded too, ties go by (f, x, y).
@@ -144,69 +163,23 @@ def compile_kernels() -> None:
         string_pull(grid, result.path)
 
 
-def run_kernel(
-    blocked: NDArray[np.bool_],
-    start: Cell,
-    goal: Cell,
-    targets: ArrayLike,
-    options: SearchOptions,
-    *,
-    weight: float,
-    decay: float,
-) -> SearchResult:
-    """Run the loop that all of the paper's methods share, with their weight, decay and targets."""
-    height, width = blocked.shape
-    first, last = (x * height + y for x, y in (start, goal))
-    # The system provides zeroed pages on first touch: a small search of a large map is cheap.
-    seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
-    g, move_to = np.empty(width * height), np.empty(width * height, dtype=np.int8)
-    counts = np.zeros(kernels.COUNTS, dtype=np.int64)
-    recorder = options.recorder
-    search: Callable[..., int] = partial(
-        kernels.paper_search,
-        np.ascontiguousarray(blocked, dtype=np.bool_), first, last,
-        np.asarray(targets, dtype=np.float64).reshape(-1, 2), HEURISTICS[options.heuristic],
-        float(decay), bool(options.corner_cutting), options.stop,
-        SLICE if recorder is None else recorder.step,
-        seen, closed, g, move_to, counts, np.array([max(1.0, weight), weight]),
-    )  # fmt: skip
-    if recorder is not None:
-        search = recorded(search, recorder, closed.reshape(width, height).T, counts)
-    code = run_slices(search, options.deadline)
-    expanded = closed.reshape(width, height).T if options.want_expanded else _NOT_WANTED
-    found = ENDED[code], int(counts[kernels.EXPANSIONS]), int(counts[kernels.STORAGE]), expanded
-    if code != FOUND:
-        return SearchResult(*found)
-    path, diagonals = kernels.trace_back(move_to, first, last, height)
-    return SearchResult(*found, path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0))
-
-
-def recorded(
+def run_slices(
     search: Callable[..., int],
-    recorder: ExpansionRecorder,
-    closed: NDArray[np.bool_],
+    options: SearchOptions,
+    expanded: NDArray[np.bool_],
     counts: NDArray[np.int64],
-) -> Callable[..., int]:
-    """Return a search whose slices are recorded; `closed` [height, width] is what it expanded."""
-
-    def run(*heap: NDArray[Any]) -> int:
-        code = search(*heap)
-        expansions = int(counts[kernels.EXPANSIONS])
-        if code != RUNNING or recorder.is_due(expansions):
-            recorder.look(closed, expansions)
-        return code
-
-    return run
-
-
-def run_slices(search: Callable[..., int], deadline: float) -> int:
+) -> int:
     """Call a search with a heap (keys, nodes) until it ends or the deadline comes.
 
-    Returns the kernel's code of how it ended.
+    Records the `expanded` cells [height, width]. Returns the kernel's code of how it ended.
     """
     keys, nodes = np.empty(_FIRST_HEAP), np.empty(_FIRST_HEAP, dtype=np.int64)
-    while time.monotonic() < deadline:
+    recorder = options.recorder
+    while time.monotonic() < options.deadline:
         code = search(keys, nodes)
+        expansions = int(counts[kernels.EXPANSIONS])
+        if recorder is not None and (code != RUNNING or recorder.is_due(expansions)):
+            recorder.look(expanded, expansions)
         if code == NEED_SPACE:
             keys, nodes = np.concatenate((keys, keys)), np.concatenate((nodes, nodes))
         elif code != RUNNING:

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,10 +79,7 @@ class SearchMethod(Protocol):
 
 
 def search_method(
-    *,
-    uses_waypoints: bool = False,
-    takes_late_waypoints: bool = False,
-    as_published: bool = False,
+    *, uses_waypoints: bool = False, takes_late_waypoints: bool = False, as_published: bool = False
 ) -> Callable[[Callable[[SearchProblem], Any]], SearchMethod]:
     """Make a function of a SearchProblem a SearchMethod with these properties.
 
@@ -90,11 +87,10 @@ def search_method(
     """
 
     def mark(function: Callable[[SearchProblem], Any]) -> SearchMethod:
-        method: Any = function
-        method.uses_waypoints = uses_waypoints
-        method.takes_late_waypoints = takes_late_waypoints
-        method.as_published = as_published
-        marked: SearchMethod = method
-        return marked
+        vars(function).update(
+            uses_waypoints=uses_waypoints, takes_late_waypoints=takes_late_waypoints,
+            as_published=as_published,
+        )  # fmt: skip
+        return cast('SearchMethod', function)
 
     return mark

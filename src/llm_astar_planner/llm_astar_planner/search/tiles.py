@@ -8,7 +8,6 @@ components of the whole grid. After a change only the tiles that it touches are 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
@@ -21,7 +20,8 @@ SMALL_GRID, MEDIUM_GRID = 256, 512
 # A tile of 2^4 cells a side has at most 128 components: a byte holds their numbers.
 LARGEST_SHIFT = 4
 
-Index = int | slice | NDArray[np.integer[Any]]
+Numbers = NDArray[np.integer[Any]]
+Components = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,18 +33,12 @@ class Tiles:
     cutting cells that share a side are connected (a diagonal step that cuts no corner can be
     walked as two straight ones), with it also those that share a corner. Immutable.
 
-    `labels`, uint8 [height, width], holds the numbers of the local
-    components; node `nodes[t] + n` is number n of tile t, and `components` [nodes] are the
-    numbers of their components. `contacts` of tile t begin at `starts[t]`, see `_kernels.tiles`.
+    `tables.labels`, uint8 [height, width], holds the numbers of the local components; node
+    `tables.nodes[t] + n` is number n of tile t, and `components`, int32 [nodes], are the numbers
+    of their components. The contacts of tile t begin at `tables.starts[t]`, see `_kernels.tiles`.
     """
 
-    labels: NDArray[np.uint8]
-    shift: int
-    corner_cutting: bool
-    counts: NDArray[np.int32]
-    nodes: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    contacts: NDArray[np.uint32]
+    tables: kernels.TileTables
     components: NDArray[np.int32]
 
     @classmethod
@@ -53,21 +47,25 @@ class Tiles:
     ) -> Tiles:
         """Divide `blocked`, bool [height, width], into tiles of 2^shift cells a side: O(cells).
 
-        `shift` is at most 4; by default it is that of `default_shift`. Raises ValueError on a
-        wrong shape.
+        `shift` is at most 4; by default tiles have 4 cells a side up to 256 cells along the longer
+        side of the grid, 8 up to 512, and 16 beyond. Raises ValueError on a wrong shape.
         """
         grid = np.ascontiguousarray(blocked, dtype=np.bool_)
         if grid.ndim != 2 or grid.size == 0:
             raise ValueError(f'blocked: shape {grid.shape} is not [height, width]')
         if shift is None:
-            shift = default_shift(max(grid.shape))
+            side = max(grid.shape)
+            shift = 2 if side <= SMALL_GRID else 3 if side <= MEDIUM_GRID else LARGEST_SHIFT
         rows, columns = (((size - 1) >> shift) + 1 for size in grid.shape)
         labels = np.empty(grid.shape, dtype=np.uint8)
         changed = np.ones((rows, columns), dtype=np.bool_)
         counts = np.empty((rows, columns), dtype=np.int32)
         kernels.label_tiles(grid, corner_cutting, shift, changed, labels, counts)
-        old = np.zeros(rows * columns + 1, dtype=np.int32), np.empty(0, dtype=np.uint32)
-        return joined(labels, counts, changed, old, shift=shift, corner_cutting=corner_cutting)
+        starts, contacts = np.zeros(counts.size + 1, dtype=np.int32), np.empty(0, dtype=np.uint32)
+        tables = kernels.TileTables(
+            labels, shift, corner_cutting, counts, starts, starts, contacts
+        )
+        return joined(tables, changed)
 
     def updated(self, blocked: NDArray[np.bool_], windows: ArrayLike) -> Tiles:
         """Return the tiles of a grid that differs only inside of `windows`.
@@ -77,86 +75,57 @@ class Tiles:
         """
         if blocked.shape != self.shape:
             raise ValueError(f'blocked: shape {blocked.shape} is not {self.shape}')
-        changed = np.zeros(self.counts.shape, dtype=np.bool_)
-        last = (1 << self.shift) - 1
+        tables, shift = self.tables, self.tables.shift
+        changed = np.zeros(tables.counts.shape, dtype=np.bool_)
+        last = (1 << shift) - 1
         for top, bottom, left, right in np.asarray(windows, dtype=np.int64).reshape(-1, 4):
-            rows = slice(top >> self.shift, (bottom + last) >> self.shift)
-            changed[rows, left >> self.shift : (right + last) >> self.shift] = True
-        labels, counts = self.labels.copy(), self.counts.copy()
+            rows = slice(top >> shift, (bottom + last) >> shift)
+            changed[rows, left >> shift : (right + last) >> shift] = True
+        labels, counts = tables.labels.copy(), tables.counts.copy()
         grid = np.ascontiguousarray(blocked)
-        kernels.label_tiles(grid, self.corner_cutting, self.shift, changed, labels, counts)
-        old = self.starts, self.contacts
-        return joined(
-            labels, counts, changed, old, shift=self.shift, corner_cutting=self.corner_cutting
-        )
-
-    @cached_property
-    def tables(self) -> kernels.TileTables:
-        """The arrays as the compiled loops take them."""
-        return kernels.TileTables(
-            self.labels, self.shift, self.corner_cutting, self.counts, self.nodes, self.starts,
-            self.contacts,
-        )  # fmt: skip
+        kernels.label_tiles(grid, tables.corner_cutting, shift, changed, labels, counts)
+        old = tables.nodes, tables.starts, tables.contacts
+        tables = kernels.TileTables(labels, shift, tables.corner_cutting, counts, *old)
+        return joined(tables, changed)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the grid in cells."""
-        height, width = self.labels.shape
+        height, width = self.tables.labels.shape
         return height, width
 
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        arrays = self.counts, self.nodes, self.starts, self.contacts, self.components
-        return self.labels.nbytes + sum(array.nbytes for array in arrays)
+        labels, _, _, *arrays = self.tables
+        return labels.nbytes + self.components.nbytes + sum(array.nbytes for array in arrays)
 
     @overload
     def __getitem__(self, index: tuple[int, int]) -> int: ...
 
     @overload
-    def __getitem__(self, index: tuple[slice, slice]) -> NDArray[np.int32]: ...
+    def __getitem__(self, index: tuple[slice, slice] | tuple[Numbers, Numbers]) -> Components: ...
 
-    @overload
-    def __getitem__(
-        self, index: tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]
-    ) -> NDArray[np.int32]: ...
-
-    def __getitem__(self, index: tuple[Index, Index]) -> int | NDArray[np.int32]:
+    def __getitem__(self, index: tuple[Any, Any]) -> int | Components:
         """Return the number of the component of a cell, or of an array of cells."""
         rows, columns = index
-        label = self.labels[rows, columns]
+        labels, shift, _, counts, nodes, _, _ = self.tables
+        label = labels[rows, columns]
         if isinstance(rows, slice):
-            rows = np.arange(self.labels.shape[0])[rows, None]
+            rows = np.arange(labels.shape[0])[rows, None]
         if isinstance(columns, slice):
-            columns = np.arange(self.labels.shape[1])[columns]
-        tile = (rows >> self.shift) * self.counts.shape[1] + (columns >> self.shift)
-        number: int | NDArray[np.int32] = self.components[self.nodes[tile] + label]
+            columns = np.arange(labels.shape[1])[columns]
+        tile = (rows >> shift) * counts.shape[1] + (columns >> shift)
+        number: int | Components = self.components[nodes[tile] + label]
         return number
 
 
-def default_shift(longer_side: int) -> int:
-    """Return the shift of the tiles of a grid, by its longer side in cells.
-
-    Tiles have 4 cells a side up to 256 cells, 8 up to 512, and 16 beyond.
-    """
-    return 2 if longer_side <= SMALL_GRID else 3 if longer_side <= MEDIUM_GRID else LARGEST_SHIFT
-
-
-def joined(
-    labels: NDArray[np.uint8],
-    counts: NDArray[np.int32],
-    changed: NDArray[np.bool_],
-    old: tuple[NDArray[np.int32], NDArray[np.uint32]],
-    *,
-    shift: int,
-    corner_cutting: bool,
-) -> Tiles:
+def joined(tables: kernels.TileTables, changed: NDArray[np.bool_]) -> Tiles:
     """Return labelled tiles, joined by their contacts.
 
-    Those between tiles that are not marked in `changed` [rows, columns] are taken from the `old`
-    starts and contacts.
+    Those between tiles that are not marked in `changed` [rows, columns] are taken over.
     """
-    old_starts, old_contacts = old
+    labels, shift, corner_cutting, counts, _, old_starts, old_contacts = tables
     nodes = np.zeros(counts.size + 1, dtype=np.int32)
     np.cumsum(counts.ravel() + 1, out=nodes[1:])
     starts = np.empty(counts.size + 1, dtype=np.int32)
@@ -175,4 +144,5 @@ def joined(
     contacts = contacts[: starts[-1]].copy()
     components = np.empty(nodes[-1], dtype=np.int32)
     kernels.join_tiles(nodes, counts.shape[1], starts, contacts, components)
-    return Tiles(labels, shift, corner_cutting, counts, nodes, starts, contacts, components)
+    tables = kernels.TileTables(labels, shift, corner_cutting, counts, nodes, starts, contacts)
+    return Tiles(tables, components)

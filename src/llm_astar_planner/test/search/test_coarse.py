@@ -112,9 +112,9 @@ def test_leaving_out_moves_across_open_tiles_changes_no_cost(shift):
             graph._route(start, goal, 10**9)
             workspace = graph._spare[-1]
             tiles = graph._tiles
-            tile = (goal[1] >> shift) * tiles.counts.shape[1] + (goal[0] >> shift)
-            node = tiles.nodes[tile] + tiles.labels[goal[1], goal[0]]
-            assert workspace.stamps[node] >> 1 == workspace.generation
+            tile = (goal[1] >> shift) * tiles.tables.counts.shape[1] + (goal[0] >> shift)
+            node = tiles.tables.nodes[tile] + tiles.tables.labels[goal[1], goal[0]]
+            assert workspace.stamps[node] >> 1 == workspace.stamps.max() >> 1
             costs.append(workspace.costs[node])
             pruned += int(graph._is_open.sum())
             graph._is_open[:] = False

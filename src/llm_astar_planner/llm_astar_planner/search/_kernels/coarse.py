@@ -6,33 +6,32 @@ A node is a local component of a tile (`_kernels.tiles`), at the free cell neare
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y
-from llm_astar_planner.search._kernels.line_of_sight import line_cost
-from llm_astar_planner.search._kernels.tiles import (
-    EAST,
-    FIRST_SHIFT,
-    LAST_SHIFT,
-    NUMBER_BITS,
-    NUMBER_MASK,
-    SIDE_SHIFT,
-    SOUTH,
-    TileTables,
-)
+from llm_astar_planner.search._kernels import tiles as tiling
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, octile
+from llm_astar_planner.search._kernels.line_of_sight import Rules, line_cost
+from llm_astar_planner.search._kernels.tiles import TileTables, tile_window
 from llm_astar_planner.search.kernel_cache import jit
 
-# Blocked cells, surcharges or none, and whether moves may cut corners, as `line_cost` takes them.
-Rules = tuple[NDArray[np.bool_], NDArray[np.uint16], bool]
+# How much longer a diagonal move is than a straight one, and half of its length, in cells.
 DIAGONAL = math.sqrt(2.0) - 1.0
 HALF_DIAGONAL = math.sqrt(0.5)
 # How a search ended: without a route, with one, or before either.
 NO_ROUTE, ROUTE, OUT_OF_WORK = range(3)
 # Halvings of the stretch along which a turn is moved.
 HALVINGS = 4
+
+
+class Workspace(NamedTuple):
+    """What one running query writes for each node; `route` describes it."""
+
+    costs: NDArray[np.float64]
+    parents: NDArray[np.int32]
+    stamps: NDArray[np.int64]
 
 
 @jit
@@ -51,19 +50,16 @@ def describe_nodes(
     edge of the grid.
     """
     labels, shift, counts, nodes = tiles.labels, tiles.shift, tiles.counts, tiles.nodes
-    height, width = labels.shape
+    width = labels.shape[1]
     rows, columns = counts.shape
     graded = cell_surcharge.size > 0
     is_free = np.zeros((rows, columns), dtype=np.bool_)
     sums = np.zeros((counts.max() + 1, 4), dtype=np.int64)
     nearest = np.zeros(len(sums), dtype=np.int64)
     for row in range(rows):
-        top = row << shift
-        bottom = min(top + (1 << shift), height)
         for column in range(columns):
+            top, bottom, left, right = tile_window(labels, shift, row, column)
             count = counts[row, column]
-            left = column << shift
-            right = min(left + (1 << shift), width)
             first = nodes[row * columns + column]
             sums[: count + 1] = 0
             for y in range(top, bottom):
@@ -101,14 +97,6 @@ def describe_nodes(
 
 
 @jit
-def octile(x: Any, y: Any, to_x: Any, to_y: Any) -> float:
-    """Return the length in cells of the shortest 8-connected path on an empty grid."""
-    delta_x = abs(x - to_x)
-    delta_y = abs(y - to_y)
-    return max(delta_x, delta_y) + DIAGONAL * min(delta_x, delta_y)
-
-
-@jit
 def add_row(found: NDArray[np.int32], count: int, row: tuple[int, ...]) -> int:
     """Write a row of whole numbers behind the first `count`; return how many there are then."""
     for column in range(len(row)):
@@ -118,11 +106,7 @@ def add_row(found: NDArray[np.int32], count: int, row: tuple[int, ...]) -> int:
 
 @jit
 def neighbours(
-    tiles: TileTables,
-    number: int,
-    row: int,
-    column: int,
-    found: NDArray[np.int32],
+    tiles: TileTables, number: int, row: int, column: int, found: NDArray[np.int32]
 ) -> int:
     """Write the neighbours of local component `number` of a tile to `found`; return how many.
 
@@ -133,51 +117,38 @@ def neighbours(
     height, width = labels.shape
     columns = counts.shape[1]
     tile = row * columns + column
-    top = row << shift
-    left = column << shift
-    bottom = min(top + (1 << shift), height)
-    right = min(left + (1 << shift), width)
+    top, bottom, left, right = tile_window(labels, shift, row, column)
     count = 0
     for side in range(3):
         # Contacts are kept with the tile to the left or above.
-        other_tile = tile
-        if side == 1:
-            if column == 0:
-                continue
-            other_tile -= 1
-        elif side == 2:
-            if row == 0:
-                continue
-            other_tile -= columns
+        if (side == 1 and column == 0) or (side == 2 and row == 0):
+            continue
+        other_tile = tile - (0, 1, columns)[side]
         for index in range(starts[other_tile], starts[other_tile + 1]):
             contact = np.int64(contacts[index])
-            kind = (contact >> SIDE_SHIFT) & 3
-            inner = contact & NUMBER_MASK
-            outer = (contact >> NUMBER_BITS) & NUMBER_MASK
-            first = (contact >> FIRST_SHIFT) & 31
-            last = (contact >> LAST_SHIFT) & 31
+            kind = (contact >> tiling.SIDE_SHIFT) & 3
+            inner = contact & tiling.NUMBER_MASK
+            outer = (contact >> tiling.NUMBER_BITS) & tiling.NUMBER_MASK
+            first = (contact >> tiling.FIRST_SHIFT) & 31
+            last = (contact >> tiling.LAST_SHIFT) & 31
             if side == 0:
-                if inner != number or kind > SOUTH:
+                if inner != number or kind > tiling.SOUTH:
                     continue
-                node = nodes[tile + (1 if kind == EAST else columns)] + outer
+                node = nodes[tile + (1 if kind == tiling.EAST else columns)] + outer
             else:
-                if outer != number or kind != (EAST if side == 1 else SOUTH):
+                if outer != number or kind != (tiling.EAST if side == 1 else tiling.SOUTH):
                     continue
                 node = nodes[other_tile] + inner
-            is_east = kind == EAST
+            is_east = kind == tiling.EAST
             step = 1 if side == 0 else -1
-            if is_east:
-                border = right - 1 if side == 0 else left
-            else:
-                border = bottom - 1 if side == 0 else top
-            corner = top if is_east else left
-            begin = corner + first
-            end = corner + last
+            corner, limit = (top, bottom) if is_east else (left, right)
+            near, far = (left, right) if is_east else (top, bottom)
+            border = far - 1 if side == 0 else near
+            begin, end = corner + first, corner + last
             aside: Any = 0
             if corner_cutting and first == last:
                 # The contact may be diagonal; its place is that in the tile it is kept with.
                 seen = border + step if side == 0 else border
-                limit = bottom if is_east else right
                 for shifted in (begin + 1, begin - 1, begin):
                     if corner <= shifted < limit:
                         label = labels[shifted, seen] if is_east else labels[seen, shifted]
@@ -209,20 +180,14 @@ def neighbours(
 
 @jit
 def open_neighbours(
-    shift: int,
-    columns: int,
-    nodes: NDArray[np.int32],
-    row: int,
-    column: int,
-    move_x: int,
-    move_y: int,
-    found: NDArray[np.int32],
+    tiles: TileTables, row: int, column: int, move_x: int, move_y: int, found: NDArray[np.int32]
 ) -> int:
     """Write the neighbours of an open tile to `found`, as `neighbours` does; return how many.
 
     Reached by a move between open tiles, which is not 0, only the neighbours are tried that the
     tile before does not reach as cheaply without this one, diagonal moves first.
     """
+    shift, nodes, columns = tiles.shift, tiles.nodes, tiles.counts.shape[1]
     count = 0
     for step_y in (-1, 0, 1):
         for step_x in (-1, 0, 1):
@@ -253,9 +218,7 @@ def route(
     start: tuple[int, int],
     goal: tuple[int, int],
     generation: int,
-    costs: NDArray[np.float64],
-    parents: NDArray[np.int32],
-    stamps: NDArray[np.int32],
+    workspace: Workspace,
     most: int,
 ) -> tuple[int, int]:
     """Find a cheapest route between two free cells (x, y) over the nodes.
@@ -266,6 +229,7 @@ def route(
     another generation counts as never seen. `highest` is the highest price.
     """
     labels, shift, nodes = tiles.labels, tiles.shift, tiles.nodes
+    costs, parents, stamps = workspace
     columns = is_open.shape[1]
     start_x, start_y = start
     goal_x, goal_y = goal
@@ -285,7 +249,7 @@ def route(
     heads = np.zeros(size, dtype=np.int32)
     pool = np.empty((1024, 2), dtype=np.int32)
     found = np.empty(((12 << shift) + 4, 7), dtype=np.int32)
-    lowest = octile(start_x, start_y, goal_x, goal_y)
+    lowest = octile(1.0, DIAGONAL, start_x - goal_x, start_y - goal_y)
     costs[start_node] = 0.0
     parents[start_node, 0] = -1
     stamps[start_node] = generation << 1
@@ -323,7 +287,7 @@ def route(
             if not (graded or near_goal or node == start_node or before == start_node):
                 move_x = column - ((places[before] & 0xFFFFFFFF) >> shift)
                 move_y = row - (places[before] >> 32 + shift)
-            count = open_neighbours(shift, columns, nodes, row, column, move_x, move_y, found)
+            count = open_neighbours(tiles, row, column, move_x, move_y, found)
         else:
             number = node - nodes[row * columns + column]
             count = neighbours(tiles, number, row, column, found)
@@ -339,7 +303,7 @@ def route(
             if graded:
                 other_price = prices[other]
             is_new = stamps[other] >> 1 != generation
-            least = cost_here + octile(x, y, to_x, to_y) * min(price, other_price)
+            least = cost_here + octile(1.0, DIAGONAL, x - to_x, y - to_y) * min(price, other_price)
             if not is_new and costs[other] <= least:
                 continue
             leave_x = min(max((x + to_x) >> 1, found[index, 1]), found[index, 2])
@@ -349,10 +313,10 @@ def route(
             half = 0.5 if found[index, 5] == 0 or found[index, 6] == 0 else HALF_DIAGONAL
             cost = (
                 cost_here
-                + price * (octile(x, y, leave_x, leave_y) + half)
-                + other_price * (octile(enter_x, enter_y, to_x, to_y) + half)
+                + price * (octile(1.0, DIAGONAL, x - leave_x, y - leave_y) + half)
+                + other_price * (octile(1.0, DIAGONAL, enter_x - to_x, enter_y - to_y) + half)
             )
-            f = cost + octile(to_x, to_y, goal_x, goal_y)
+            f = cost + octile(1.0, DIAGONAL, to_x - goal_x, to_y - goal_y)
             if f >= best or (not is_new and costs[other] <= cost):
                 continue
             costs[other] = cost
@@ -396,11 +360,7 @@ def trace(
 
 
 @jit
-def taut(
-    rules: Rules,
-    shift: int,
-    points: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def taut(rules: Rules, shift: int, points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the turns [n, 2] of a route pulled taut, without its ends."""
     points = fill_in(rules, shift, points)
     points = pull(rules, points)
@@ -416,11 +376,7 @@ def with_room(rows: NDArray[Any], count: int) -> NDArray[Any]:
 
 
 @jit
-def fill_in(
-    rules: Rules,
-    shift: int,
-    points: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def fill_in(rules: Rules, shift: int, points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return a route [n, 2] with a path of single moves wherever two points do not see another.
 
     Two successive points are connected within the square of tiles around both.
@@ -477,10 +433,7 @@ def fill_in(
 
 
 @jit
-def pull(
-    rules: Rules,
-    points: NDArray[np.int64],
-) -> NDArray[np.int64]:
+def pull(rules: Rules, points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the points [n, 2] at which a route has to turn, with its ends.
 
     From each point kept the route goes straight to a far one, as long as the line is free and
@@ -522,10 +475,7 @@ def pull(
 
 
 @jit
-def tighten(
-    rules: Rules,
-    points: NDArray[np.int64],
-) -> None:
+def tighten(rules: Rules, points: NDArray[np.int64]) -> None:
     """Move each turn of a route towards the line between its neighbours while that is cheaper.
 
     It stays in sight of both.
@@ -562,15 +512,7 @@ def tighten(
 
 
 @jit
-def through(
-    rules: Rules,
-    from_x: int,
-    from_y: int,
-    x: int,
-    y: int,
-    to_x: int,
-    to_y: int,
-) -> float:
+def through(rules: Rules, from_x: int, from_y: int, x: int, y: int, to_x: int, to_y: int) -> float:
     """Return the cost of two straight lines over (x, y), inf where one is blocked."""
     first = line_cost(*rules, from_x, from_y, x, y)
     if first < 0.0:

@@ -11,24 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    BUCKET_BITS,
-    CANONICAL_SUCCESSORS,
-    FOUND,
-    LIMIT,
-    LOWEST,
-    NEED_SPACE,
-    NO_PATH,
-    OVERFLOW,
-    POLL_MASK,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    STOPPED,
-    Cells,
-    push,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, push
 from llm_astar_planner.search.kernel_cache import jit
+
+CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
 
 # Slots of the control array: the state of a run between two calls.
 D_BUCKET, D_SEED, D_FREE, D_TOP, D_LIVE, D_EXPANDED, D_SIZE = range(7)
@@ -66,13 +53,13 @@ def propagate(
     bucket, seed = control[D_BUCKET], control[D_SEED]
     free, top, live = control[D_FREE], control[D_TOP], control[D_LIVE]
     count = 0
-    status = FOUND
+    status = shared.FOUND
     # The bucket of the next seed.
-    due = seeds[seed] >> 32 + BUCKET_BITS if seed < seeds.size else NO_PATH
+    due = seeds[seed] >> 32 + shared.BUCKET_BITS if seed < seeds.size else shared.NO_PATH
     slot: Any
     while live > 0 or seed < seeds.size:
         if top + 8 > pool.size:
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         if live == 0:
             bucket = max(bucket, due)
@@ -82,7 +69,7 @@ def propagate(
             _, free, top = push(pool, heads, slot, item, free, top)
             live += 1
             seed += 1
-            due = seeds[seed] >> 32 + BUCKET_BITS if seed < seeds.size else NO_PATH
+            due = seeds[seed] >> 32 + shared.BUCKET_BITS if seed < seeds.size else shared.NO_PATH
             continue
         entry = np.int64(heads[slot])
         if entry == 0:
@@ -91,23 +78,23 @@ def propagate(
         item = pool[entry - 1]
         cell = item >> 32
         g = np.int64(distances[cell])
-        if g >> BUCKET_BITS == bucket:
+        if g >> shared.BUCKET_BITS == bucket:
             if count >= quota:
-                status = RUNNING
+                status = shared.RUNNING
                 break
             count += 1
-            if count & POLL_MASK == 0 and stop[0] != 0:
-                status = STOPPED
+            if count & shared.POLL_MASK == 0 and stop[0] != 0:
+                status = shared.STOPPED
                 break
         heads[slot] = item & _NEXT_MASK
         pool[entry - 1] = free
         free = entry
         live -= 1
         # A bucket is narrower than a move: a distance is final when its bucket is the current one.
-        if g >> BUCKET_BITS != bucket:
+        if g >> shared.BUCKET_BITS != bucket:
             continue
-        if g > LIMIT:
-            status = OVERFLOW
+        if g > shared.LIMIT:
+            status = shared.OVERFLOW
             break
         came = (item >> _MOVE_SHIFT & 15) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[came | moves[cell]])
@@ -124,7 +111,9 @@ def propagate(
                 distances[other] = other_g
                 kept = move if canonical else _ANY_MOVE
                 item = other << 32 | kept << _MOVE_SHIFT
-                _, free, top = push(pool, heads, other_g >> BUCKET_BITS & ring, item, free, top)
+                _, free, top = push(
+                    pool, heads, other_g >> shared.BUCKET_BITS & ring, item, free, top
+                )
                 live += 1
     control[D_BUCKET], control[D_SEED] = bucket, seed
     control[D_FREE], control[D_TOP], control[D_LIVE] = free, top, live

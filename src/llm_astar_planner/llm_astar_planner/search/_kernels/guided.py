@@ -11,27 +11,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    BUCKET_BITS,
-    CLOSED,
-    EXHAUSTED,
-    FOUND,
-    LIMIT,
-    LOWEST,
-    NEED_SPACE,
-    NO_PATH,
-    OVERFLOW,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    TAG_BITS,
-    Cells,
-    estimate_to_goal,
-    octile,
-    pop,
-    push,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile, pop, push
 from llm_astar_planner.search.kernel_cache import jit
+
+LOWEST, STEP_X, STEP_Y = shared.LOWEST, shared.STEP_X, shared.STEP_Y
 
 # The number of targets that a cell's tag can hold: eight bits, above the closed bit and the move.
 MAX_TARGETS = 256
@@ -83,7 +67,7 @@ def move_window(
     last = heads.size - 1
     shift = control[G_SHIFT]
     first = np.int64(heads[last])
-    lowest = np.int64(NO_PATH)
+    lowest = np.int64(shared.NO_PATH)
     entry = first
     while entry:
         lowest = min(lowest, keys[entry - 1])
@@ -168,7 +152,7 @@ def follow(
     buckets = MIN_BUCKETS
     while buckets < MAX_BUCKETS and buckets * straight < 2 * span:
         buckets *= 2
-    shift = BUCKET_BITS
+    shift = shared.BUCKET_BITS
     while buckets << shift < span:
         shift += 1
     heads = np.zeros(buckets + 1, dtype=np.int32)
@@ -178,9 +162,9 @@ def follow(
     if control[G_STORAGE] == 0:
         start = control[G_START]
         records[2 * start] = 0
-        records[2 * start + 1] = control[G_GENERATION] << TAG_BITS
+        records[2 * start + 1] = control[G_GENERATION] << shared.TAG_BITS
         control[G_STORAGE] = 1
-        control[G_BEST] = NO_PATH
+        control[G_BEST] = shared.NO_PATH
         opened[0] = start
         count = 1
     else:
@@ -188,12 +172,12 @@ def follow(
             entry = np.int64(head)
             while entry:
                 cell = pool[entry - 1] >> 32
-                if records[2 * cell + 1] & CLOSED == 0:
+                if records[2 * cell + 1] & shared.CLOSED == 0:
                     opened[count] = cell
                     count += 1
                 entry = pool[entry - 1] & 0xFFFFFFFF
     last = heads.size - 1
-    lowest = np.int64(NO_PATH)
+    lowest = np.int64(shared.NO_PATH)
     for number in range(count):
         cell = opened[number]
         y = cell // width
@@ -251,9 +235,9 @@ def advance(
     goal_x = goal - goal_y * width
     per_width = 1.0 / width
     last = heads.size - 1
-    tag = generation << TAG_BITS
+    tag = generation << shared.TAG_BITS
     spent = 0
-    status = RUNNING
+    status = shared.RUNNING
     while spent < quota:
         while live > 0:
             while bucket < last and heads[bucket] == 0:
@@ -263,24 +247,24 @@ def advance(
             base = move_window(heads, pool, keys, control)
             bucket = 0
         if live == 0:
-            status = EXHAUSTED
+            status = shared.EXHAUSTED
             break
         if top + 8 > pool.size:
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         cell, free = pop(pool, heads, bucket, free)
         live -= 1
         cell_tag = records[2 * cell + 1]
-        if cell_tag & CLOSED:
+        if cell_tag & shared.CLOSED:
             continue
         if cell == goal:
-            status = FOUND
+            status = shared.FOUND
             break
-        records[2 * cell + 1] = cell_tag | CLOSED
+        records[2 * cell + 1] = cell_tag | shared.CLOSED
         spent += 1
         g = np.int64(records[2 * cell])
-        if g > LIMIT:
-            status = OVERFLOW
+        if g > shared.LIMIT:
+            status = shared.OVERFLOW
             break
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
@@ -300,7 +284,7 @@ def advance(
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
-            new = records[2 * other + 1] >> TAG_BITS != generation
+            new = records[2 * other + 1] >> shared.TAG_BITS != generation
             if not new and other_g >= records[2 * other]:
                 continue
             distance = octile(straight, extra, other_x - goal_x, other_y - goal_y)

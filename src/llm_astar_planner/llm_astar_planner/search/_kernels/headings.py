@@ -14,19 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    EXHAUSTED,
-    FOUND,
-    LIMIT,
-    NEED_SPACE,
-    OVERFLOW,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    Cells,
-    heap_pop,
-    heap_push,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, heap_pop, heap_push
 from llm_astar_planner.search.kernel_cache import jit
 
 # The move, a bit of `_kernels.astar`, of each heading.
@@ -93,12 +82,10 @@ def fits(
     x = cell - y * width
     if known[cell] == 0:
         # Far from obstacles one look tells of all motions.
-        blocked = False
         for row in range(y - reach, y + reach + 1):
             if is_lethal(*obstacles, row, x - reach, x + reach):
-                blocked = True
                 break
-        if not blocked:
+        else:
             known[cell] = free[cell] = ALL_KNOWN
             return True
     known[cell] |= bit
@@ -138,13 +125,13 @@ def search(
     moves, cell_surcharge, width, straight, diagonal = grid
     graded = cell_surcharge.size > 0
     size, count = control[H_SIZE], 0
-    status = EXHAUSTED
+    status = shared.EXHAUSTED
     while size > 0:
         if count >= quota:
-            status = RUNNING
+            status = shared.RUNNING
             break
         if size + 3 > keys.size:
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         state = heap_pop(keys, states, size, False)
         size -= 1
@@ -155,11 +142,11 @@ def search(
         cell, heading = state >> 3, state & 7
         if cell == goal and goal_headings >> heading & 1:
             control[H_FOUND] = state
-            status = FOUND
+            status = shared.FOUND
             break
         cost = np.int64(costs[state])
-        if cost > LIMIT:
-            status = OVERFLOW
+        if cost > shared.LIMIT:
+            status = shared.OVERFLOW
             break
         for motion in range(3):
             other, other_cost = state, cost

@@ -19,26 +19,12 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    CANONICAL_SUCCESSORS,
-    CLOSED,
-    EVERY_MOVE,
-    EXHAUSTED,
-    FOUND,
-    LIMIT,
-    LOWEST,
-    NEED_SPACE,
-    NO_PATH,
-    OVERFLOW,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    TAG_BITS,
-    Cells,
-    estimate_to_goal,
-    octile,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile
 from llm_astar_planner.search.kernel_cache import inlined, jit
+
+CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
+STEP_X, STEP_Y = shared.STEP_X, shared.STEP_Y
 
 # Words of 64 cells: blocked, stops of rising scans, stops of falling scans.
 PLANES = 3
@@ -272,7 +258,7 @@ def jump_search(
     goal_y = goal // width
     goal_x = goal - goal_y * width
     extra = diagonal - straight
-    tag = generation << TAG_BITS
+    tag = generation << shared.TAG_BITS
     per_width = 1.0 / width
     # The most entries that one expansion can make.
     most = 8 * min(LONGEST_RUN, width, height) + 8
@@ -296,14 +282,14 @@ def jump_search(
     top, bucket = control[J_TOP], control[J_BUCKET]
     scans = 0
     entry: Any
-    status = RUNNING
+    status = shared.RUNNING
     while True:
         while bucket < far and heads[bucket] == 0:
             bucket += 1
         if bucket == far and heads[far]:
             # Move the window of buckets to the least f beyond it.
             entry = np.int64(heads[far])
-            least = np.int64(NO_PATH)
+            least = np.int64(shared.NO_PATH)
             while entry:
                 least = min(least, pool[ENTRY * entry - 1] >> 3)
                 entry = pool[ENTRY * entry - 3] & 0xFFFFFFFF
@@ -318,12 +304,12 @@ def jump_search(
                 heads[slot] = entry
                 entry = item & 0xFFFFFFFF
         if bucket == far or origin + (bucket << BUCKET_BITS) >= best:
-            status = FOUND if found else EXHAUSTED
+            status = shared.FOUND if found else shared.EXHAUSTED
             break
         if scans >= quota:
             break
         if ENTRY * (top + most) > pool.size:
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         entry = np.int64(heads[bucket])
         item = pool[ENTRY * entry - 3]
@@ -332,12 +318,12 @@ def jump_search(
         g = pool[ENTRY * entry - 2] >> 32
         if records[2 * cell] != g:
             continue
-        records[2 * cell + 1] = tag | CLOSED
+        records[2 * cell + 1] = tag | shared.CLOSED
         expansions += 1
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
         rise = g + octile(straight, extra, x - goal_x, y - goal_y) + RISE
-        row = EVERY_MOVE if cell == start else (pool[ENTRY * entry - 1] & 7) << 8
+        row = shared.EVERY_MOVE if cell == start else (pool[ENTRY * entry - 1] & 7) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
         # What the scans find is written behind the last entry: cell, g and move.
         last = top
@@ -388,7 +374,7 @@ def jump_search(
         for candidate in range(top, last):
             other = pool[ENTRY * candidate] >> 32
             other_g = pool[ENTRY * candidate + 1]
-            new = records[2 * other + 1] >> TAG_BITS != generation
+            new = records[2 * other + 1] >> shared.TAG_BITS != generation
             if not new and other_g >= records[2 * other]:
                 continue
             other_y = np.int64((other + 0.5) * per_width)
@@ -397,8 +383,8 @@ def jump_search(
             f = other_g + estimate_to_goal(landmark_distances, active, other, distance)
             if f >= best:
                 continue
-            if other_g > LIMIT:
-                status = OVERFLOW
+            if other_g > shared.LIMIT:
+                status = shared.OVERFLOW
                 break
             move = pool[ENTRY * candidate + 2]
             storage += new
@@ -415,7 +401,7 @@ def jump_search(
             pool[ENTRY * top - 3] = other << 32 | heads[slot]
             if other != goal:
                 heads[slot] = top
-        if status == OVERFLOW:
+        if status == shared.OVERFLOW:
             break
     control[J_BEST], control[J_GOAL], control[J_ORIGIN] = best, found, origin
     control[J_EXPANSIONS], control[J_STORAGE] = expansions, storage

@@ -17,27 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    BUCKET_BITS,
-    CANONICAL_SUCCESSORS,
-    CLOSED,
-    EVERY_MOVE,
-    EXHAUSTED,
-    FOUND,
-    LOWEST,
-    NEED_SPACE,
-    POLL_MASK,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    STOPPED,
-    Cells,
-    octile,
-    pop,
-    push,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, octile, pop, push
 from llm_astar_planner.search.kernel_cache import jit
 
+CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
 # One more way a call can end: a layer was entered for which there is no slot.
 NEED_SLOT = 6
 DIGIT_BITS = 10
@@ -129,32 +113,23 @@ class Layers(NamedTuple):
     caps: NDArray[np.float64]
 
 
-@jit
-def mark_region(
-    mask: NDArray[np.bool_],
-    blocked: NDArray[np.bool_],
-    bit: int,
-    cell_bits: NDArray[np.uint32],
-    box: NDArray[np.int64],
-) -> int:
-    """Set a bit in the free cells of a region that lie in the rows `box[2]` to `box[3]`.
+class Queue(NamedTuple):
+    """The open states: `heads` [LEVELS << DIGIT_BITS] and a pool of linked entries."""
 
-    Returns their number and writes their bounding box: x0, x1, y0, y1.
-    """
-    width = mask.shape[1]
-    first_row, last_row = box[2], box[3]
-    box[0], box[1], box[2], box[3] = width, -1, last_row, -1
-    count = 0
-    for y in range(first_row, last_row + 1):
-        for x in range(width):
-            if mask[y, x] and not blocked[y, x]:
-                cell_bits[y * width + x] |= np.uint32(bit)
-                count += 1
-                box[0] = min(box[0], x)
-                box[1] = max(box[1], x)
-                box[2] = min(box[2], y)
-                box[3] = y
-    return count
+    heads: NDArray[np.int32]
+    keys: NDArray[np.int64]
+    entries: NDArray[np.int64]  # state << 32 | next entry + 1
+
+
+class Search(NamedTuple):
+    """A search: what it is for, and what it keeps from call to call."""
+
+    tables: Tables
+    layers: Layers
+    states: States
+    queue: Queue
+    control: NDArray[np.int64]  # [C_SIZE]
+    best: NDArray[np.float64]  # the cost of the best path, inf without one; one element
 
 
 @jit
@@ -167,21 +142,6 @@ def pack(bits: int, mask: int) -> int:
             packed |= (bits >> region & 1) << place
             place += 1
     return packed
-
-
-@jit
-def fill_bases(groups: Groups) -> None:
-    """Write the group and the visited regions of each base layer."""
-    for group in range(groups.masks.size):
-        for packed in range(groups.first_base[group + 1] - groups.first_base[group]):
-            base = groups.first_base[group] + packed
-            groups.base_group[base] = group
-            place = 0
-            for region in range(MAX_REGIONS):
-                if groups.masks[group] >> region & 1:
-                    groups.base_visited[base] |= (packed >> place & 1) << region
-                    place += 1
-    groups.base_group[-1] = groups.masks.size
 
 
 @jit
@@ -209,11 +169,7 @@ def layer_after(tables: Tables, layers: Layers, slot: int, bits: int) -> tuple[i
 @jit
 def layer_number(tables: Tables, base: int, entered: int) -> int:
     """Return the index in `Layers.slots` of a base layer with the regions `entered`."""
-    first_mask = tables.rules.first_mask[0]
-    firsts = 0
-    for region in range(MAX_REGIONS):
-        firsts += first_mask >> region & 1
-    return base << firsts | pack(entered, first_mask)
+    return pack(entered, tables.rules.first_mask[0]) * tables.groups.base_group.size + base
 
 
 @jit
@@ -316,20 +272,14 @@ def spread(
 
 
 @jit
-def region_cap(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    slot: int,
-    region: int,
-    margin: int,
-) -> float:
+def region_cap(search: Search, slot: int, region: int, margin: int) -> float:
     """Return a cost at which entering a pending region from a layer is of no use any more.
 
     By then every cell of the region is reached by way of the cells entered so far and of paths
     that leave the region's bounding box by at most `margin` cells. Cells in a pocket do not
     count, since no path reaches them. inf if other cells are not reached.
     """
+    tables, layers, states = search.tables, search.layers, search.states
     width, cells = tables.grid.width, tables.grid.moves.size
     box = tables.boxes[region]
     window = box.copy()
@@ -374,16 +324,10 @@ def region_cap(
 
 
 @jit
-def measure_caps(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    slots: int,
-    margin: int,
-    patience: int,
-) -> None:
+def measure_caps(search: Search, margin: int, patience: int) -> None:
     """Measure the caps of layers whose search went on for `patience` times the work of that."""
-    for slot in range(slots):
+    tables, layers = search.tables, search.layers
+    for slot in range(search.control[C_SLOTS]):
         fresh = layers.expansions[slot] - layers.measured[slot]
         work = 0
         for region in range(MAX_REGIONS):
@@ -394,7 +338,7 @@ def measure_caps(
             layers.measured[slot] = layers.expansions[slot]
             for region in range(MAX_REGIONS):
                 if layers.reached[slot] >> region & 1:
-                    cap = region_cap(tables, layers, states, slot, region, margin)
+                    cap = region_cap(search, slot, region, margin)
                     layers.caps[slot, region] = min(layers.caps[slot, region], cap)
 
 
@@ -497,14 +441,6 @@ def estimate_below_caps(
     return least
 
 
-class Queue(NamedTuple):
-    """The open states: `heads` [LEVELS << DIGIT_BITS] and a pool of linked entries."""
-
-    heads: NDArray[np.int32]
-    keys: NDArray[np.int64]
-    entries: NDArray[np.int64]  # state << 32 | next entry + 1
-
-
 @jit
 def bucket_of(key: int, last: int) -> int:
     """Return the bucket of a key, not below `last`, the last key taken."""
@@ -541,16 +477,9 @@ def refill(queue: Queue, last: int) -> int:
 
 
 @jit
-def begin(
-    tables: Tables,
-    layers: Layers,
-    queue: Queue,
-    states: States,
-    start: int,
-    control: NDArray[np.int64],
-    best: NDArray[np.float64],
-) -> None:
-    """Put the start on the queue. `best[0]` is the cost of the best path, inf without one."""
+def begin(search: Search, start: int) -> None:
+    """Put the start on the queue."""
+    tables, layers, states, queue, control, best = search
     control[:] = 0
     best[0] = np.inf
     bits = np.int64(tables.cell_bits[start])
@@ -569,7 +498,7 @@ def begin(
         return
     rows = tables.groups.candidate_begin[base], tables.groups.candidate_begin[base + 1]
     x, y = start % tables.grid.width, start // tables.grid.width
-    key = np.int64(estimate(tables.slopes, tables.offsets, *rows, x, y)) >> BUCKET_BITS
+    key = np.int64(estimate(tables.slopes, tables.offsets, *rows, x, y)) >> shared.BUCKET_BITS
     control[C_LAST] = key
     queue.entries[0] = np.int64(start) << 32
     queue.keys[0] = key
@@ -596,11 +525,11 @@ def allowed_moves(tables: Tables, entered: int, cell: int, mask: int) -> int:
 def advance(
     tables: Tables,
     layers: Layers,
-    queue: Queue,
     states: States,
-    every_move: bool,
+    queue: Queue,
     control: NDArray[np.int64],
     best: NDArray[np.float64],
+    every_move: bool,
     quota: int,
     stop: NDArray[np.uint8],
 ) -> int:
@@ -633,20 +562,20 @@ def advance(
     expansions, storage, slots = control[C_EXPANSIONS], control[C_STORAGE], control[C_SLOTS]
     limit = expansions + quota
     least: Any = best[0]
-    status = RUNNING
-    while status == RUNNING:
+    status = shared.RUNNING
+    while status == shared.RUNNING:
         while live > 0 and heads[last & digits] == 0:
             digit = last & digits
             while digit < digits and heads[digit] == 0:
                 digit += 1
             last = refill(queue, last) if heads[digit] == 0 else last & ~digits | digit
-        if live == 0 or last << BUCKET_BITS >= least:
-            status = FOUND if least < np.inf else EXHAUSTED
+        if live == 0 or last << shared.BUCKET_BITS >= least:
+            status = shared.FOUND if least < np.inf else shared.EXHAUSTED
             break
         if expansions >= limit:
             break
         if top + 8 > keys.size:
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         if slots + 8 > capacity and capacity < layers.slots.size:
             status = NEED_SLOT
@@ -654,9 +583,9 @@ def advance(
         state, free = pop(entries, heads, last & digits, free)
         live -= 1
         tag = tags[state]
-        if tag & CLOSED:
+        if tag & shared.CLOSED:
             continue
-        tags[state] = tag | CLOSED
+        tags[state] = tag | shared.CLOSED
         cost = costs[state]
         slot = np.int64((state + 0.5) * per_cells)
         cell = state - slot * cells
@@ -668,7 +597,7 @@ def advance(
             f = cost + estimate_below_caps(tables, layers, slot, cost, x, y)
             if f >= least:
                 continue
-            key = np.int64(f) >> BUCKET_BITS
+            key = np.int64(f) >> shared.BUCKET_BITS
             if key > last:
                 tags[state] = tag
                 bucket = bucket_of(key, last)
@@ -676,18 +605,18 @@ def advance(
                 keys[entry - 1] = key
                 live += 1
                 continue
-        tags[state] = tag | CLOSED | EXPANDED
+        tags[state] = tag | shared.CLOSED | EXPANDED
         expansions += 1
         slot_expansions[slot] += 1
-        if expansions & POLL_MASK == 0 and stop[0] != 0:
-            status = STOPPED
+        if expansions & shared.POLL_MASK == 0 and stop[0] != 0:
+            status = shared.STOPPED
         entered = slot_entered[slot]
         mask = np.int64(moves[cell])
         cell_price = np.float64(price[cell]) if priced else 0.0
         if second_mask:
             cell_price += rule_price(tables.rules, np.int64(cell_bits[cell]), entered)
             mask = np.int64(allowed_moves(tables, entered, cell, mask))
-        row = EVERY_MOVE if every_move or tag & ENTERED else np.int64(tag & 7) << 8
+        row = shared.EVERY_MOVE if every_move or tag & ENTERED else np.int64(tag & 7) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[row | mask])
         while mask:
             move = LOWEST[mask]
@@ -732,7 +661,7 @@ def advance(
                         control[C_GOAL] = other
                         control[C_GOAL_SLOT] = other_slot
                         continue
-                    key = max(np.int64(f) >> BUCKET_BITS, last)
+                    key = max(np.int64(f) >> shared.BUCKET_BITS, last)
                     bucket = bucket_of(key, last)
                     entry, free, top = push(entries, heads, bucket, other_state << 32, free, top)
                     keys[entry - 1] = key
@@ -744,21 +673,13 @@ def advance(
 
 
 @jit
-def parent_slot(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    slots: int,
-    slot: int,
-    cell: int,
-    parent: int,
-    length: int,
-) -> int:
+def parent_slot(search: Search, slot: int, cell: int, parent: int, length: int) -> int:
     """Return the slot in which the path was at the cell `parent` before it changed to `slot`."""
+    tables, layers, states = search.tables, search.layers, search.states
     bits = np.int64(tables.cell_bits[cell])
     chosen = -1
     least = np.inf
-    for one in range(slots):
+    for one in range(search.control[C_SLOTS]):
         state = one * tables.grid.moves.size + parent
         if states.tags[state] and one != slot and bits & layers.pending[one]:
             base, entered = layer_after(tables, layers, one, bits)
@@ -773,19 +694,13 @@ def parent_slot(
 
 
 @jit
-def trace(
-    tables: Tables,
-    layers: Layers,
-    states: States,
-    start: int,
-    control: NDArray[np.int64],
-    path: NDArray[np.int32],
-) -> int:
+def trace(search: Search, start: int, path: NDArray[np.int32]) -> tuple[int]:
     """Write the best path's cells (x, y) at the end of `path`; return their count.
 
     If `path` is too short it holds the last cells, and the count is the length needed.
     """
-    moves, _, width, straight, diagonal = tables.grid
+    moves, _, width, straight, diagonal = search.tables.grid
+    tags, control = search.states.tags, search.control
     cell, slot = control[C_GOAL], control[C_GOAL_SLOT]
     count = 0
     row = len(path)
@@ -797,13 +712,11 @@ def trace(
         if row >= 0:
             path[row, 0], path[row, 1] = x, y
         if cell == start and slot == 0:
-            return count
-        tag = states.tags[slot * moves.size + cell]
+            return (count,)
+        tag = tags[slot * moves.size + cell]
         move = np.int64(tag & 7)
         parent = (y - STEP_Y[move]) * width + x - STEP_X[move]
         if tag & ENTERED:
             length = straight if move < 4 else diagonal
-            slot = parent_slot(
-                tables, layers, states, control[C_SLOTS], slot, cell, parent, length
-            )
+            slot = parent_slot(search, slot, cell, parent, length)
         cell = parent

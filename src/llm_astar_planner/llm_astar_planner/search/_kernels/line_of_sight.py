@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search.kernel_cache import jit
 
+# Blocked cells, surcharges or none, and whether moves may cut corners, as `line_cost` takes them.
+Rules = tuple[NDArray[np.bool_], NDArray[np.uint16], bool]
 # A path is pulled until it gains less than this, in cells, or this often.
 MIN_GAIN = 1e-9
 MAX_PULLS = 16
@@ -44,8 +46,7 @@ def line_cost(
     if blocked[y, x]:
         return -1.0
     # Cell borders crossed so far; the line meets the next one in x at (2 i + 1) / (2 delta_x).
-    crossed_x = 0
-    crossed_y = 0
+    crossed_x = crossed_y = 0
     cost = length
     before = 0.0
     while x != to_x or y != to_y:
@@ -101,11 +102,10 @@ def next_is_in_sight(
         # The line to the cell before leaves the row by (2 row + 1) / (2 rows) earlier.
         if rest <= 2 * row + 1 and blocked[here, x + step_x * last]:
             return False
-        if rest == 2 * rows and not corner_cutting:
-            if blocked[here, x + step_x * (last + 1)]:
-                return False
-            if blocked[here + step_y, x + step_x * last]:
-                return False
+        beside = x + step_x * (last + 1)
+        is_corner = rest == 2 * rows and not corner_cutting
+        if is_corner and (blocked[here, beside] or blocked[here + step_y, beside - step_x]):
+            return False
         last += more
         rest += more_rest
         if rest > 2 * rows:
@@ -115,21 +115,15 @@ def next_is_in_sight(
 
 
 @jit
-def path_cost(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
-    corner_cutting: bool,
-    points: NDArray[np.int32],
-) -> tuple[float, float, int, int]:
+def path_cost(rules: Rules, points: NDArray[np.int32]) -> tuple[float, float, int, int]:
     """Return what straight segments through `points` [n, 2] cost, and how long they are.
 
     After cost and length, in cells, comes the number of the first point that is off the grid or
     that the segment from the point before does not reach, -1 if there is none; last the most
     points that `string_pull` needs room for.
     """
-    height, width = blocked.shape
-    cost = 0.0
-    length = 0.0
+    height, width = rules[0].shape
+    cost = length = 0.0
     room: Any = 1
     for index in range(points.shape[0]):
         x = np.int64(points[index, 0])
@@ -139,7 +133,7 @@ def path_cost(
         if index > 0:
             from_x = np.int64(points[index - 1, 0])
             from_y = np.int64(points[index - 1, 1])
-            segment = line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y)
+            segment = line_cost(*rules, from_x, from_y, x, y)
             if segment < 0.0:
                 return cost, length, index, room
             cost += segment
@@ -246,7 +240,7 @@ def string_pull(
         counts[INDEX] = 0
         counts[PULLS] += 1
         if counts[PULLS] % 2 == 0:
-            cost = path_cost(blocked, cell_surcharge, corner_cutting, points[: kept + 1])[0]
+            cost = path_cost((blocked, cell_surcharge, corner_cutting), points[: kept + 1])[0]
             if cost > costs[0] - MIN_GAIN or counts[PULLS] == MAX_PULLS:
                 costs[0] = cost
                 return True

@@ -13,19 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import (
-    EXHAUSTED,
-    FOUND,
-    NEED_SPACE,
-    RUNNING,
-    STOPPED,
-    heap_pop,
-    heap_push,
-    sift_down,
-)
+from llm_astar_planner.search._kernels import astar as shared
+from llm_astar_planner.search._kernels.astar import heap_pop, heap_push, sift_down
 from llm_astar_planner.search.kernel_cache import jit
 
 EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
+# What estimates depend on: the map's height, the kind of heuristic, whether there is a target,
+# and the goal and the target, (x, y) each.
+Aim = tuple[int, int, bool, int, int, float, float]
 # Slots of the counts that a search keeps from call to call; all 0 before the first.
 SIZE, TARGET, STORAGE, EXPANSIONS, STALE, COUNTS = range(6)
 SQRT2 = math.sqrt(2.0)
@@ -49,34 +44,21 @@ def distance(kind: int, dx: float, dy: float) -> float:
 
 
 @jit
-def estimate_cost(
-    node: int, height: int, kind: int, weight: float, goal: Any, target: Any, guided: bool
-) -> float:
+def estimate_cost(node: int, weight: float, aim: Aim) -> float:
     """Return w h(goal) + h(target), summed in the published order."""
+    height, kind, guided, goal_x, goal_y, target_x, target_y = aim
     x, y = node // height, node % height
-    estimate = weight * distance(kind, x - goal[0], y - goal[1])
+    estimate = weight * distance(kind, x - goal_x, y - goal_y)
     if guided:
-        estimate += distance(kind, x - target[0], y - target[1])
+        estimate += distance(kind, x - target_x, y - target_y)
     return estimate
 
 
 @jit
-def rekey(
-    keys: Any,
-    nodes: Any,
-    size: int,
-    g: Any,
-    height: int,
-    kind: int,
-    weight: float,
-    goal: Any,
-    target: Any,
-    guided: bool,
-) -> None:
+def rekey(keys: Any, nodes: Any, size: int, g: Any, weight: float, aim: Aim) -> None:
     """Give every OPEN entry its current g plus the new estimate; duplicates stay."""
     for i in range(size):
-        node = nodes[i]
-        keys[i] = g[node] + estimate_cost(node, height, kind, weight, goal, target, guided)
+        keys[i] = g[nodes[i]] + estimate_cost(nodes[i], weight, aim)
     for i in range(size // 2 - 1, -1, -1):
         sift_down(keys, nodes, i, size, True)
 
@@ -114,28 +96,29 @@ def paper_search(
     guided = len(targets) > 0
     size, index, stale = counts[SIZE], counts[TARGET], counts[STALE] != 0
     storage, expansions = counts[STORAGE], counts[EXPANSIONS]
-    target = targets[index].copy() if guided else np.zeros(2)
-    goal_at = np.array([goal // height, goal % height])
+    goal_x, goal_y = goal // height, goal % height
+    target_x, target_y = (targets[index, 0], targets[index, 1]) if guided else (0.0, 0.0)
+    aim = height, kind, guided, goal_x, goal_y, target_x, target_y
     w, raw_weight = weights[0], weights[1]
     if storage == 0:
         g[start] = 0.0
         seen[start] = True
-        keys[0] = estimate_cost(start, height, kind, w, goal_at, target, guided)
+        keys[0] = estimate_cost(start, w, aim)
         nodes[0] = start
         size = storage = 1
 
     while True:
         if size == 0:
-            status = EXHAUSTED
+            status = shared.EXHAUSTED
             break
         if stop[0]:
-            status = STOPPED
+            status = shared.STOPPED
             break
         if quota <= 0:
-            status = RUNNING
+            status = shared.RUNNING
             break
         if size + 8 > len(keys):
-            status = NEED_SPACE
+            status = shared.NEED_SPACE
             break
         quota -= 1
         if decay != 1.0:
@@ -144,7 +127,7 @@ def paper_search(
             new_w = max(1.0, raw_weight)
             if new_w != w or stale:
                 w = new_w
-                rekey(keys, nodes, size, g, height, kind, w, goal_at, target, guided)
+                rekey(keys, nodes, size, g, w, aim)
                 quota -= size
                 stale = False
             raw_weight *= decay
@@ -154,22 +137,19 @@ def paper_search(
         expansions += 1
         closed[node] = True
         if node == goal:
-            status = FOUND
+            status = shared.FOUND
             break
 
         x, y = node // height, node % height
         for move in range(8):
             nx, ny = x + _DX[move], y + _DY[move]
-            if (
-                guided
-                and nx == target[0]
-                and ny == target[1]
-                and not (target[0] == goal_at[0] and target[1] == goal_at[1])
-            ):
+            at_target = guided and nx == target_x and ny == target_y
+            if at_target and not (nx == goal_x and ny == goal_y):
                 if index + 1 < len(targets):
                     index += 1
-                    target[0], target[1] = targets[index, 0], targets[index, 1]
-                rekey(keys, nodes, size, g, height, kind, w, goal_at, target, guided)
+                    target_x, target_y = targets[index, 0], targets[index, 1]
+                    aim = height, kind, guided, goal_x, goal_y, target_x, target_y
+                rekey(keys, nodes, size, g, w, aim)
                 quota -= size
             if nx < 0 or ny < 0 or nx >= width or ny >= height:
                 continue
@@ -191,7 +171,7 @@ def paper_search(
                 stale = stale or g[neighbour] != np.inf
                 g[neighbour] = new_g
                 move_to[neighbour] = move
-                left = estimate_cost(neighbour, height, kind, w, goal_at, target, guided)
+                left = estimate_cost(neighbour, w, aim)
                 heap_push(keys, nodes, size, new_g + left, neighbour, True)
                 size += 1
     counts[SIZE], counts[TARGET], counts[STALE] = size, index, stale
@@ -208,19 +188,12 @@ def trace_back(
 
     Returns the cells [n, 2] from start to goal, and how many moves between them are diagonal.
     """
-    count = 1
-    diagonals = 0
-    node = goal
-    while node != start:
-        move = move_to[node]
+    nodes, diagonals = [goal], 0
+    while nodes[-1] != start:
+        move = move_to[nodes[-1]]
         diagonals += _DX[move] != 0 and _DY[move] != 0
-        node -= _DX[move] * height + _DY[move]
-        count += 1
-    path = np.empty((count, 2), dtype=np.int32)
-    node = goal
-    for i in range(count - 1, -1, -1):
+        nodes.append(nodes[-1] - _DX[move] * height - _DY[move])
+    path = np.empty((len(nodes), 2), dtype=np.int32)
+    for i, node in enumerate(nodes[::-1]):
         path[i, 0], path[i, 1] = node // height, node % height
-        if i > 0:
-            move = move_to[node]
-            node -= _DX[move] * height + _DY[move]
     return path, diagonals

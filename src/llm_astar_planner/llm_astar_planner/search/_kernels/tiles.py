@@ -52,18 +52,22 @@ def label_tiles(
     Fills `labels` [height, width], 0 where blocked, and `counts` [rows, columns], how many each
     tile has. Cells that share a side are connected, with corner cutting also diagonal ones.
     """
-    height, width = blocked.shape
-    side = 1 << shift
-    parents = np.empty(side * side // 2 + 2, dtype=np.int32)
+    parents = np.empty((1 << 2 * shift) // 2 + 2, dtype=np.int32)
     for row in range(changed.shape[0]):
         for column in range(changed.shape[1]):
             if changed[row, column]:
-                top = row << shift
-                left = column << shift
-                counts[row, column] = label_tile(
-                    blocked, corner_cutting, labels, parents,
-                    top, min(top + side, height), left, min(left + side, width),
-                )  # fmt: skip
+                window = tile_window(labels, shift, row, column)
+                counts[row, column] = label_tile(blocked, corner_cutting, labels, parents, window)
+
+
+@jit
+def tile_window(
+    labels: NDArray[np.uint8], shift: int, row: int, column: int
+) -> tuple[int, int, int, int]:
+    """Return the cells of a tile: top, bottom, left, right, half open."""
+    height, width = labels.shape
+    top, left = row << shift, column << shift
+    return top, min(top + (1 << shift), height), left, min(left + (1 << shift), width)
 
 
 @jit
@@ -72,12 +76,10 @@ def label_tile(
     corner_cutting: bool,
     labels: NDArray[np.uint8],
     parents: NDArray[np.int32],
-    top: int,
-    bottom: int,
-    left: int,
-    right: int,
+    window: tuple[int, int, int, int],
 ) -> int:
-    """Label the components of one tile, whose rows and columns are half open; return how many."""
+    """Label the components of the tile of a window; return how many."""
+    top, bottom, left, right = window
     taken = 0
     for y in range(top, bottom):
         for x in range(left, right):
@@ -187,10 +189,7 @@ def tile_contacts(
     cutting the diagonal neighbours across the border count too.
     """
     height, width = labels.shape
-    top = row << shift
-    left = column << shift
-    bottom = min(top + (1 << shift), height)
-    right = min(left + (1 << shift), width)
+    top, bottom, left, right = tile_window(labels, shift, row, column)
     if right < width:
         count = border_contacts(
             labels, top, right - 1, bottom - top, np.int64(EAST), corner_cutting, contacts, count
