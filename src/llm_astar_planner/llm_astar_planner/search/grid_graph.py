@@ -272,17 +272,17 @@ class GridGraph:
         return self._coarse
 
 
-def traced(trace: Any, *found: Any) -> tuple[NDArray[np.int32], list[int]]:  # noqa: ANN401
+def traced(trace: Any, *found: Any) -> tuple[NDArray[np.int32], tuple[int, ...]]:  # noqa: ANN401
     """Return a path, int32 [n, 2], that the kernel `trace` writes, and what else it counts.
 
     A kernel writes to the end of an array as many cells as fit; it returns how many there are.
     """
     path = np.empty((1024, 2), dtype=np.int32)
-    count, *others = trace(*found, path)
-    if count > len(path):
-        path = np.empty((count, 2), dtype=np.int32)
+    counts = trace(*found, path)
+    if counts[0] > len(path):
+        path = np.empty((counts[0], 2), dtype=np.int32)
         trace(*found, path)
-    return path[-count:].copy(), others
+    return path[-counts[0] :].copy(), counts[1:]
 
 
 def path_length(path: NDArray[np.int32]) -> float:

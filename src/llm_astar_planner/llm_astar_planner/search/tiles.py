@@ -84,8 +84,8 @@ class Tiles:
         labels, counts = tables.labels.copy(), tables.counts.copy()
         grid = np.ascontiguousarray(blocked)
         kernels.label_tiles(grid, tables.corner_cutting, shift, changed, labels, counts)
-        old = tables.nodes, tables.starts, tables.contacts
-        tables = kernels.TileTables(labels, shift, tables.corner_cutting, counts, *old)
+        _, _, corner_cutting, _, nodes, starts, contacts = tables
+        tables = kernels.TileTables(labels, shift, corner_cutting, counts, nodes, starts, contacts)
         return joined(tables, changed)
 
     @property

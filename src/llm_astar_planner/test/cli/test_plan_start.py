@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-HEAVY = {'httpx', 'lark', 'matplotlib', 'rapidfuzz', 'scipy.linalg', 'scipy.ndimage', 'rclpy'}
+# Not scipy.linalg, which numba imports by itself.
+HEAVY = {'httpx', 'lark', 'matplotlib', 'rapidfuzz', 'scipy.ndimage', 'rclpy', 'duckdb'}
 CODE = """
 import json, sys
 from llm_astar_planner.cli.main import main
