@@ -46,7 +46,7 @@ from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.types import PlanRequest, kind_of_plan
+from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -69,8 +69,6 @@ CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0
 WAYPOINTS = FixedReply('[[2, 2]]')
 FOOTPRINT = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
 START, GOAL, VIA = (2, 20), (21, 20), ((12, 1),)
-# The kinds of plans that this process has compiled.
-COMPILED: set[tuple[object, ...]] = set()
 
 
 class CompilationStopped(BaseException):

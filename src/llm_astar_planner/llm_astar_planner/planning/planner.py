@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from llm_astar_planner.instructions.interpretation import RouteInstruction
-from llm_astar_planner.planning.compile import COMPILED, compile_for
 from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.types import (
+    COMPILED,
     Plan,
     PlanningFailure,
     PlanRequest,
@@ -18,6 +18,9 @@ from llm_astar_planner.planning.types import (
     kind_of_plan,
 )
 from llm_astar_planner.search.stop import StopFlag, no_stop
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.interpretation import RouteInstruction
 
 NOT_COMPILED = 'cancelled while the searches were compiled'
 
@@ -65,6 +68,9 @@ class Planner(PathPlanner):
         kind = self.config, request, is_graded, self.landmarks.is_measured
         if kind_of_plan(*kind) in COMPILED:
             return True
+        # Half of the modules of a plan, which no later one needs.
+        from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415
+
         with suppress(Exception):  # where it does not compile, the plan says why
             return compile_for(*kind, stop)
         return True

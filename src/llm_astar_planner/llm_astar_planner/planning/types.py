@@ -183,6 +183,10 @@ def check_request(request: PlanRequest) -> None:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 
+# The kinds of plans that this process has compiled.
+COMPILED: set[tuple[object, ...]] = set()
+
+
 def kind_of_plan(
     config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
 ) -> tuple[object, ...]:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning import compile as module
-from llm_astar_planner.planning.compile import COMPILED, CompilationStopped
+from llm_astar_planner.planning.compile import CompilationStopped
 from llm_astar_planner.planning.planner import NOT_COMPILED, Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.planning.types import COMPILED, PlanRequest, ResultCode
 
 # Counts what numba compiles while plans run, but not while they wait for the compilation.
 SCRIPT = """
