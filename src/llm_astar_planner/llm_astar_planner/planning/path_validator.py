@@ -8,12 +8,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.lazy import shapely
 from llm_astar_planner.planning._kernels import path_checks as kernels
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import PlanRequest
