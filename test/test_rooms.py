@@ -23,7 +23,7 @@ LIMITS = {
         '': 440,
         'search': 5_260,
         'costmap': 900,
-        'planning': 3_110,
+        'planning': 3_120,
         'waypoints': 2_940,
         'instructions': 6_830,
         'nodes': 4_000,
