@@ -21,7 +21,7 @@ LIMITS = {
     ADAPTER: {'': 110, 'maps': 1_120, 'messages': 570},
     PLANNER: {
         '': 440,
-        'search': 5_260,
+        'search': 5_290,
         'costmap': 900,
         'planning': 3_120,
         'waypoints': 2_940,

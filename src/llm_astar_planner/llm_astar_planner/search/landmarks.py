@@ -18,6 +18,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.search._kernels.astar import choose_landmarks
 from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
@@ -126,15 +127,10 @@ class Landmarks:
         Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
         None if they prove that no path joins the cells.
         """
-        cells = [grid.index(start), grid.index(goal)]
-        first, last = self.distances[:, cells].T.astype(np.int64)
-        if ((first < 0) != (last < 0)).any():
-            return None
-        gaps = np.abs(first - last)
-        best = np.argsort(-gaps, kind='stable')[:MAX_ACTIVE]
-        # Those that prove less than half of the octile distance are left out.
-        best = best[2 * gaps[best] > grid.octile(start, goal)]
-        return np.stack([best, last[best]], axis=1)
+        active = np.empty((MAX_ACTIVE, 2), dtype=np.int64)
+        cells = grid.index(start), grid.index(goal)
+        count = choose_landmarks(self.distances, *cells, grid.octile(start, goal), active)
+        return None if count < 0 else active[:count]
 
     def lower_bound(self, grid: GridGraph, start: Cell, goal: Cell) -> float:
         """Return a lower bound, in cells, on the cost of any path; inf: there is no path."""

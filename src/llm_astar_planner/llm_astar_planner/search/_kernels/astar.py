@@ -182,6 +182,46 @@ def heap_pop(keys: Any, nodes: Any, size: int, by_node: bool) -> Any:
 
 
 @jit
+def choose_landmarks(
+    landmark_distances: NDArray[np.int32],
+    start: int,
+    goal: int,
+    octile: int,
+    active: NDArray[np.int64],
+) -> int:
+    """Fill `active` [k, 2] with the landmarks that prove most for a query; return their number.
+
+    A landmark is its row and its distance to the goal. Those that prove less than half of the
+    octile distance are left out. Returns -1 if they prove that no path joins the cells.
+    """
+    count = 0
+    most = active.shape[0]
+    for row in range(landmark_distances.shape[0]):
+        first = np.int64(landmark_distances[row, start])
+        last = np.int64(landmark_distances[row, goal])
+        if (first < 0) != (last < 0):
+            return -1
+        gap = abs(first - last)
+        if first < 0 or 2 * gap <= octile:
+            continue
+        # Insertion into the list, the largest gap first.
+        place = count
+        while place > 0:
+            before = active[place - 1]
+            other = abs(np.int64(landmark_distances[before[0], start]) - before[1])
+            if other >= gap:
+                break
+            if place < most:
+                active[place, 0], active[place, 1] = before[0], before[1]
+            place -= 1
+        if place < most:
+            active[place, 0] = row
+            active[place, 1] = last
+            count = min(count + 1, most)
+    return count
+
+
+@jit
 def astar(
     cells: Cells,
     start: int,
