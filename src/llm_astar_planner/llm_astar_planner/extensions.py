@@ -12,7 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from llm_astar_planner.parameter import ParameterError
 
 LAB = 'llm_astar_lab'
-# Its commands, to say where they are to be had.
+# The names of its commands, for the error where it is not installed.
 LAB_COMMANDS = (
     'play', 'demo', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
     'transcript', 'record',

@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
                 metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
             failure = common.INCOMPLETE  # from here on there are rows
             code = common.run_into(args, folder, metadata, tasks, pool)
-        # Of a million rows the reports alone take memory enough.
+        # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks, kept
         return common.close_run(args, folder, metadata, code)
     except ResultsError as error:

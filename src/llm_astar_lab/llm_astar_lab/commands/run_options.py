@@ -373,8 +373,8 @@ def close_run(
     from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
-    # Reading the rows takes the most memory: before the maps, and what goes through them before
-    # the figures, which take memory that is not given back.
+    # Reading the rows takes the most memory, so it comes before the maps are loaded; the figures
+    # come last, because they take memory that is not given back.
     folder.fold()
     rows = folder.stored()
     maps = load_kept_maps(folder.path / MAPS_FILE)
@@ -388,7 +388,8 @@ def close_run(
         thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
     )
     text = '' if args.json else text_report(rows, args.seed, recorded)
-    missed = thresholds.missed_thresholds(summarise(rows, args.seed), args.fail_under)
+    summaries = summarise(rows, args.seed) if args.fail_under else []
+    missed = thresholds.missed_thresholds(summaries, args.fail_under)
     summary = write_report(folder, metadata, maps, rows)
     print(text or json.dumps(summary))
     took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'

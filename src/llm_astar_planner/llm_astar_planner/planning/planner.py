@@ -68,7 +68,7 @@ class Planner(PathPlanner):
         kind = self.config, request, is_graded, self.landmarks.is_measured
         if kind_of_plan(*kind) in COMPILED:
             return True
-        # Half of the modules of a plan, which no later one needs.
+        # Importing it takes a while, and a process whose plans are compiled needs it no more.
         from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415
 
         with suppress(Exception):  # where it does not compile, the plan says why

@@ -13,6 +13,8 @@ from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.resources import find_file
 from PIL import Image
 
+from llm_astar_planner import extensions
+
 HOUSE = ('--map', 'instructions/house.yaml', '--start', '2', '2', '--goal', '9', '6')
 KEYS = {
     'code',
@@ -358,6 +360,10 @@ def test_every_command_says_what_it_does(capsys, command):
     assert 'exit code' in text
     assert usage.startswith(f'usage: llm-astar {command} ')
     assert description.rstrip().endswith('.')
+
+
+def test_the_commands_of_the_laboratory_are_known_where_it_is_not_installed():
+    assert tuple(LAB_COMMANDS) == extensions.LAB_COMMANDS
 
 
 def without(module, *arguments):
