@@ -138,15 +138,18 @@ def changed_value(value: Any, rng: random.Random) -> Any:
 
 
 def memory_kb(field: str) -> int:
-    """Return VmSize, VmRSS or VmHWM of this process, in kB."""
+    """Return VmData, VmRSS or VmHWM of this process, in kB."""
     lines = Path('/proc/self/status').read_text(encoding='utf-8').splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith(f'{field}:'))
 
 
 def limit_memory(most: int) -> None:
-    """Let this process take so many bytes more than it has."""
-    limit = memory_kb('VmSize') * 1024 + most
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    """Let this process take so many bytes more than it has.
+
+    Of its data, not of its addresses: each thread of DuckDB reserves 128 MB of addresses.
+    """
+    limit = memory_kb('VmData') * 1024 + most
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
 
 
 def in_fork(work: Callable[[], dict[str, Any]], most_bytes: int) -> dict[str, Any]:
