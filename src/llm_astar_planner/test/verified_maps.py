@@ -13,11 +13,11 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import verify
 
-SATISFIED = ClauseStatus.SATISFIED
-VIOLATED = ClauseStatus.VIOLATED
+SATISFIED = ClauseStatus.KEPT
+VIOLATED = ClauseStatus.NOT_KEPT
 IMPOSSIBLE = ClauseStatus.IMPOSSIBLE
 NOT_UNDERSTOOD = ClauseStatus.NOT_UNDERSTOOD
-GUESSED = ClauseStatus.GUESSED
+UNSURE = ClauseStatus.UNSURE
 
 PLACES = Places(
     [

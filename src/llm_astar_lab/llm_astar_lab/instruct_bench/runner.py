@@ -93,7 +93,7 @@ class InstructionResult:
     def claimed_clauses(self) -> tuple[ClauseOutcome, ...]:
         """The clauses that are reported as satisfied."""
         outcomes = () if self.outcome is None else self.outcome.clauses
-        return tuple(item for item in outcomes if item.status is ClauseStatus.SATISFIED)
+        return tuple(item for item in outcomes if item.status is ClauseStatus.KEPT)
 
     @property
     def false_clauses(self) -> tuple[ClauseOutcome, ...]:

@@ -21,9 +21,9 @@ from llm_astar_planner.cli.flags import add_picture_option, add_switches
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
+from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import Unknown
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, plan_report

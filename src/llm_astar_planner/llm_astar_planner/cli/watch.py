@@ -30,7 +30,7 @@ SILENCE_SECONDS = 3.0
 LONGEST_WAIT = 0.5
 # ANSI colours of lines.
 GREEN, YELLOW, RED, DIM = 32, 33, 31, 2
-STATUS_COLOURS = {'satisfied': GREEN, 'violated': RED, 'impossible': RED}
+STATUS_COLOURS = {'kept': GREEN, 'not kept': RED, 'impossible': RED}
 # Clauses stand below the words of their plan, behind the time.
 CLAUSE_INDENT = ' ' * 10
 

@@ -164,8 +164,8 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
 def rank(reading: Interpretation) -> tuple[bool, float, bool]:
     """Return what readings are compared by; the greatest is the best. A guess counts half."""
     known = reading.specification.enforceable
-    sure = reading.is_whole and bool(known) and not any(clause.guessed for clause in known)
-    return sure, sum(0.5 if clause.guessed else 1.0 for clause in known), reading.is_whole
+    sure = reading.is_whole and bool(known) and not any(clause.unsure for clause in known)
+    return sure, sum(0.5 if clause.unsure else 1.0 for clause in known), reading.is_whole
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:

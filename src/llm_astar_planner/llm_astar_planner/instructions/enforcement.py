@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import MUST, Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.polygons import (
     RegionError,
     entered_polygon,
@@ -27,7 +35,17 @@ from llm_astar_planner.instructions.polygons import (
     region_polygon,
     visit_polygon,
 )
+from llm_astar_planner.instructions.regions import (
+    AVOID_RADIUS,
+    VISIT_RADIUS,
+    WALLS,
+    Along,
+    Disc,
+    NamedPlace,
+    Region,
+)
 from llm_astar_planner.instructions.route import PlaceGoalError, Route
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.layered import VisitProblem
 from llm_astar_planner.search.result import Cell
@@ -57,7 +75,7 @@ class Demand:
     - `problem`: why the clause cannot be demanded, None if it can.
     """
 
-    clause: spec.Clause
+    clause: Clause
     forbidden: Cover | None = None
     visits: tuple[Mask, ...] = ()
     visits_in_order: bool = True
@@ -68,17 +86,17 @@ class Demand:
     @property
     def is_must(self) -> bool:
         """Whether the clause is demanded strictly; a guessed one never is."""
-        return self.clause.strength == spec.MUST and not self.clause.guessed
+        return self.clause.strength == MUST and not self.clause.unsure
 
 
-def demands_of(specification: spec.Specification, route: Route) -> tuple[Demand, ...]:
+def demands_of(specification: Specification, route: Route) -> tuple[Demand, ...]:
     """Return what each clause asks of the cells, in the order of the clauses."""
     return tuple(
         demand_of(number, clause, route) for number, clause in enumerate(specification.clauses)
     )
 
 
-def demand_of(number: int, clause: spec.Clause, route: Route) -> Demand:
+def demand_of(number: int, clause: Clause, route: Route) -> Demand:
     """Return what one clause, the `number`th, asks of the cells."""
     try:
         return DEMANDS[type(clause)](number, clause, route)
@@ -86,18 +104,18 @@ def demand_of(number: int, clause: spec.Clause, route: Route) -> Demand:
         return Demand(clause, problem=str(error))
 
 
-def avoid(_: int, clause: spec.Avoid, route: Route) -> Demand:
+def avoid(_: int, clause: Avoid, route: Route) -> Demand:
     """Forbid the region and its margin."""
-    if isinstance(clause.region, spec.Along) and clause.region.place == spec.WALLS:
+    if isinstance(clause.region, Along) and clause.region.place == WALLS:
         return Demand(clause, near_walls(clause.region.width + clause.margin, route))
-    polygon = region_polygon(clause.region, route, spec.AVOID_RADIUS)
+    polygon = region_polygon(clause.region, route, AVOID_RADIUS)
     if clause.margin:
         polygon = grown(polygon, clause.margin)
     grid_map = route.costmap.grid_map
     return Demand(clause, open_border(cover(polygon, grid_map), polygon, grid_map))
 
 
-def visit(number: int, clause: spec.Visit, route: Route) -> Demand:
+def visit(number: int, clause: Visit, route: Route) -> Demand:
     """Visit the regions that were not visited on the way yet."""
     regions = [
         visit_cells(region, route)
@@ -107,7 +125,7 @@ def visit(number: int, clause: spec.Visit, route: Route) -> Demand:
     return Demand(clause, visits=tuple(regions))
 
 
-def before(number: int, clause: spec.Before, route: Route) -> Demand:
+def before(number: int, clause: Before, route: Route) -> Demand:
     """Forbid the second region until the first one was visited, on the way or on this path."""
     if (number, 0) in route.visited:
         return Demand(clause)
@@ -115,24 +133,24 @@ def before(number: int, clause: spec.Before, route: Route) -> Demand:
     return Demand(clause, before=(visit_cells(clause.first, route), later))
 
 
-def stay_in(_: int, clause: spec.StayIn, route: Route) -> Demand:
+def stay_in(_: int, clause: StayIn, route: Route) -> Demand:
     """Forbid what lies outside of the region."""
-    if isinstance(clause.region, spec.Along) and clause.region.place == spec.WALLS:
+    if isinstance(clause.region, Along) and clause.region.place == WALLS:
         return Demand(clause, near_walls(clause.region.width, route).outside())
-    polygon = region_polygon(clause.region, route, spec.VISIT_RADIUS)
+    polygon = region_polygon(clause.region, route, VISIT_RADIUS)
     grid_map = route.costmap.grid_map
     outside = cover(polygon, grid_map).outside()
     return Demand(clause, open_border(outside, map_polygon(route).difference(polygon), grid_map))
 
 
-def pass_by(number: int, clause: spec.Pass, route: Route) -> Demand:
+def pass_by(number: int, clause: Pass, route: Route) -> Demand:
     """Forbid the object and the ray to the wrong side; cross the ray to the right side.
 
     A robot that has crossed that ray on the way does not have to do so again.
     """
     grid_map = route.costmap.grid_map
     width = RAY_WIDTH * grid_map.resolution
-    body = cover(region_polygon(clause.region, route, spec.VISIT_RADIUS), grid_map)
+    body = cover(region_polygon(clause.region, route, VISIT_RADIUS), grid_map)
     wrong = cover(ray(clause.region, clause.side, route, opposite=True).buffer(width), grid_map)
     right = cover(ray(clause.region, clause.side, route).buffer(width), grid_map)
     forbidden = Cover(*(cells | wrong.touched for cells in body))
@@ -141,43 +159,41 @@ def pass_by(number: int, clause: spec.Pass, route: Route) -> Demand:
     return Demand(clause, forbidden, visits=visits, visits_in_order=False)
 
 
-def keep_distance(_: int, clause: spec.KeepDistance, route: Route) -> Demand:
+def keep_distance(_: int, clause: KeepDistance, route: Route) -> Demand:
     """Forbid what is too near to the walls or the region."""
     if clause.region is None:
         return Demand(clause, near_walls(clause.metres, route))
-    return avoid(
-        0, spec.Avoid(clause.strength, clause.guessed, clause.region, clause.metres), route
-    )
+    return avoid(0, Avoid(clause.strength, clause.unsure, clause.region, clause.metres), route)
 
 
-def end_at(_: int, clause: spec.EndAt, route: Route) -> Demand:
+def end_at(_: int, clause: EndAt, route: Route) -> Demand:
     """End in the region."""
     return Demand(clause, goals=visit_cells(clause.region, route))
 
 
-def nothing(_: int, clause: spec.Clause, route: Route) -> Demand:  # noqa: ARG001 - as the others
+def nothing(_: int, clause: Clause, route: Route) -> Demand:  # noqa: ARG001 - as the others
     """Ask for nothing: the clause was not understood."""
     return Demand(clause, problem='not understood')
 
 
-DEMANDS: dict[type[spec.Clause], Callable[..., Demand]] = {
-    spec.Avoid: avoid,
-    spec.Visit: visit,
-    spec.Before: before,
-    spec.StayIn: stay_in,
-    spec.Pass: pass_by,
-    spec.KeepDistance: keep_distance,
-    spec.EndAt: end_at,
-    spec.Unknown: nothing,
+DEMANDS: dict[type[Clause], Callable[..., Demand]] = {
+    Avoid: avoid,
+    Visit: visit,
+    Before: before,
+    StayIn: stay_in,
+    Pass: pass_by,
+    KeepDistance: keep_distance,
+    EndAt: end_at,
+    Unknown: nothing,
 }
 
 
-def visit_cells(region: spec.Region, route: Route) -> Mask:
+def visit_cells(region: Region, route: Route) -> Mask:
     """Return the free cells in which a region counts as visited, bool [height, width]."""
     costmap = route.costmap
     polygon = visit_polygon(region, route)
     cells = cover(polygon, costmap.grid_map).centres
-    if isinstance(region, spec.Disc):
+    if isinstance(region, Disc):
         column, row = costmap.grid_map.world_to_cell(region.x, region.y)
         if costmap.grid_map.contains((column, row)):
             cells[row, column] = True
@@ -340,7 +356,7 @@ class Enforcer:
         return None if total is None else np.minimum(total, MUST_PRICE)
 
 
-def contradictions(demands: Sequence[Demand]) -> tuple[tuple[spec.Clause, spec.Clause], ...]:
+def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ...]:
     """Return the pairs of `must` clauses that no path on any map can keep together.
 
     Found without a search: what one asks to visit lies wholly in what the other forbids, or the
@@ -384,7 +400,7 @@ def goal_cell(place: Place, costmap: Costmap) -> Cell:
     part of the map that can be driven. Raises PlaceGoalError where no cell is free.
     """
     route = Route(costmap, (0, 0), (0, 0), Places([place]))
-    cells = visit_cells(spec.NamedPlace(place.name), route)
+    cells = visit_cells(NamedPlace(place.name), route)
     if not cells.any():
         raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
     components = costmap.components[:, :]

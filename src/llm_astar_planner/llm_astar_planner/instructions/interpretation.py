@@ -9,9 +9,8 @@ from typing import Any, Protocol
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
-from llm_astar_planner.instructions.sentence import canonical_sentence
-from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification, Unknown
-from llm_astar_planner.instructions.specification_json import to_json
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 
 MAX_INSTRUCTION_CHARS = 500
 PREFER, REQUIRE = 'prefer', 'require'
@@ -60,7 +59,7 @@ class Interpretation:
     @property
     def sentence(self) -> str:
         """The canonical English sentence of what was understood."""
-        return canonical_sentence(self.specification)
+        return self.specification.sentence
 
     def summary(self) -> str:
         """Return one line for logs: 'understood by grammar: avoid the kitchen'."""
@@ -75,7 +74,7 @@ class Interpretation:
             'text': self.text,
             'status': self.status.value,
             'sentence': self.sentence,
-            'specification': to_json(self.specification),
+            'specification': self.specification.to_json(),
             'understood_by': self.understood_by,
             'detail': self.detail,
             'seconds': self.seconds,

@@ -7,21 +7,24 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
-from llm_astar_planner.instructions.sentence import clause_sentence
-from llm_astar_planner.instructions.specification import Clause
 
 
 class ClauseStatus(Enum):
     """What became of one clause."""
 
-    SATISFIED = 'satisfied'
-    VIOLATED = 'violated'
+    KEPT = 'kept'
+    # A wish, or a demand that no path keeps: by the least that any path can.
+    AS_FAR_AS_POSSIBLE = 'kept as far as possible'
+    NOT_KEPT = 'not kept'
     # No path on this map satisfies it, whatever the other clauses are.
     IMPOSSIBLE = 'impossible'
     NOT_UNDERSTOOD = 'not understood'
-    # It holds a number or a name that the sentence does not: enforced, but nothing is claimed.
-    GUESSED = 'guessed'
+    # It was read, but not for certain: enforced, but nothing is claimed till it is confirmed.
+    UNSURE = 'unsure'
+    # Understood, but nothing that a path has: a speed, a time.
+    UNSUPPORTED = 'unsupported'
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class ClauseOutcome:
       NaN where nothing was measured.
     - `where`: the point (x, y) in metres where the path violates it first or most, or None.
     - `detail`: the measured fact as a short sentence.
+    - `price`: the metres by which the path is longer for this clause, NaN where not measured.
     """
 
     clause: Clause
@@ -41,17 +45,19 @@ class ClauseOutcome:
     measured: float = math.nan
     least: float = math.nan
     where: tuple[float, float] | None = None
+    price: float = math.nan
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of reports and `--json`; NaN is null."""
         return {
-            'clause': clause_sentence(self.clause),
+            'clause': self.clause.sentence(),
             'kind': self.clause.kind,
             'status': self.status.value,
             'detail': self.detail,
             'measured': self.measured if math.isfinite(self.measured) else None,
             'least': self.least if math.isfinite(self.least) else None,
             'where': None if self.where is None else list(self.where),
+            'price': self.price if math.isfinite(self.price) else None,
         }
 
 
@@ -72,14 +78,14 @@ class InstructionOutcome:
         if self.interpretation.status is Understanding.IRRELEVANT:
             return None
         understood = self.interpretation.status is Understanding.WHOLE
-        done = all(outcome.status is ClauseStatus.SATISFIED for outcome in self.clauses)
+        done = all(outcome.status is ClauseStatus.KEPT for outcome in self.clauses)
         return understood and bool(self.clauses) and done
 
     def summary(self) -> str:
         """Return one line for the report: the status of each clause with the measured fact."""
         status = self.interpretation.status
         parts = [
-            f'{clause_sentence(outcome.clause)}: {outcome.status.value}'
+            f'{outcome.clause.sentence()}: {outcome.status.value}'
             + (f' ({outcome.detail})' if outcome.detail else '')
             for outcome in self.clauses
         ]

@@ -13,7 +13,21 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.regions import (
+    OBJECT_REACH,
+    ROUTE_SIDES,
+    VISIT_DEPTH,
+    VISIT_RADIUS,
+    WALLS,
+    Along,
+    Between,
+    Box,
+    Disc,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
 from llm_astar_planner.instructions.route import Route
 
 # Directions of the sides in the map's frame, as in REP-103.
@@ -27,58 +41,58 @@ class RegionError(LlmAstarError, ValueError):
     """A region that this map does not have; the message says which and why."""
 
 
-def region_polygon(region: spec.Region, route: Route, default_radius: float) -> BaseGeometry:
+def region_polygon(region: Region, route: Route, default_radius: float) -> BaseGeometry:
     """Return a region as a polygon, or several, in metres.
 
     `default_radius` is for points without a radius. Raises RegionError for an unknown place or
     tag, and for walls, which are cells and no polygon.
     """
     match region:
-        case spec.NamedPlace(name):
+        case NamedPlace(name):
             return place_polygon(find_place(name, route))
-        case spec.Tagged(tag):
+        case Tagged(tag):
             return shapely.union_all([place_polygon(place) for place in tagged(tag, route)])
-        case spec.Disc(x, y, radius):
+        case Disc(x, y, radius):
             return grown(shapely.Point(x, y), radius or default_radius)
-        case spec.Box():
+        case Box():
             return box_polygon(region, route)
-        case spec.Half(side, of):
+        case Half(side, of):
             return half_polygon(side, of, route)
-        case spec.Between(first, second):
+        case Between(first, second):
             both = shapely.union_all(
                 [place_polygon(find_place(name, route)) for name in (first, second)]
             )
             return shapely.convex_hull(both).difference(both)
-        case spec.Along(place, width) if place != spec.WALLS:
+        case Along(place, width) if place != WALLS:
             polygon = place_polygon(find_place(place, route))
             return grown(polygon, width).difference(polygon)
     raise RegionError('the strip along all walls is no polygon')
 
 
-def visit_polygon(region: spec.Region, route: Route) -> BaseGeometry:
+def visit_polygon(region: Region, route: Route) -> BaseGeometry:
     """Return where the path has to have a point for a visit. Raises as `region_polygon`.
 
     Well inside an area, near an object, and within the radius of a point.
     """
-    if isinstance(region, spec.NamedPlace):
+    if isinstance(region, NamedPlace):
         return visited_place(find_place(region.place, route))
-    if isinstance(region, spec.Tagged):
+    if isinstance(region, Tagged):
         return shapely.union_all([visited_place(place) for place in tagged(region.tag, route)])
-    polygon = region_polygon(region, route, spec.VISIT_RADIUS)
-    return polygon if isinstance(region, spec.Disc) else inner(polygon)
+    polygon = region_polygon(region, route, VISIT_RADIUS)
+    return polygon if isinstance(region, Disc) else inner(polygon)
 
 
-def entered_polygon(region: spec.Region, route: Route) -> BaseGeometry:
+def entered_polygon(region: Region, route: Route) -> BaseGeometry:
     """Return where a path has entered a region: any part of an area, or near an object."""
-    if isinstance(region, spec.NamedPlace) and find_place(region.place, route).is_object:
+    if isinstance(region, NamedPlace) and find_place(region.place, route).is_object:
         return visit_polygon(region, route)
-    return region_polygon(region, route, spec.VISIT_RADIUS)
+    return region_polygon(region, route, VISIT_RADIUS)
 
 
 def visited_place(place: Place) -> BaseGeometry:
     """Return where a place counts as visited."""
     if place.is_object:
-        return place.geometry.buffer(spec.OBJECT_REACH, quad_segs=QUARTER)
+        return place.geometry.buffer(OBJECT_REACH, quad_segs=QUARTER)
     if place.geometry.geom_type in ('Polygon', 'MultiPolygon'):
         return inner(place.geometry)
     return place_polygon(place)
@@ -91,7 +105,7 @@ def inner(polygon: BaseGeometry) -> BaseGeometry:
         return polygon
     corners = shapely.get_coordinates(box)
     width = min(np.hypot(*(corners[1] - corners[0])), np.hypot(*(corners[2] - corners[1])))
-    deep = polygon.buffer(-min(spec.VISIT_DEPTH, width / 4))
+    deep = polygon.buffer(-min(VISIT_DEPTH, width / 4))
     return polygon if deep.is_empty else deep
 
 
@@ -120,7 +134,7 @@ def place_polygon(place: Place) -> BaseGeometry:
     """Return the polygon of a place; a point or a line has a width."""
     if place.geometry.geom_type in ('Polygon', 'MultiPolygon'):
         return place.geometry
-    return grown(place.geometry, spec.VISIT_RADIUS)
+    return grown(place.geometry, VISIT_RADIUS)
 
 
 def map_polygon(route: Route) -> BaseGeometry:
@@ -131,7 +145,7 @@ def map_polygon(route: Route) -> BaseGeometry:
     return shapely.Polygon(grid_map.grid_to_world(corners))
 
 
-def box_polygon(box: spec.Box, route: Route) -> BaseGeometry:
+def box_polygon(box: Box, route: Route) -> BaseGeometry:
     """Return a box whose open sides end beyond the map."""
     x0, y0, x1, y1 = map_polygon(route).bounds
     bounds = (
@@ -148,7 +162,7 @@ def box_polygon(box: spec.Box, route: Route) -> BaseGeometry:
 def half_polygon(side: str, of: str, route: Route) -> BaseGeometry:
     """Return the half of the map, or of the place `of`, on a side."""
     whole = place_polygon(find_place(of, route)) if of else map_polygon(route)
-    if side in spec.ROUTE_SIDES:
+    if side in ROUTE_SIDES:
         here = route.position(route.start)
         return whole.intersection(half_plane(here, side_direction(side, route), whole))
     x0, y0, x1, y1 = whole.bounds
@@ -172,7 +186,7 @@ def half_plane(
 
 def side_direction(side: str, route: Route) -> tuple[float, float]:
     """Return the unit vector towards a side; left and right are of the way from start to goal."""
-    if side not in spec.ROUTE_SIDES:
+    if side not in ROUTE_SIDES:
         return DIRECTIONS[side]
     (x0, y0), (x1, y1) = route.position(route.start), route.position(route.goal)
     length = math.dist((x0, y0), (x1, y1))
@@ -182,12 +196,12 @@ def side_direction(side: str, route: Route) -> tuple[float, float]:
     return (-y, x) if side == 'left' else (y, -x)
 
 
-def ray(region: spec.Region, side: str, route: Route, *, opposite: bool = False) -> BaseGeometry:
+def ray(region: Region, side: str, route: Route, *, opposite: bool = False) -> BaseGeometry:
     """Return the line from a region's centre to the edge of the map on a side, or the other one.
 
     Raises RegionError as `region_polygon`, and for an empty region.
     """
-    centre = region_polygon(region, route, spec.VISIT_RADIUS).centroid
+    centre = region_polygon(region, route, VISIT_RADIUS).centroid
     if centre.is_empty:
         raise RegionError('the region has no area on this map')
     x, y = side_direction(side, route)

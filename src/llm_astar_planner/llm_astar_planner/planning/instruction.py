@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
+from llm_astar_planner.instructions.clauses.clause import SHOULD
 from llm_astar_planner.instructions.enforcement import (
     Enforced,
     Enforcer,
@@ -24,8 +25,6 @@ from llm_astar_planner.instructions.outcome import (
     InstructionOutcome,
 )
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.sentence import clause_sentence
-from llm_astar_planner.instructions.specification import SHOULD
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
@@ -125,7 +124,7 @@ class InstructedSearch:
     def note(self) -> str:
         """Say which clauses contradict each other, or that no path keeps all; else ''."""
         pairs = [
-            f'"{clause_sentence(one)}" contradicts "{clause_sentence(other)}"'
+            f'"{one.sentence()}" contradicts "{other.sentence()}"'
             for one, other in contradictions(self.demands)
         ]
         return '; '.join(pairs) or ('' if self.is_kept else 'no path of cells keeps every clause')
@@ -226,17 +225,17 @@ def verified(
     clauses = hold(plan.path)
     if plan.any_angle is not None:
         shortened = hold(plan.any_angle.points)
-        if count_satisfied(shortened) >= count_satisfied(clauses):
+        if count_kept(shortened) >= count_kept(clauses):
             clauses = shortened
         else:
             plan = replace(plan, any_angle=None)
-    note = '' if count_satisfied(clauses) == len(clauses) else note
+    note = '' if count_kept(clauses) == len(clauses) else note
     return plan, InstructionOutcome(interpretation, clauses, note)
 
 
-def count_satisfied(clauses: Sequence[ClauseOutcome]) -> int:
-    """Count the satisfied clauses."""
-    return sum(clause.status is ClauseStatus.SATISFIED for clause in clauses)
+def count_kept(clauses: Sequence[ClauseOutcome]) -> int:
+    """Count the clauses that are kept."""
+    return sum(clause.status is ClauseStatus.KEPT for clause in clauses)
 
 
 def required_problem(outcome: InstructionOutcome) -> str | None:
@@ -245,8 +244,8 @@ def required_problem(outcome: InstructionOutcome) -> str | None:
     if status in (Understanding.PENDING, Understanding.NONE):
         return f'the instruction is {status.value}'
     for clause in outcome.clauses:
-        if clause.status is not ClauseStatus.SATISFIED and clause.clause.strength != SHOULD:
-            return f'{clause_sentence(clause.clause)}: {clause.status.value} ({clause.detail})'
+        if clause.status is not ClauseStatus.KEPT and clause.clause.strength != SHOULD:
+            return f'{clause.clause.sentence()}: {clause.status.value} ({clause.detail})'
     return None
 
 
@@ -256,5 +255,5 @@ def with_outcome(plan: Plan, outcome: InstructionOutcome) -> Plan:
     if plan.code and outcome.interpretation.status is Understanding.WHOLE and not outcome.clauses:
         return replace(plan, instruction=outcome)
     if outcome.clauses:
-        words = f'{count_satisfied(outcome.clauses)} of {len(outcome.clauses)} clauses satisfied'
+        words = f'{count_kept(outcome.clauses)} of {len(outcome.clauses)} clauses kept'
     return replace(plan, instruction=outcome, message=f'{plan.message}; instruction: {words}')

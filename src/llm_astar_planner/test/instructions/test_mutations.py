@@ -14,26 +14,18 @@ import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
+from llm_astar_planner.instructions.regions import Box, Disc, Half, NamedPlace, Tagged
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.sentence import canonical_sentence
-from llm_astar_planner.instructions.specification import (
-    NOTHING_ASKED,
-    SHOULD,
-    Avoid,
-    Before,
-    Box,
-    Disc,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
-    Tagged,
-    Visit,
-)
+from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
@@ -292,7 +284,7 @@ def wall_distance(xy):
 
 
 @pytest.mark.parametrize(
-    'clauses', INSTRUCTIONS, ids=[canonical_sentence(Specification(c)) for c in INSTRUCTIONS]
+    'clauses', INSTRUCTIONS, ids=[Specification(c).sentence for c in INSTRUCTIONS]
 )
 def test_who_keeps_another_instruction_is_caught(planner, clauses):
     right = Specification(clauses)

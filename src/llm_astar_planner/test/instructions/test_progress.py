@@ -7,10 +7,12 @@ import pytest
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 from llm_astar_planner.instructions.progress import Progress
+from llm_astar_planner.instructions.regions import NamedPlace
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import NamedPlace, Specification, Visit
+from llm_astar_planner.instructions.specification import Specification
 
 COSTMAP = Costmap(GridMap(np.zeros((44, 64), dtype=np.int8), 0.5))
 ROUTE = Route(COSTMAP, (2, 20), (60, 20), HOSPITAL)

@@ -12,36 +12,35 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions import verification
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    NOTHING_ASKED,
-    SHOULD,
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.regions import (
     Along,
-    Avoid,
-    Before,
     Between,
     Box,
     Disc,
-    EndAt,
     Half,
-    KeepDistance,
     NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
     Tagged,
-    Unknown,
-    Visit,
 )
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.verification import PathError, verify, visited_regions
 from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.walls import Walls
 from verified_maps import (
-    GUESSED,
     IMPOSSIBLE,
     NOT_UNDERSTOOD,
     PLACES,
     SATISFIED,
+    UNSURE,
     VIOLATED,
     field,
     outcome,
@@ -175,7 +174,7 @@ def test_nothing_is_claimed_of_what_does_not_exist():
 
 
 def test_a_guessed_clause_is_never_satisfied():
-    assert outcome(PAST, Avoid(region=KITCHEN, guessed=True)).status is GUESSED
+    assert outcome(PAST, Avoid(region=KITCHEN, unsure='?')).status is UNSURE
 
 
 def test_before_looks_at_the_first_entry():
@@ -605,14 +604,14 @@ def test_where_to_end_is_free_for_what_is_least():
 
 def test_a_guess_and_a_name_that_is_missing_are_never_claimed():
     clauses = [
-        Visit(regions=(KITCHEN,), guessed=True), StayIn(region=LAB, guessed=True),
-        Visit(regions=(NamedPlace('attic'),), guessed=True),
+        Visit(regions=(KITCHEN,), unsure='?'), StayIn(region=LAB, unsure='?'),
+        Visit(regions=(NamedPlace('attic'),), unsure='?'),
         Before(first=KITCHEN, second=NamedPlace('attic')),
         Visit(regions=(KITCHEN, NamedPlace('attic'))), EndAt(region=Between('attic', 'lab')),
         KeepDistance(metres=1.0, region=Along('attic', 1.0)), Pass(region=Half('left', 'attic')),
     ]  # fmt: skip
     statuses = [one.status for one in outcomes(THROUGH, *clauses)]
-    assert statuses == [GUESSED, GUESSED, *[NOT_UNDERSTOOD] * 6]
+    assert statuses == [UNSURE, UNSURE, *[NOT_UNDERSTOOD] * 6]
 
 
 def test_names_are_found_by_alias_in_any_case():
@@ -624,7 +623,7 @@ def test_nothing_asked_is_nothing_found():
 
 
 def test_the_check_knows_nothing_of_the_enforcement():
-    allowed = {'outcome', 'route', 'specification', 'verification'}
+    allowed = {'outcome', 'route', 'regions', 'clauses', 'specification', 'verification'}
     for path in Path(verification.__file__).parent.glob('*.py'):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             if isinstance(node, ast.ImportFrom) and 'planner.instructions.' in node.module:
@@ -673,5 +672,5 @@ def test_whether_corners_may_be_cut_decides_what_can_be_reached(cutting, status)
     walls = [(0.0, 10.0, 10.0, 11.0), (10.0, 11.0, 20.0, 12.0)]
     costmap = field(1.0, walls=walls, corner_cutting=cutting)
     assert outcome(PAST, Visit(regions=(Disc(5.5, 15.5),)), costmap=costmap).status is status
-    passed = Avoid(region=Box(0.0, 0.0, 20.0, 10.0), guessed=True)
-    assert outcome(PAST, passed, costmap=costmap).status is GUESSED
+    passed = Avoid(region=Box(0.0, 0.0, 20.0, 10.0), unsure='?')
+    assert outcome(PAST, passed, costmap=costmap).status is UNSURE

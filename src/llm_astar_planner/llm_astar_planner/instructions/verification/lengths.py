@@ -8,8 +8,13 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.regions import WALLS, Along, Region
 from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Spans, total
 from llm_astar_planner.instructions.verification.measurement import (
     NEGLIGIBLE,
@@ -30,7 +35,7 @@ SHORT_METRES = 0.05
 REPORTED_BEYOND = 0.25
 
 
-def check_avoid(measurement: Measurement, clause: spec.Avoid, _: int) -> ClauseOutcome:
+def check_avoid(measurement: Measurement, clause: Avoid, _: int) -> ClauseOutcome:
     """Measure the metres of a path in a region and its margin.
 
     A must allows none, even where start or goal lies inside, so that satisfied means clear of it;
@@ -48,7 +53,7 @@ def check_avoid(measurement: Measurement, clause: spec.Avoid, _: int) -> ClauseO
     least = measurement.reference.least_inside(area)
     detail = f'{length_text(metres)} inside, from {point_text(measurement.first_point(spans))}'
     impossible = False
-    if clause.strength != spec.SHOULD:
+    if clause.strength != SHOULD:
         reference = measurement.reference
         impossible = ends_inside or (
             reference.small_enough and reference.separates(reference.inside(area))
@@ -65,10 +70,10 @@ def check_avoid(measurement: Measurement, clause: spec.Avoid, _: int) -> ClauseO
     )
 
 
-def avoided_area(measurement: Measurement, clause: spec.Avoid) -> Area:
+def avoided_area(measurement: Measurement, clause: Avoid) -> Area:
     """Return the region to avoid with its margin, without its edge; it may have no size."""
     if is_walls(clause.region):
-        strip = spec.Along(spec.WALLS, clause.region.width + clause.margin)
+        strip = Along(WALLS, clause.region.width + clause.margin)
         return measurement.regions.resolve(strip).area.shrunk(EDGE)
     region = measurement.regions.resolve_avoided(clause.region).area
     if clause.margin > EDGE and region.has_size:
@@ -76,7 +81,7 @@ def avoided_area(measurement: Measurement, clause: spec.Avoid) -> Area:
     return region.shrunk(EDGE)
 
 
-def check_stay_in(measurement: Measurement, clause: spec.StayIn, _: int) -> ClauseOutcome:
+def check_stay_in(measurement: Measurement, clause: StayIn, _: int) -> ClauseOutcome:
     """Measure the metres of a path outside of a region: a `should` allows the least possible."""
     region = measurement.regions.resolve(clause.region).area
     area = region.grown(EDGE)
@@ -92,7 +97,7 @@ def check_stay_in(measurement: Measurement, clause: spec.StayIn, _: int) -> Clau
     least = measurement.reference.least_inside(area, outside=True)
     detail = f'{length_text(metres)} outside, from {point_text(where)}'
     detail += '' if math.isnan(least) else f', {least_text(least)}'
-    if clause.strength == spec.SHOULD:
+    if clause.strength == SHOULD:
         if metres <= measurement.allowed(least):
             return satisfied(clause, detail, metres, least)
         return violated(clause, detail, metres, where, least)
@@ -109,9 +114,7 @@ def first_outside(measurement: Measurement, inside: Spans) -> Point:
     return measurement.start
 
 
-def check_keep_distance(
-    measurement: Measurement, clause: spec.KeepDistance, _: int
-) -> ClauseOutcome:
+def check_keep_distance(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutcome:
     """Measure the least distance of a path to a region or to the walls.
 
     Where start or goal itself is nearer, the path up to where it first leaves the zone is not
@@ -136,22 +139,22 @@ def check_keep_distance(
     return check_zone(measurement, clause, area.grown(limit - EDGE))
 
 
-def kept_from(clause: spec.KeepDistance) -> spec.Region:
+def kept_from(clause: KeepDistance) -> Region:
     """Return what a distance is kept from; the walls are the strip of no width along them."""
-    return spec.Along(spec.WALLS, 0.0) if clause.region is None else clause.region
+    return Along(WALLS, 0.0) if clause.region is None else clause.region
 
 
-def is_walls(region: spec.Region) -> TypeGuard[spec.Along]:
+def is_walls(region: Region) -> TypeGuard[Along]:
     """Tell whether a region is a strip along the walls."""
-    return isinstance(region, spec.Along) and region.place == spec.WALLS
+    return isinstance(region, Along) and region.place == WALLS
 
 
-def check_zone(measurement: Measurement, clause: spec.KeepDistance, zone: Area) -> ClauseOutcome:
+def check_zone(measurement: Measurement, clause: KeepDistance, zone: Area) -> ClauseOutcome:
     """Judge a path that enters `zone`, all that is nearer than is allowed."""
     spans = zone.spans(measurement.path)
     counts = [not is_end(measurement, span, clause.metres) for span in spans]
     middle = spans[np.array(counts, dtype=np.bool_)]
-    is_preference = clause.strength == spec.SHOULD
+    is_preference = clause.strength == SHOULD
     counted = spans if is_preference else middle
     if len(spans) and (is_preference or total(middle) <= NEGLIGIBLE):
         least = measurement.reference.least_inside(zone)
@@ -179,7 +182,7 @@ def is_end(measurement: Measurement, span: NDArray[np.float64], metres: float) -
 
 
 def nearest_in(
-    measurement: Measurement, clause: spec.KeepDistance, spans: Spans
+    measurement: Measurement, clause: KeepDistance, spans: Spans
 ) -> tuple[float, Point]:
     """Return the least distance of stretches of a path, and the point there."""
     found = math.inf, measurement.start
@@ -210,7 +213,7 @@ def too_narrow(measurement: Measurement, zone: Area) -> bool:
     return reference.separates(near & ~np.isin(patches, own[own > 0]))
 
 
-def check_end_at(measurement: Measurement, clause: spec.EndAt, _: int) -> ClauseOutcome:
+def check_end_at(measurement: Measurement, clause: EndAt, _: int) -> ClauseOutcome:
     """Measure how far the last point of a path is from a region."""
     region = measurement.regions.resolve(clause.region)
     if not region.area.has_size:

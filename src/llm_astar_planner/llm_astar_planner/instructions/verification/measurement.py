@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import Clause, EndAt, Specification
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification.geometry import Area, Polyline, Spans
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.regions import RegionError, Regions
@@ -50,7 +52,7 @@ class Measurement:
         """Where a clause asks the path to end, None without such a clause."""
         end: Area | None = None
         for clause in self.specification.clauses:
-            if isinstance(clause, EndAt) and not clause.guessed:
+            if isinstance(clause, EndAt) and not clause.unsure:
                 try:
                     end = self.regions.resolve(clause.region).ends
                 except RegionError:
@@ -96,7 +98,7 @@ def satisfied(
     clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0
 ) -> ClauseOutcome:
     """Return the outcome of a clause that a path satisfies."""
-    return ClauseOutcome(clause, ClauseStatus.SATISFIED, detail, measured, least)
+    return ClauseOutcome(clause, ClauseStatus.KEPT, detail, measured, least)
 
 
 def violated(
@@ -109,7 +111,7 @@ def violated(
     impossible: bool = False,
 ) -> ClauseOutcome:
     """Return the outcome of a clause that a path violates, impossible or not."""
-    status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.VIOLATED
+    status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.NOT_KEPT
     return ClauseOutcome(clause, status, detail, measured, least, where)
 
 

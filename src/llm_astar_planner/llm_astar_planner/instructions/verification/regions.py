@@ -13,7 +13,22 @@ from llm_astar_msgs_adapter.maps.places import Place
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.regions import (
+    AVOID_RADIUS,
+    OBJECT_REACH,
+    ROUTE_SIDES,
+    VISIT_DEPTH,
+    VISIT_RADIUS,
+    WALLS,
+    Along,
+    Between,
+    Box,
+    Disc,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
@@ -62,7 +77,7 @@ class RegionPart:
             return self.area.grown(self.reach + EDGE)
         if len(self.area.discs):
             return Area(self.cell, self.area.discs + (0.0, 0.0, EDGE))
-        depth = min(spec.VISIT_DEPTH, self.width / 4.0)
+        depth = min(VISIT_DEPTH, self.width / 4.0)
         deep = self.area.shrunk(max(0.0, depth - EDGE))
         # A thin part of a wide rectangle, a ring for instance, may be nowhere so deep.
         while not deep.has_size and depth > EDGE:
@@ -120,34 +135,34 @@ class Regions:
         # The outline of the whole grid in the map's frame.
         self.map_outline = shapely.Polygon(grid_map.grid_to_world(corners))
 
-    def resolve(self, region: spec.Region, radius: float = spec.VISIT_RADIUS) -> Resolved:
+    def resolve(self, region: Region, radius: float = VISIT_RADIUS) -> Resolved:
         """Return where a region lies. `radius` is that of a point without one.
 
         Raises RegionError where a name or a tag does not exist, or the region has no meaning.
         """
         match region:
-            case spec.NamedPlace(name):
+            case NamedPlace(name):
                 return Resolved((self.place_part(self.place(name)),))
-            case spec.Tagged(tag):
+            case Tagged(tag):
                 places = self._route.places.with_tag(tag)
                 if not places:
                     raise RegionError(f'there is no place of the kind or tag {tag!r}')
                 return Resolved(tuple(self.place_part(place) for place in places))
-            case spec.Disc(x, y, given):
+            case Disc(x, y, given):
                 return Resolved((self.disc_part(x, y, given or radius),))
-            case spec.Box():
+            case Box():
                 return Resolved((self.open_part(self.box_polygon(region)),))
-            case spec.Half():
+            case Half():
                 return Resolved((self.half_part(region),))
-            case spec.Between(first, second):
+            case Between(first, second):
                 return Resolved((self.between_part(first, second),))
-            case spec.Along(place, width):
+            case Along(place, width):
                 return Resolved((self.along_part(place, width),))
         raise TypeError(type(region).__name__)
 
-    def resolve_avoided(self, region: spec.Region) -> Resolved:
+    def resolve_avoided(self, region: Region) -> Resolved:
         """Return where a region to keep out of lies."""
-        return self.resolve(region, spec.AVOID_RADIUS)
+        return self.resolve(region, AVOID_RADIUS)
 
     def place(self, name: str) -> Place:
         """Return the place of a name. Raises RegionError if there is none."""
@@ -160,14 +175,12 @@ class Regions:
         """Return a place; a point is a disc of VISIT_RADIUS."""
         shape = shapely.force_2d(place.geometry)
         if shape.geom_type == 'Point' and not shape.is_empty:
-            part = self.disc_part(shape.x, shape.y, spec.VISIT_RADIUS)
+            part = self.disc_part(shape.x, shape.y, VISIT_RADIUS)
             if place.is_object:
-                return RegionPart(part.area, reach=spec.OBJECT_REACH - spec.VISIT_RADIUS)
+                return RegionPart(part.area, reach=OBJECT_REACH - VISIT_RADIUS)
             return part
         area = polygon_area(shape)
-        return RegionPart(
-            area, width_of(area.polygon), spec.OBJECT_REACH if place.is_object else 0.0
-        )
+        return RegionPart(area, width_of(area.polygon), OBJECT_REACH if place.is_object else 0.0)
 
     def disc_part(self, x: float, y: float, radius: float) -> RegionPart:
         """Return a disc, and the inside of the cell that holds its centre."""
@@ -185,7 +198,7 @@ class Regions:
         on_map = polygons_of(shapely.intersection(polygon, self.map_outline))
         return RegionPart(polygon_area(polygon), width_of(on_map))
 
-    def box_polygon(self, box: spec.Box) -> BaseGeometry:
+    def box_polygon(self, box: Box) -> BaseGeometry:
         """Return a box with its open sides beyond the map; empty if its sides are in no order."""
         low_x, low_y, high_x, high_y = shapely.bounds(self.map_outline)
         finite = [side for side in (box.x0, box.x1, box.y0, box.y1) if math.isfinite(side)]
@@ -195,14 +208,14 @@ class Regions:
         y0, y1 = max(box.y0, low), min(box.y1, high)
         return shapely.box(x0, y0, x1, y1) if x0 < x1 and y0 < y1 else NOTHING
 
-    def half_part(self, half: spec.Half) -> RegionPart:
+    def half_part(self, half: Half) -> RegionPart:
         """Return a half of the map or of a place."""
         whole = self.place_part(self.place(half.of)).area.outline if half.of else self.map_outline
         if whole.is_empty:
             return RegionPart(polygon_area(NOTHING))
         x0, y0, x1, y1 = shapely.bounds(whole)
         middle = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0])
-        if half.side in spec.ROUTE_SIDES and not half.of:
+        if half.side in ROUTE_SIDES and not half.of:
             middle = np.array(self._route.position(self._route.start))
         plane = self.half_plane(middle, self.direction(half.side))
         if not half.of:
@@ -215,7 +228,7 @@ class Regions:
 
         Raises RegionError for left and right where start and goal are one cell.
         """
-        if side not in spec.ROUTE_SIDES:
+        if side not in ROUTE_SIDES:
             return np.array(COMPASS_DIRECTIONS[side])
         start = np.array(self._route.position(self._route.start))
         way = np.array(self._route.position(self._route.goal)) - start
@@ -244,7 +257,7 @@ class Regions:
 
     def along_part(self, place: str, width: float) -> RegionPart:
         """Return the strip around a place, or all that is near a wall."""
-        if place == spec.WALLS:
+        if place == WALLS:
             if not self._walls.exist:
                 raise RegionError('the map has no walls')
             return RegionPart(self._walls.zone(width), width)

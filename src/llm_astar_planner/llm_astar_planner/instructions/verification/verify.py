@@ -8,9 +8,18 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.lengths import (
     check_avoid,
@@ -29,7 +38,7 @@ from llm_astar_planner.instructions.verification.visits import (
 
 
 def verify(
-    specification: spec.Specification, points: ArrayLike, route: Route, deadline: float = math.inf
+    specification: Specification, points: ArrayLike, route: Route, deadline: float = math.inf
 ) -> tuple[ClauseOutcome, ...]:
     """Hold a path against a specification: the outcome of each clause, in their order.
 
@@ -47,7 +56,7 @@ def verify(
 
 
 def visited_regions(
-    specification: spec.Specification, points: ArrayLike, route: Route
+    specification: Specification, points: ArrayLike, route: Route
 ) -> frozenset[tuple[int, int]]:
     """Return which regions a path driven so far, [n, 2] metres, n > 0, has visited in their turn.
 
@@ -57,30 +66,30 @@ def visited_regions(
     return visited_regions_of(Measurement(specification, polyline(points), route))
 
 
-def outcome_of(measurement: Measurement, clause: spec.Clause, index: int) -> ClauseOutcome:
+def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
     """Judge one clause; what is guessed or does not exist is never satisfied."""
     try:
         outcome = CHECKS[type(clause)](measurement, clause, index)
     except RegionError as problem:
         return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, str(problem))
-    if clause.guessed and outcome.status is not ClauseStatus.NOT_UNDERSTOOD:
-        return replace(outcome, status=ClauseStatus.GUESSED)
+    if clause.unsure and outcome.status is not ClauseStatus.NOT_UNDERSTOOD:
+        return replace(outcome, status=ClauseStatus.UNSURE)
     return outcome
 
 
-def not_understood(_: Measurement, clause: spec.Unknown, __: int) -> ClauseOutcome:
+def not_understood(_: Measurement, clause: Unknown, __: int) -> ClauseOutcome:
     """Claim nothing of words that were not understood."""
     return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
 
 
 # Each judges a clause, the `index`th; RegionError if a region does not exist.
-CHECKS: dict[type[spec.Clause], Callable[..., ClauseOutcome]] = {
-    spec.Avoid: check_avoid,
-    spec.Visit: check_visit,
-    spec.Before: check_before,
-    spec.StayIn: check_stay_in,
-    spec.Pass: check_pass,
-    spec.KeepDistance: check_keep_distance,
-    spec.EndAt: check_end_at,
-    spec.Unknown: not_understood,
+CHECKS: dict[type[Clause], Callable[..., ClauseOutcome]] = {
+    Avoid: check_avoid,
+    Visit: check_visit,
+    Before: check_before,
+    StayIn: check_stay_in,
+    Pass: check_pass,
+    KeepDistance: check_keep_distance,
+    EndAt: check_end_at,
+    Unknown: not_understood,
 }

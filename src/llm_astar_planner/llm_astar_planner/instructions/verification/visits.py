@@ -11,8 +11,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.outcome import ClauseOutcome
-from llm_astar_planner.instructions.specification import Before, Clause, Pass, Visit
 from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
     Area,

@@ -1,0 +1,82 @@
+"""What all clauses have, and what a clause asks of the search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.instructions.fields import Fields
+from llm_astar_planner.instructions.regions import Region
+
+if TYPE_CHECKING:  # clauses are read where no search is
+    from llm_astar_planner.costmap.raster import Cover
+    from llm_astar_planner.instructions.ground import Ground
+    from llm_astar_planner.search.automata import Automaton
+
+MUST, SHOULD = 'must', 'should'
+STRENGTHS = (MUST, SHOULD)
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Ask:
+    """What one clause asks of the cells of a path; masks are bool [height, width].
+
+    - `forbidden`: cells that no move may begin or end in; None for none.
+    - `visits`: cells of each region to visit, after those of the clauses before, in any order.
+    - `regions`, `automaton`: an automaton over these regions, made for the price in cells per
+      cell of what it forbids, inf to forbid it; None for none.
+    - `goals`: cells to end in.
+    """
+
+    forbidden: Cover | None = None
+    visits: tuple[Mask, ...] = ()
+    regions: tuple[Mask, ...] = ()
+    automaton: Callable[[float], Automaton] | None = None
+    goals: Mask | None = None
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One thing that is asked of the path.
+
+    `strength` is `must` or `should` ("if possible"). `unsure` is a question for the person: the
+    clause was read, but not for certain, and is never reported as kept. '' if it is sure.
+    """
+
+    kind: ClassVar[str] = ''
+    # Whether the path is not to be in the regions; they are drawn hatched.
+    is_closed: ClassVar[bool] = False
+    strength: str = MUST
+    unsure: str = ''
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        raise NotImplementedError
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own; `where` names it in errors. Raises SpecificationError."""
+        raise NotImplementedError
+
+    def phrase(self) -> str:
+        """Return what it asks for, without its strength."""
+        raise NotImplementedError
+
+    def sentence(self) -> str:
+        """Return its canonical sentence, which the grammar reads as the same clause."""
+        return f'{"if possible, " if self.strength == SHOULD else ""}{self.phrase()}'
+
+    def ask(self, ground: Ground) -> Ask | None:
+        """Return what it asks of the search, None if that is nothing. Raises RegionError."""
+        raise NotImplementedError
+
+    @property
+    def regions(self) -> tuple[Region, ...]:
+        """The regions it is about."""
+        region: Region | None = getattr(self, 'region', None)
+        return () if region is None else (region,)
