@@ -34,7 +34,7 @@ from llm_astar_planner.instructions.regions import (
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import verify
-from llm_astar_planner.instructions.verification.geometry import disc_area, polygon_area, polyline
+from llm_astar_planner.instructions.verification.geometry import disc_area, polygon_area
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.search.astar import shortest_path
@@ -109,9 +109,7 @@ def test_the_least_length_in_a_region_is_that_of_a_plain_search(
                 np.minimum(xy[:, 1] - y, y + size - xy[:, 1]),
             )
 
-    found = Reference(route, Walls(route.costmap, polyline([(0, 0)])), None).least_inside(
-        area, outside=outside
-    )
+    found = Reference(route, Walls(route.costmap), None).least_inside(area, outside=outside)
     wanted = least_by_dijkstra(route, depth, outside=outside)
     assert found == pytest.approx(wanted, abs=0.1 + 0.03 * wanted, nan_ok=True)
 

@@ -49,7 +49,7 @@ class Measurement:
     @cached_property
     def walls(self) -> Walls:
         """The map's walls."""
-        return Walls(self.route.costmap, self.path)
+        return Walls(self.route.costmap)
 
     @cached_property
     def regions(self) -> Regions:
