@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions
-from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.interpretation import (
     POLICIES,
     Interpretation,

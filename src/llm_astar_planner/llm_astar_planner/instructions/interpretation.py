@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
+import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 
 MAX_INSTRUCTION_CHARS = 500
@@ -89,14 +92,15 @@ class RouteInstruction:
 
     - `policy`: `prefer` takes the path that violates the clauses least, `require` gives no path
       unless every `must` clause is satisfied.
-    - `visited`: the regions already visited on the way, as (index of the clause, index of the
-      region in it).
+    - `driven`: float64 [n, 2] metres, the way driven since the goal and the instruction were
+      given. `want_prices`: whether the outcome says what each clause costs.
     """
 
     interpretation: Interpretation
     places: Places = NO_PLACES
     policy: str = PREFER
-    visited: frozenset[tuple[int, int]] = frozenset()
+    driven: NDArray[np.float64] = field(default_factory=not_driven)
+    want_prices: bool = True
 
 
 class Interpreter(Protocol):
