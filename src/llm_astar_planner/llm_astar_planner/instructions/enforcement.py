@@ -29,7 +29,8 @@ from llm_astar_planner.instructions.polygons import (
 )
 from llm_astar_planner.instructions.route import PlaceGoalError, Route
 from llm_astar_planner.lazy import ndimage
-from llm_astar_planner.search.layered import VisitProblem
+from llm_astar_planner.search import automata
+from llm_astar_planner.search.product import ProductProblem
 from llm_astar_planner.search.result import Cell
 
 # What a cell of length in a forbidden cell costs more: so many cells of detour are made for it.
@@ -216,11 +217,11 @@ class Enforced:
     """A search problem for a specification.
 
     `closed`: the cells to block besides those of the costmap, bool [height, width], or None.
-    `visits`: the rest of the problem, None if a plain search on the cells left open solves it.
+    `product`: the rest of the problem, None if a plain search on the cells left open solves it.
     """
 
     closed: Mask | None = None
-    visits: VisitProblem | None = None
+    product: ProductProblem | None = None
 
 
 class Enforcer:
@@ -298,8 +299,8 @@ class Enforcer:
         price = self.price(is_strict=is_strict)
         if not groups and not befores and goals is None and price is None:
             return Enforced(closed)
-        visits = VisitProblem(tuple(regions), tuple(groups), befores, goals, price)
-        return Enforced(closed, visits)
+        made = (*([automata.visits(groups)] if groups else []), *befores)
+        return Enforced(closed, ProductProblem(tuple(regions), made, goals, price))
 
     def reached(self, free: Mask) -> Mask:
         """Return the cells connected to the start, as the costmap's components are."""
@@ -309,9 +310,7 @@ class Enforcer:
         connected: Mask = (labels == labels[y, x]) & free
         return connected
 
-    def befores(
-        self, regions: list[Mask], *, is_strict: bool
-    ) -> tuple[tuple[int, int, float], ...]:
+    def befores(self, regions: list[Mask], *, is_strict: bool) -> list[automata.Automaton]:
         """Return what is forbidden until something was visited; adds its masks to `regions`."""
         found = []
         x, y = self.route.start
@@ -322,9 +321,9 @@ class Enforcer:
             price = MUST_PRICE if demand.is_must else SHOULD_PRICE
             if is_strict and demand.is_must and not later.touched[y, x]:
                 price = math.inf
-            found.append((len(regions), len(regions) + 1, price))
+            found.append(automata.before(len(regions), len(regions) + 1, price))
             regions += [first, later.touched]
-        return tuple(found)
+        return found
 
     def price(self, *, is_strict: bool) -> NDArray[np.float32] | None:
         """Return what each cell of length in a forbidden cell costs more, None for nothing."""

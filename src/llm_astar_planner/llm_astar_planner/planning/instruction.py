@@ -41,13 +41,16 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
+from llm_astar_planner.search.automata import AutomatonError
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.layered import LayersTooLargeError
+from llm_astar_planner.search.product import ProductProblemError, ProductTooLargeError
 from llm_astar_planner.search.result import SearchStatus
 
 # The part of a request's time for paths that keep to the instruction; the rest is for the check,
 # and for the direct path if there is none in time.
 INSTRUCTED_SHARE = 0.6
+# What an instruction raises that asks for more than can be searched.
+TOO_MUCH = (AutomatonError, ProductProblemError, ProductTooLargeError)
 
 
 class InstructedSearch:
@@ -98,23 +101,21 @@ class InstructedSearch:
         return segment
 
     def solve(self, problem: Enforced) -> SegmentPlanner | None:
-        """Return a search that found a path, None if there is none. Raises PlanningFailure."""
+        """Return a search that found a path, None if there is none.
+
+        Raises PlanningFailure and what TOO_MUCH names.
+        """
         costmap = self.route.costmap
         if problem.closed is not None:
             costmap = ClosedCostmap(costmap, problem.closed)
-        try:
-            # Landmarks hold on the map with more cells closed, too.
-            with self.landmarks.lend(self.route.costmap.grid_graph) as landmarks:
-                segment = SegmentPlanner(
-                    costmap, self.request, self.deadline, self.stop, landmarks
-                )
-                if problem.visits is None:
-                    for _ in segment.search():
-                        pass
-                else:
-                    segment.search_visits(problem.visits)
-        except LayersTooLargeError as error:
-            raise PlanningFailure(ResultCode.UNKNOWN, str(error)) from None
+        # Landmarks hold on the map with more cells closed, too.
+        with self.landmarks.lend(self.route.costmap.grid_graph) as landmarks:
+            segment = SegmentPlanner(costmap, self.request, self.deadline, self.stop, landmarks)
+            if problem.product is None:
+                for _ in segment.search():
+                    pass
+            else:
+                segment.search_product(problem.product)
         self.expansions += segment.result.expansions
         if len(segment.result.path):
             return segment
@@ -204,7 +205,7 @@ def search_plan(
         deadline = search.deadline + spare_time(request)
         plan = planner.build_plan(request, endpoints, [segment], segment.result, deadline=deadline)
         return plan, ''
-    except (PlanningFailure, PathTooLongError, PluginError) as failure:
+    except (PlanningFailure, PathTooLongError, PluginError, *TOO_MUCH) as failure:
         return planner.build_plan(request, endpoints, [], failure=failure), str(failure)
 
 

@@ -31,13 +31,13 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
-from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.methods import (
     SEARCH_METHODS,
     PluginMethod,
     uses_waypoints,
 )
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
+from llm_astar_planner.search.product import ProductProblem, ProductResult, product_search
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
@@ -73,8 +73,8 @@ class SegmentPlanner:
 
     `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
     `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
-    were), `seconds_source` and `seconds_search`; `search_visits` instead fills in `result`,
-    `visit_problem` and `seconds_search`. `is_asked` says that the source was
+    were), `seconds_source` and `seconds_search`; `search_product` instead fills in `result`,
+    `product_problem` and `seconds_search`. `is_asked` says that the source was
     asked, `by_heading` that another search replaced its path.
     """
 
@@ -98,7 +98,7 @@ class SegmentPlanner:
         self.stop = stop
         self.landmarks = landmarks
         self.result = NOT_SEARCHED
-        self.visit_problem: VisitProblem | None = None
+        self.product_problem: ProductProblem | None = None
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
         self.waypoints_used = True
@@ -153,18 +153,19 @@ class SegmentPlanner:
         if isinstance(result, GuidedResult):
             self.waypoints_used = result.guided_expansions > 0
 
-    def search_visits(self, problem: VisitProblem) -> None:
-        """Search for the cheapest path that solves a problem of visits and prices.
+    def search_product(self, problem: ProductProblem) -> None:
+        """Search for the cheapest path that automata over regions accept.
 
-        Raises LayersTooLargeError where it does not fit in memory.
+        Raises ProductTooLargeError where it does not fit in memory.
         """
         begin = time.monotonic()
-        self.visit_problem = problem
-        self.result = visit_search(
+        self.product_problem = problem
+        self.result = product_search(
             self.costmap.grid_graph,
             self.request.start,
             self.request.goal,
             problem,
+            landmarks=self.landmarks,
             stop=self.stop,
             deadline=self.deadline,
             want_expanded=self.request.want_expanded,
@@ -212,15 +213,16 @@ class SegmentPlanner:
     def stretches(self) -> list[NDArray[np.int32]]:
         """Return the parts of the path found, int32 [n, 2], that may be shortened at any angle.
 
-        Their ends are shared. A path with visits keeps these as ends; one that pays prices stays
-        as it is: no parts.
+        Their ends are shared. A path with visits keeps these as ends; one that pays prices or
+        has to keep out of a region stays as it is: no parts.
         """
-        result, problem = self.result, self.visit_problem
-        if problem is None or not isinstance(result, LayeredResult):
+        result, problem = self.result, self.product_problem
+        if problem is None or not isinstance(result, ProductResult):
             return [result.path]
-        if problem.price is not None or problem.before:
+        if problem.price is not None or not all(it.only_gains for it in problem.automata):
             return []
-        cuts = sorted({0, *(index for index in result.visited_at if index > 0)})
+        changed = (result.trace[1:] != result.trace[:-1]).any(axis=1)
+        cuts = [0, *(np.flatnonzero(changed) + 1).tolist()]
         ends = [*cuts[1:], len(result.path) - 1]
         return [result.path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
 
