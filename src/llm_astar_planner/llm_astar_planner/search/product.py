@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -72,7 +72,7 @@ class ProductResult(BoundedResult):
     """
 
     states: int = 0
-    trace: NDArray[np.int32] = cast('NDArray[np.int32]', None)
+    trace: NDArray[np.int32] = field(default_factory=empty_path)
 
 
 def product_search(
@@ -142,24 +142,21 @@ class ProductSearch:
         Raises ProductProblemError where the regions make too many sets.
         """
         self._graph, self._start, self._problem = graph, start, problem
-        letters, sets, cells = read_regions(graph, problem.regions)
-        goals = np.array([goal]) if problem.goals is None else np.flatnonzero(problem.goals)
-        goals = goals[~graph.blocked.reshape(-1)[goals]]
-        letters[goals] |= kernels.GOAL
-        automata = [Rows.of(automaton, sets) for automaton in problem.automata]
+        reading = Reading.of(graph, goal, problem)
+        automata = [Rows.of(automaton, reading.sets) for automaton in problem.automata]
         price = np.zeros(0, dtype=np.float32)
         if problem.price is not None:
             price = np.ascontiguousarray(problem.price, dtype=np.float32).reshape(-1)
         sizes = np.cumsum([0, *(rows.after.size for rows in automata)])
         tables = kernels.Tables(
-            graph.cells, price, letters, sizes[:-1],
+            graph.cells, price, reading.letters, sizes[:-1],
             joined([rows.after for rows in automata], np.int32),
             joined([rows.rates for rows in automata], np.float64),
             joined([rows.accepting for rows in automata], np.bool_),
         )  # fmt: skip
         self._priced = bool(price.size or tables.rates.any())
         self._every_move = bool(price.size or graph.cell_surcharge.size)
-        guide = make_guide(graph, start, tables, sets.size, automata, cells, goals, landmarks)
+        guide = make_guide(graph, start, reading, automata, landmarks)
         self._search = make_search(tables, guide)
 
     def run(self, stop: StopFlag, deadline: float) -> SearchStatus:
@@ -277,25 +274,38 @@ class Rows:
         return bool(((again == self.after) | (self.after < 0)).all())
 
 
-def read_regions(
-    graph: GridGraph, regions: tuple[Mask, ...]
-) -> tuple[NDArray[np.uint16], NDArray[np.int64], list[NDArray[np.int64]]]:
-    """Return the letter of each cell, the sets of regions of the letters, and the regions' cells.
+class Reading(NamedTuple):
+    """What automata read on a map: the letter of each cell, and which sets of regions they are.
 
-    Raises ProductProblemError if there are too many sets.
+    `regions` are the cells of each region and `goals` the free goal cells.
     """
-    letters = np.zeros(graph.moves.size, dtype=np.uint16)
-    sets = np.zeros(kernels.LETTER, dtype=np.int64)
-    cells = [np.flatnonzero(mask) for mask in regions]
-    blocked = graph.blocked.reshape(-1)
-    used = 1
-    for region, inside in enumerate(cells):
-        used = kernels.add_region(region, inside, blocked, letters, sets, used)
-        if used > sets.size:
-            raise ProductProblemError(f'regions: they overlap in over {sets.size} ways')
-    for inside in cells:
-        kernels.mark_borders(inside, graph.moves, graph.width, letters)
-    return letters, sets[:used], cells
+
+    letters: NDArray[np.uint16]  # [cells]
+    sets: NDArray[np.int64]  # [letters]
+    regions: list[NDArray[np.int64]]
+    goals: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, graph: GridGraph, goal: int, problem: ProductProblem) -> Reading:
+        """Read the regions of a problem.
+
+        Raises ProductProblemError if they overlap in too many ways.
+        """
+        letters = np.zeros(graph.moves.size, dtype=np.uint16)
+        sets = np.zeros(kernels.LETTER, dtype=np.int64)
+        regions = [np.flatnonzero(mask) for mask in problem.regions]
+        blocked = graph.blocked.reshape(-1)
+        used = 1
+        for region, cells in enumerate(regions):
+            used = kernels.add_region(region, cells, blocked, letters, sets, used)
+            if used > sets.size:
+                raise ProductProblemError(f'regions: they overlap in over {sets.size} ways')
+        for cells in regions:
+            kernels.mark_borders(cells, graph.moves, graph.width, letters)
+        goals = np.array([goal]) if problem.goals is None else np.flatnonzero(problem.goals)
+        goals = goals[~blocked[goals]]
+        letters[goals] |= kernels.GOAL
+        return cls(letters, sets[:used], regions, goals)
 
 
 def joined(arrays: list[NDArray[Any]], kind: type) -> NDArray[Any]:
@@ -306,19 +316,17 @@ def joined(arrays: list[NDArray[Any]], kind: type) -> NDArray[Any]:
 def make_guide(
     graph: GridGraph,
     start: int,
-    tables: kernels.Tables,
-    letters: int,
+    reading: Reading,
     automata: list[Rows],
-    cells: list[NDArray[np.int64]],
-    goals: NDArray[np.int64],
     landmarks: Landmarks | None,
 ) -> kernels.Guide:
-    """Return the bounds on the costs to go; they know as many automata as they have time for."""
+    """Return the bounds on the costs to go; they know as many automata as there is time for."""
     rows = np.zeros((0, graph.moves.size), dtype=np.int32)
     if landmarks is not None:
         rows = landmarks.distances
         if (rows[:, start] < 0).any():
             rows = rows[rows[:, start] >= 0]
+    letters = reading.sets.size
     places = letters + 1
     boxes = np.array([[FAR, -1, FAR, -1]] * places, dtype=np.int64)
     low = np.full((places, len(rows)), FAR, dtype=np.int64)
@@ -335,9 +343,9 @@ def make_guide(
         rows, low, low - FAR - 1, boxes, radix, np.full((len(after), places), np.inf)
     )
     every_cell = not all(one.is_idempotent for one in automata)
-    for inside in cells:
-        kernels.measure(guide, inside, tables.letters, -1, every_cell, graph.width)
-    kernels.measure(guide, goals, tables.letters, letters, True, graph.width)
+    for cells in reading.regions:
+        kernels.measure(guide, cells, reading.letters, -1, every_cell, graph.width)
+    kernels.measure(guide, reading.goals, reading.letters, letters, True, graph.width)
     kernels.fill_rest(guide, after, accepting, (graph.straight, graph.diagonal))
     return guide
 
@@ -377,7 +385,7 @@ def make_search(tables: kernels.Tables, guide: kernels.Guide) -> kernels.Search:
     return kernels.Search(
         tables, guide, layers, states, kernels.Queue(*np.zeros((2, 4096), dtype=np.int64)),
         np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32),
-        np.zeros(2 * MAX_STATES, dtype=np.int32),
+        np.zeros(2 << MAX_STATES.bit_length(), dtype=np.int32),
         np.zeros(kernels.C_SIZE, dtype=np.int64), np.full(1, np.inf),
     )  # fmt: skip
 
