@@ -282,10 +282,6 @@ def make_grid_problem(folder: Path) -> Path:
     return file('maps.json', format_kept_maps([board]))(folder)
 
 
-def check_whole_transcript(path: Path) -> None:
-    check_transcript(path).to_json()
-
-
 def read_results(path: Path) -> None:
     folder = ResultsFolder(path.parent)
     metadata, rows = folder.read_metadata(), list(folder.read())
@@ -371,7 +367,7 @@ READERS: dict[str, Reader] = {
         file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 3) + '\n'), read_transcript
     ),
     'transcript_to_check': Reader(
-        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_whole_transcript
+        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_transcript
     ),
     'transcript_of_instructions': Reader(
         file('x.jsonl', f'{json.dumps(INSTRUCTION_LINE)}\n{json.dumps(WAYPOINT_LINE)}'),
