@@ -282,8 +282,11 @@ class RequestReader:
         barriers = self._barriers
         if barriers is not None and not are_barriers_of(barriers, grid_map):
             barriers = None
-        request = BagRequest(index, self._now, *poses, grid_map, barriers, tolerance, call)
-        self._pending.add(request)
+        self._pending.add(
+            BagRequest(
+                self.bag.name, index, self._now, *poses, grid_map, barriers, tolerance, call
+            )
+        )
 
     def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
         if place is None:
