@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -92,8 +92,8 @@ def octile(start: Point, goal: Point) -> float:
 def query_sentence(barrier_map: BarrierMap, start: Point, goal: Point) -> str:
     """Return the query of a sample, worded as in the paper's dataset."""
     width, height = barrier_map.size
-    horizontal = [list(barrier) for barrier in barrier_map.horizontal_barriers]
-    vertical = [list(barrier) for barrier in barrier_map.vertical_barriers]
+    horizontal = list(map(list, barrier_map.horizontal_barriers))
+    vertical = list(map(list, barrier_map.vertical_barriers))
     return (
         f'design a path from {list(start)} to {list(goal)} on a {width} by '
         f'{height} grid that avoids horizontal barriers centered at {horizontal} '
@@ -108,14 +108,8 @@ def draw_map(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
         samples = draw_samples(draw, empty, rules)
         if len(samples) < rules.pairs:
             continue
-        barrier_map = BarrierMap(
-            empty.id,
-            empty.range_x,
-            empty.range_y,
-            empty.horizontal_barriers,
-            empty.vertical_barriers,
-            tuple(Sample(*pair, query_sentence(empty, *pair)) for pair in samples),
-        )
+        named = (Sample(*pair, query_sentence(empty, *pair)) for pair in samples)
+        barrier_map = replace(empty, samples=tuple(named))
         if detour(barrier_map) >= rules.min_detour:
             return barrier_map
     raise GenerationError(f'map {map_id}: none of {TRIES} random maps fits {rules}')

@@ -14,6 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from llm_astar_planner.cli.flags import add_switches
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
@@ -79,6 +80,18 @@ class BenchmarkConfig:
         pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
         variants = list_variants(self.methods, self.sources)
         return make_tasks(pairs, variants, self.sources, self.settings, done)
+
+
+def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options of the results folder of a run; `out` is the default one."""
+    group.set_defaults(default_out=out)
+    text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
+    group.add_argument('--out', metavar='DIR', help=text)
+    add_switches(
+        group.add_mutually_exclusive_group(),
+        resume='continue an interrupted run: that in --out, or the last one',
+        overwrite='replace the results in --out by those of this run',
+    )
 
 
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
