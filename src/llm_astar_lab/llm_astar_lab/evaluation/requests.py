@@ -22,8 +22,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
 
-from llm_astar_lab.bags.files import JUMP
-from llm_astar_lab.bags.reading import Bag, BagMessage
+from llm_astar_lab.bags.reading import JUMP, Bag, BagMessage
 from llm_astar_lab.evaluation.recorded_plans import BagRequest, Call, PendingRequests
 from llm_astar_lab.evaluation.topics import TopicSelection, find_missing, topic_roles
 
