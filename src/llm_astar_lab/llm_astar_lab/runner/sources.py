@@ -350,10 +350,6 @@ def groups_of(keys: Iterable[SampleKey]) -> Iterator[SampleGroup]:
 
 def ranges(numbers: Sequence[int]) -> str:
     """Write ascending numbers as `--map-ids` reads them: `0-2,5`."""
-    parts: list[list[int]] = []
-    for number in numbers:
-        if parts and number == parts[-1][1] + 1:
-            parts[-1][1] = number
-        else:
-            parts.append([number, number])
-    return ','.join(str(a) if a == b else f'{a}-{b}' for a, b in parts)
+    runs = groupby(enumerate(numbers), key=lambda item: item[1] - item[0])
+    ends = ((run[0][1], run[-1][1]) for run in (list(group) for _, group in runs))
+    return ','.join(str(a) if a == b else f'{a}-{b}' for a, b in ends)
