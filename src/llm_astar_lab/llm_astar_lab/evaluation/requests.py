@@ -268,7 +268,8 @@ class RequestReader:
         tolerance: float = 0.0,
     ) -> None:
         """Make a request on the current map, or say why that is not possible."""
-        index, self._count = self._count, self._count + 1
+        made = (self.bag.name, self._count, self._now)
+        self._count += 1
         grid_map = self._grid_map
         if grid_map is None:
             self._leave_out(f'{when}: a request before the first map', 'requests')
@@ -281,11 +282,7 @@ class RequestReader:
         barriers = self._barriers
         if barriers is not None and not are_barriers_of(barriers, grid_map):
             barriers = None
-        self._pending.add(
-            BagRequest(
-                self.bag.name, index, self._now, *poses, grid_map, barriers, tolerance, call
-            )
-        )
+        self._pending.add(BagRequest(*made, *poses, grid_map, barriers, tolerance, call))
 
     def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
         if place is None:

@@ -219,10 +219,7 @@ class LiveRun:
         return list(dict.fromkeys(variants))
 
     def rows(
-        self,
-        samples: Sequence[BenchmarkSample],
-        variants: Sequence[Variant],
-        done: Finished,
+        self, samples: Sequence[BenchmarkSample], variants: Sequence[Variant], done: Finished
     ) -> Iterator[Row]:
         """Plan what is not `done`, map by map and variant by variant; yield each row."""
         for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):
