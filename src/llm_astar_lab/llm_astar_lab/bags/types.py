@@ -91,7 +91,7 @@ def bag_types() -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
     constants, fields = store.fielddefs[EVENT_INFO_TYPE]
     # rosidl reads `char` as uint8, also for the type's hash, but rosbags does not.
-    as_bytes = (Nodetype.ARRAY, ((Nodetype.BASE, ('uint8', 0)), 16))
+    as_bytes: Any = (Nodetype.ARRAY, ((Nodetype.BASE, ('uint8', 0)), 16))
     known = [(name, as_bytes if name == 'client_gid' else tree) for name, tree in fields]
     store.fielddefs[EVENT_INFO_TYPE] = constants, known
     register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)

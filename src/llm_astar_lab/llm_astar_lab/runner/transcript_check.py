@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
-from llm_astar_planner.instructions import transcript as instructions
+from llm_astar_planner.instructions.transcript import parse_exchange as parse_instruction
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
@@ -30,15 +30,6 @@ from llm_astar_lab.runner.sources import Coverage, SourceSpec, cover, groups_of
 COMMON = ('model_digest', 'prompt_digest', 'dataset_digest', 'temperature', 'seed')
 # Models and prompts of a transcript, each of which is compared with the whole dataset.
 MAX_MODELS = 100
-
-
-class Lines(NamedTuple):
-    """The lines of a transcript: exchanges, how many are about instructions, what is wrong."""
-
-    exchanges: list[Exchange]
-    instructions: int
-    problems: list[str]
-    cut_off: str | None
 
 
 class TranscriptCheck(NamedTuple):
@@ -62,33 +53,31 @@ def check_transcript(
     It is sound where no line is malformed or cut off, no sample is missing, and all exchanges of
     a model are of the same origin. Raises TranscriptError where the file cannot be read.
     """
-    lines = check_lines(path)
+    exchanges, instructions, problems, cut_off = check_lines(path)
     digest = dataset_digest([item for item in maps if isinstance(item, BarrierMap)])
     by_model: dict[tuple[str, str], list[Exchange]] = defaultdict(list)
-    for exchange in lines.exchanges:
+    for exchange in exchanges:
         by_model[exchange.model, exchange.prompt].append(exchange)
     if len(by_model) > MAX_MODELS:
         raise TranscriptError(f'{path}: over {MAX_MODELS} models and prompts; split the file')
     coverage: list[Coverage | None] = [None] * len(by_model)
-    if samples and not lines.problems:
+    if samples and not problems:
         pairs = [(sample, 1) for sample in samples]
-        for index, ((model, prompt), exchanges) in enumerate(by_model.items()):
-            source = ReplaySource(path, model, prompt, exchanges=exchanges)
+        for index, ((model, prompt), own) in enumerate(by_model.items()):
+            source = ReplaySource(path, model, prompt, exchanges=own)
             spec = SourceSpec(source, 'replay', prompt, model, path.name)
             coverage[index] = cover(spec, pairs)
-    models = [
-        describe_model(exchanges, covered, digest)
-        for exchanges, covered in zip(by_model.values(), coverage)
-    ]
+    held = zip(by_model.values(), coverage)
+    models = [describe_model(own, covered, digest) for own, covered in held]
     complete = (models or not samples) and all(map(is_complete, models))
     values = {
         'file': str(path),
-        'exchanges': len(lines.exchanges),
-        'instructions': lines.instructions,
-        'problems': lines.problems,
-        'cut_off': lines.cut_off,
+        'exchanges': len(exchanges),
+        'instructions': instructions,
+        'problems': problems,
+        'cut_off': cut_off,
         'models': models,
-        'sound': bool(complete) and not lines.problems and lines.cut_off is None,
+        'sound': bool(complete) and not problems and cut_off is None,
     }
     return TranscriptCheck(values, coverage)
 
@@ -125,8 +114,11 @@ def is_complete(model: Mapping[str, Any]) -> bool:
     return not (lacks or model['of_another_dataset'] or differs)
 
 
-def check_lines(path: Path) -> Lines:
-    """Read every line, whatever is wrong with others. Raises TranscriptError for the file."""
+def check_lines(path: Path) -> tuple[list[Exchange], int, list[str], str | None]:
+    """Read every line, whatever is wrong with others. Raises TranscriptError for the file.
+
+    Returns the exchanges, how many are about instructions, what is wrong, and the line cut off.
+    """
     exchanges: list[Exchange] = []
     problems: list[str] = []
     about_instructions, cut_off = 0, None
@@ -135,17 +127,16 @@ def check_lines(path: Path) -> Lines:
             cut_off = f'{where}: {problem}; readers skip it'
         elif problem:
             problems.append(f'{where}: {problem}')
-        if problem:
-            continue
-        try:
-            if is_about_instruction(record):
-                instructions.parse_exchange(record, where)
-                about_instructions += 1
-            else:
-                exchanges.append(parse_exchange(record, where))
-        except TranscriptError as error:
-            problems.append(str(error))
-    return Lines(exchanges, about_instructions, problems, cut_off)
+        else:
+            try:
+                if is_about_instruction(record):
+                    parse_instruction(record, where)
+                    about_instructions += 1
+                else:
+                    exchanges.append(parse_exchange(record, where))
+            except TranscriptError as error:
+                problems.append(str(error))
+    return exchanges, about_instructions, problems, cut_off
 
 
 def values_of(exchanges: Iterable[Exchange]) -> dict[str, list[dict[str, Any]]]:
