@@ -9,9 +9,8 @@ from llm_astar_lab.datasets.families import (
     floor,
     generate_family,
 )
-from llm_astar_lab.datasets.generate import GenerationError
+from llm_astar_lab.datasets.generate import GenerationError, validate_maps
 from llm_astar_lab.datasets.named import DrawRules, draw_family
-from llm_astar_lab.datasets.validate import validate_maps
 from llm_astar_msgs_adapter.maps.barrier_map import Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
