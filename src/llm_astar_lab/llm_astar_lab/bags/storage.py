@@ -8,9 +8,10 @@ import zlib
 from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import suppress
-from heapq import merge
+from heapq import heappop, heappush
 from io import SEEK_END, BytesIO
-from itertools import islice
+from itertools import islice, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -36,6 +37,8 @@ MOST_CHUNKS = 100_000
 MOST_INDEX_BYTES = 8 * 2**20
 # Of topics and types in a file.
 MOST_DESCRIPTIONS = 24 * 2**20
+# A chunk after all others, without messages: its first time (ns), first byte and channels.
+LAST = (2**64, 0, frozenset[int]())
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -95,7 +98,6 @@ class McapFile:
         self._chunks: list[tuple[int, int, set[int]]] = []
         self._has_index = False
         self._described = 0
-        self._held = 0
         self._size = path.stat().st_size
         self._file = path.open('rb')
         if self._file.read(len(MAGIC)) != MAGIC:
@@ -170,34 +172,25 @@ class McapFile:
             for record in self._walk():
                 yield from (item for item in self._messages(*record) if item.channel in wanted)
             return
-        # A chunk is opened when its first message is due.
-        self._held = 0
-        chunks = (
-            self._chunk_by_time(start, place, wanted)
-            for start, place, channels in self._chunks
-            if not channels.isdisjoint(wanted)
-        )
-        yield from (item[3] for item in merge(*chunks) if item[3] is not None)
-
-    def _chunk_by_time(
-        self, start: int, place: int, wanted: Collection[int]
-    ) -> Iterator[tuple[int, int, int, Record | None]]:
-        """Yield a chunk's first time, then its messages by time, as sortable tuples."""
-        yield start, place, 0, None
-        found = []
-        for number, message in enumerate(self._chunk(place), start=1):
-            if message.channel not in wanted:
-                continue
-            size = len(message.data) + MESSAGE_BYTES
-            if self._held + size > MOST_HELD:
-                self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
-                break
-            self._held += size
-            found.append((message.time, place, number, message))
-        found.sort(reverse=True)
-        while found:
-            yield (item := found.pop())
-            self._held -= len(item[-1].data) + MESSAGE_BYTES
+        held: list[tuple[int, int, int, Record]] = []
+        size = 0
+        chunks = [chunk for chunk in self._chunks if not chunk[2].isdisjoint(wanted)]
+        chunks.sort(key=itemgetter(0, 1))
+        for (_, place, _), following in pairwise([*chunks, LAST]):
+            for number, message in enumerate(self._chunk(place)):
+                if message.channel not in wanted:
+                    continue
+                cost = len(message.data) + MESSAGE_BYTES
+                if size + cost > MOST_HELD:
+                    self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
+                    break
+                size += cost
+                heappush(held, (message.time, place, number, message))
+            # The next chunk is opened when its first message is due.
+            while held and held[0][:2] < following[:2]:
+                message = heappop(held)[-1]
+                size -= len(message.data) + MESSAGE_BYTES
+                yield message
 
     def _walk(self) -> Iterator[tuple[int, int, int]]:
         """Yield opcode, first byte and length of each record, up to where the file is cut off."""
@@ -368,9 +361,8 @@ class SqliteFile:
             for count, row in enumerate(self._database.execute(query), start=1):  # noqa: B007
                 yield row
         except sqlite3.Error as error:
-            self.damage = (
-                f'{self.path}: is damaged ({error}); the {count} messages before are read'
-            )
+            read = f'the {count} messages before are read'
+            self.damage = f'{self.path}: is damaged ({error}); {read}'
 
     def _read_channels(self) -> Iterator[tuple[int, Channel]]:
         """Yield the topics of the file with their numbers."""
@@ -381,16 +373,13 @@ class SqliteFile:
                 'SELECT topic_type, encoded_message_definition, encoding '  # noqa: S608
                 f'FROM message_definitions WHERE {SHORT.format("encoded_message_definition")}'
             )
-            definitions = {
-                name: (text, form) for name, text, form in self._database.execute(query)
-            }
+            definitions = {name: found for name, *found in self._database.execute(query)}
         query = (
             'SELECT id, name, type, serialization_format FROM topics '  # noqa: S608 - constants
             f'WHERE {SHORT.format("name")} LIMIT {MOST_TOPICS}'
         )
         for number, topic, msgtype, encoding in self._database.execute(query):
-            text, form = definitions.get(msgtype, ('', ''))
-            channel = Channel(topic, msgtype, text, form, encoding)
+            channel = Channel(topic, msgtype, *definitions.get(msgtype, ('', '')), encoding)
             if all(isinstance(item, str) for item in channel):
                 yield number, channel
 
