@@ -7,7 +7,7 @@ the call they answer, by their stamp, or because the path ends at the request's 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,11 +128,11 @@ class BagRequest:
 class PendingRequests:
     """The requests that wait for an answer, in the order they were made."""
 
-    def __init__(self, window: int, *, plans: bool, reports: bool) -> None:
-        """Wait `window` ns at most; `plans` and `reports` say whether the bag has any."""
+    def __init__(self, window: int, roles: Collection[str]) -> None:
+        """Wait `window` ns at most; `roles` are those of the bag's topics."""
         self._window = window
-        self._plans = plans
-        self._reports = reports
+        self._plans = 'plan' in roles or 'plan as request' in roles
+        self._reports = 'report' in roles
         self._waiting: list[BagRequest] = []
 
     def add(self, request: BagRequest) -> None:

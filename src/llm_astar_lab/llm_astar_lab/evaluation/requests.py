@@ -36,6 +36,7 @@ MAX_REQUESTS = 100_000
 MAX_LIST_BYTES = 8_000_000
 # Roles of the topics with the robot's pose, besides tf, and their names; the better one first.
 POSE_ROLES = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
+ROLES_OF_POSES = ('tf', 'static tf', *POSE_ROLES)
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
@@ -134,9 +135,7 @@ class RequestReader:
         self._roles = topic_roles(bag, selection)
         self._missing = find_missing(bag, self._roles, selection)
         self._listed = deque(sorted(listed, key=lambda item: item.time))
-        roles = self._roles.values()
-        plans = 'plan' in roles or 'plan as request' in roles
-        self._pending = PendingRequests(int(window * 1e9), plans=plans, reports='report' in roles)
+        self._pending = PendingRequests(int(window * 1e9), self._roles.values())
         self._poses = RobotPoseTracker(selection.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
@@ -144,7 +143,6 @@ class RequestReader:
         self._now = 0
         self._count = 0
         self._resized = False
-        poses = ('tf', 'static tf', 'odometry', 'start')
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map,
             'map update': self._on_update,
@@ -154,7 +152,7 @@ class RequestReader:
             'plan': lambda message: self._pending.take_plan(message.value),
             'plan as request': self._on_plan,
             'report': lambda message: self._pending.take_report(message.value),
-            **{role: partial(self._poses.take, role) for role in poses},
+            **{role: partial(self._poses.take, role) for role in ROLES_OF_POSES},
         }
 
     def requests(self) -> Iterator[BagRequest]:
@@ -194,13 +192,13 @@ class RequestReader:
     def _on_map(self, message: BagMessage) -> None:
         before = self._grid_map
         try:
-            self._grid_map = grid_from_message(message.value)
+            self._grid_map = after = grid_from_message(message.value)
         except GridMapError as error:
             self._leave_out(f'{self._when(message)}: a map is refused, {error}', 'maps')
             return
-        if before and before.cells.shape != self._grid_map.cells.shape and not self._resized:
+        if before and before.cells.shape != after.cells.shape and not self._resized:
             self._resized = True
-            old, new = (f'{item.width} x {item.height}' for item in (before, self._grid_map))
+            old, new = (f'{item.width} x {item.height}' for item in (before, after))
             when = f'at {self.bag.seconds(message.time):.3f} s from {old} to {new} cells'
             self.bag.problems.note(f'{self.bag.path}: the map changes its size; {when}')
 
@@ -317,13 +315,10 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     requests = []
     for number, entry in enumerate(entries, 1):
         where = f'{path}: entry {number}'
-        start_x, start_y, goal_x, goal_y = (
-            read_number(entry[name], f'{where}: {name}') for name in COLUMNS
-        )
+        ends = [read_number(entry[name], f'{where}: {name}') for name in COLUMNS]
         given = entry.get('time')
         time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
-        start, goal = Pose2D(start_x, start_y), Pose2D(goal_x, goal_y)
-        requests.append(ListedRequest(number, time, start, goal))
+        requests.append(ListedRequest(number, time, Pose2D(*ends[:2]), Pose2D(*ends[2:])))
         if number > MAX_REQUESTS:
             raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
     if not requests:
