@@ -14,7 +14,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.cli.flags import add_switches
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
@@ -87,11 +86,12 @@ def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps i
     group.set_defaults(default_out=out)
     text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
     group.add_argument('--out', metavar='DIR', help=text)
-    add_switches(
-        group.add_mutually_exclusive_group(),
-        resume='continue an interrupted run: that in --out, or the last one',
-        overwrite='replace the results in --out by those of this run',
-    )
+    again = group.add_mutually_exclusive_group()
+    for flag, text in (
+        ('--resume', 'continue an interrupted run: that in --out, or the last one'),
+        ('--overwrite', 'replace the results in --out by those of this run'),
+    ):
+        again.add_argument(flag, action='store_true', help=text)
 
 
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
