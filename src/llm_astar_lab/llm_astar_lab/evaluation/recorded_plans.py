@@ -24,8 +24,8 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
     status_of,
 )
+from llm_astar_planner.instructions.messages import interpretation_from_json
 from llm_astar_planner.instructions.specification import SpecificationError
-from llm_astar_planner.instructions.specification_json import from_json
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.any_angle import turning_points
 from numpy.typing import NDArray
@@ -40,7 +40,6 @@ FARTHEST = 1e8
 MAX_WAITING = 16
 # A longer path (in cells) is not checked cell by cell.
 LONGEST = 10_000_000
-IRRELEVANT = Understanding.IRRELEVANT.value
 
 # The client's id and its number of the call.
 Call = tuple[bytes, int]
@@ -82,19 +81,16 @@ class BagRequest:
 
     def asked(self, places: Places) -> RouteInstruction | None:
         """Return the recorded instruction as it was understood, None if there is none."""
-        interpretation = (self.instruction or {}).get('interpretation')
-        if not isinstance(interpretation, dict) or not interpretation.get('text'):
-            return None
         try:
-            text = clean_instruction(str(interpretation['text']))
-            specification = from_json(interpretation.get('specification'))
+            found = interpretation_from_json((self.instruction or {}).get('interpretation'))
+            text = clean_instruction(found.text)
         except (InstructionError, SpecificationError):
             return None
-        understood_by = str(interpretation.get('understood_by', ''))
-        status = status_of(specification)
-        if not specification.clauses and interpretation.get('status') != IRRELEVANT:
+        specification, status = found.specification, status_of(found.specification)
+        if not specification.clauses and found.status is not Understanding.IRRELEVANT:
             status = Understanding.NONE
-        return RouteInstruction(Interpretation(text, specification, understood_by, status), places)
+        asked = Interpretation(text, specification, found.understood_by, status)
+        return RouteInstruction(asked, places) if text else None
 
     def columns(self, planner: Planner) -> dict[str, Any]:
         """Return its columns of a results row; `planner` checks the path."""
