@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path, PurePath
@@ -92,7 +92,7 @@ class RecordedTopic:
     last: int = -(2**63)
 
 
-class Bag:
+class Bag(AbstractContextManager['Bag']):
     """A bag that is open for reading. A context manager."""
 
     def __init__(self, path: str | Path) -> None:
@@ -117,14 +117,8 @@ class Bag:
             self._note_unknown_types()
             self._stack = stack.pop_all()
 
-    def __enter__(self) -> Bag:
-        return self
-
     def __exit__(self, *error: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close every file and remove unpacked ones."""
+        # Every file is closed, and unpacked ones are removed.
         self._stack.close()
 
     @cached_property
@@ -192,12 +186,11 @@ class Bag:
             )
 
     def _note_unknown_types(self) -> None:
-        unknown = [
-            f'{topic.name} ({topic.msgtype})'
-            for topic in self.topics.values()
-            if topic.name not in self._unreadable and not self._decoder.knows(topic.msgtype)
-        ]
-        if unknown:
+        if unknown := [
+            f'{name} ({topic.msgtype})'
+            for name, topic in self.topics.items()
+            if name not in self._unreadable and not self._decoder.knows(topic.msgtype)
+        ]:
             self.problems.note(
                 f'{self.path}: of types that are unknown here and that the bag does not define, '
                 f'so not readable: {", ".join(unknown)}'
@@ -241,10 +234,10 @@ def storage_files(path: Path, problems: Problems) -> list[Path]:
     if not path.exists():
         raise BagError(f'{path}: there is no such bag')
     if path.is_file():
-        if not is_storage(path):
-            known = ', '.join(FORMATS)
-            raise BagError(f'{path}: a bag is a folder, or a file ending in one of {known}')
-        return [path]
+        if is_storage(path):
+            return [path]
+        known = ', '.join(FORMATS)
+        raise BagError(f'{path}: a bag is a folder, or a file ending in one of {known}')
     held = sorted(filter(is_storage, path.iterdir()), key=natural_order)
     named, problem = names_in_metadata(path / METADATA)
     if not held and not named:
