@@ -22,13 +22,12 @@ from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.types import plan_report
 
-from llm_astar_lab.bags.files import Problems, bag_name
 from llm_astar_lab.bags.messages import BARRIER_MAP
-from llm_astar_lab.bags.reading import Bag, open_bags
+from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
-from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
+from llm_astar_lab.evaluation.tasks import Evaluation
 from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
 from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
@@ -126,16 +125,15 @@ def run(args: argparse.Namespace) -> int:
             with common.make_executor(args, config.sources) as pool:
                 metadata, done = start(args, config, folder, is_listed=bool(listed))
                 failure = common.INCOMPLETE  # from here on there are rows
-                tasks = BagTasks(config)
                 keep = partial(write_outcomes, results_bag) if results_bag else None
-                left = tasks.tasks(done)
+                left = config.tasks(done)
                 with results_bag or nullcontext():
                     code = common.run_into(
                         args, folder, metadata, left, pool, unit='request', keep=keep
                     )
             problems = [unopened, *(bag.problems for bag in bags)]
         code = report_problems(args, metadata, problems, code)
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
+        folder.write_text(MAPS_FILE, format_kept_maps(config.kept_maps()))
         folder.write_places(config.places)
         return common.close_run(args, folder, metadata, code)
     except (ResultsError, BagWriteError) as error:
@@ -143,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def start(
-    args: argparse.Namespace, config: EvaluationConfig, folder: ResultsFolder, *, is_listed: bool
+    args: argparse.Namespace, config: Evaluation, folder: ResultsFolder, *, is_listed: bool
 ) -> tuple[dict[str, Any], Finished]:
     """Start or resume the results folder; return the run's metadata and the finished rows.
 
@@ -225,7 +223,7 @@ def make_config(
     rules: dict[str, Any],
     *,
     folder: ResultsFolder,
-) -> EvaluationConfig:
+) -> Evaluation:
     """Return what the evaluation covers.
 
     All baselines are added only where the barriers of every map are known.
@@ -243,12 +241,12 @@ def make_config(
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
-    return EvaluationConfig(
+    return Evaluation(
         bags, selection, args.methods, sources, settings, args.plan_window, listed, places
     )
 
 
-def run_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
+def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
     settings = config.settings
     return common.deciding_parameters(args, 'requests', 'plan_window') | {

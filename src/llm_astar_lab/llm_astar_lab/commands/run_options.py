@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, add_switches, named
+from llm_astar_planner.cli.flags import add_parameter_flags, named
 from llm_astar_planner.cli.map_files import add_places_option
 from llm_astar_planner.cli.planning_options import parameter_values
 from llm_astar_planner.instructions.chain import make_interpreter
@@ -175,15 +175,7 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for running and output; `out` is the default folder."""
-    group.set_defaults(default_out=out)
-    text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
-    group.add_argument('--out', metavar='DIR', help=text)
-    again = group.add_mutually_exclusive_group()
-    add_switches(
-        again,
-        resume='continue an interrupted run: that in --out, or the last one',
-        overwrite='replace the results in --out by those of this run',
-    )
+    config.add_folder(group, out)
     group.add_argument(
         '--jobs', type=count, metavar='N',
         help='samples planned in parallel, and so also the number of simultaneous requests '
