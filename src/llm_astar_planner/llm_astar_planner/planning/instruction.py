@@ -17,7 +17,7 @@ from llm_astar_planner.instructions.enforcement import (
     contradictions,
     demands_of,
 )
-from llm_astar_planner.instructions.interpretation import REQUIRE, RouteInstruction, Understanding
+from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import (
     ClauseOutcome,
     ClauseStatus,
@@ -26,6 +26,7 @@ from llm_astar_planner.instructions.outcome import (
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.sentence import clause_sentence
 from llm_astar_planner.instructions.specification import SHOULD
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint

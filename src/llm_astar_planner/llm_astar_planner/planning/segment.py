@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,6 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
-from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.methods import (
     SEARCH_METHODS,
     PluginMethod,
@@ -48,6 +48,9 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
     WaypointSource,
 )
+
+if TYPE_CHECKING:
+    from llm_astar_planner.search.layered import VisitProblem
 
 # The part of a request's time that a source may take; the rest is for the search.
 SOURCE_SHARE = 0.8
@@ -74,7 +77,7 @@ class SegmentPlanner:
     `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
     `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
     were), `seconds_source` and `seconds_search`; `search_visits` instead fills in `result`,
-    `visit_problem` and `seconds_search`. `is_asked` says that the source was
+    `visit_problem`, `visited_at` and `seconds_search`. `is_asked` says that the source was
     asked, `by_heading` that another search replaced its path.
     """
 
@@ -99,6 +102,7 @@ class SegmentPlanner:
         self.landmarks = landmarks
         self.result = NOT_SEARCHED
         self.visit_problem: VisitProblem | None = None
+        self.visited_at: tuple[int, ...] = ()
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
         self.waypoints_used = True
@@ -158,9 +162,12 @@ class SegmentPlanner:
 
         Raises LayersTooLargeError where it does not fit in memory.
         """
+        # Kernels that plans without an instruction do not take.
+        from llm_astar_planner.search.layered import visit_search  # noqa: PLC0415
+
         begin = time.monotonic()
         self.visit_problem = problem
-        self.result = visit_search(
+        self.result = result = visit_search(
             self.costmap.grid_graph,
             self.request.start,
             self.request.goal,
@@ -169,6 +176,7 @@ class SegmentPlanner:
             deadline=self.deadline,
             want_expanded=self.request.want_expanded,
         )
+        self.visited_at = result.visited_at
         self.seconds_search = time.monotonic() - begin
 
     def failure(
@@ -215,14 +223,14 @@ class SegmentPlanner:
         Their ends are shared. A path with visits keeps these as ends; one that pays prices stays
         as it is: no parts.
         """
-        result, problem = self.result, self.visit_problem
-        if problem is None or not isinstance(result, LayeredResult):
-            return [result.path]
+        path, problem = self.result.path, self.visit_problem
+        if problem is None or self.by_heading:
+            return [path]
         if problem.price is not None or problem.before:
             return []
-        cuts = sorted({0, *(index for index in result.visited_at if index > 0)})
-        ends = [*cuts[1:], len(result.path) - 1]
-        return [result.path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
+        cuts = sorted({0, *(index for index in self.visited_at if index > 0)})
+        ends = [*cuts[1:], len(path) - 1]
+        return [path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
 
     def query(self) -> tuple[WaypointSource, WaypointQuery] | None:
         """Return whom to ask what, or None if no waypoints are needed."""

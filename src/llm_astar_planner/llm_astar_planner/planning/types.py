@@ -12,11 +12,8 @@ from typing import TYPE_CHECKING, Any, SupportsIndex
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.report import PlanReport
 from numpy.typing import NDArray
 
-from llm_astar_planner.instructions.interpretation import RouteInstruction
-from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -29,7 +26,11 @@ from llm_astar_planner.waypoints.source import (
 )
 
 if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.messages.report import PlanReport
+
     from llm_astar_planner.costmap.config import CostmapConfig
+    from llm_astar_planner.instructions.interpretation import RouteInstruction
+    from llm_astar_planner.instructions.outcome import InstructionOutcome
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
@@ -319,6 +320,9 @@ def plan_report(plan: Plan, grid_map: GridMap | None, map_age: float | None = No
 
     `map_age` is how many seconds before the plan the map arrived, None where it never did.
     """
+    # A planner that reports nothing needs it not.
+    from llm_astar_msgs_adapter.messages.report import PlanReport  # noqa: PLC0415
+
     values = plan.to_dict()
     waypoints: tuple[tuple[float, float, str], ...] = ()
     if grid_map is not None:

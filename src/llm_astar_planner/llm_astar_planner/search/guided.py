@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,13 +25,15 @@ from llm_astar_planner.search.astar import (
     PlainSearch,
     SlicedSearch,
 )
-from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
+
+if TYPE_CHECKING:
+    from llm_astar_planner.search.expansion_order import ExpansionRecorder
 
 # How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2

@@ -5,7 +5,6 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import (
-    REQUIRE,
     Interpretation,
     RouteInstruction,
     Understanding,
@@ -26,6 +25,7 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning import instruction as instruction_module
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner

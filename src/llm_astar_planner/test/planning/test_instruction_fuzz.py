@@ -10,8 +10,6 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import (
-    POLICIES,
-    REQUIRE,
     Interpretation,
     RouteInstruction,
     status_of,
@@ -38,6 +36,7 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
+from llm_astar_planner.instructions.text import POLICIES, REQUIRE
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
