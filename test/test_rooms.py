@@ -15,18 +15,18 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 38_350, 305
+ALL_LINES, ALL_MODULES = 38_310, 305
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 110, 'maps': 1_120, 'messages': 570},
     PLANNER: {
         '': 440,
-        'search': 5_290,
+        'search': 5_270,
         'costmap': 900,
-        'planning': 3_120,
-        'waypoints': 2_940,
+        'planning': 3_115,
+        'waypoints': 2_950,
         'instructions': 6_830,
-        'nodes': 4_000,
+        'nodes': 3_980,
         'cli': 1_610,
     },
     LAB: {

@@ -145,11 +145,14 @@ class PathPlanner:
                     # 3. A better path, while the search goes on.
                     if self.problem(request, endpoints, solution.path) is None:
                         yield self.build_plan(request, endpoints, segments, solution)
-                check_found(request, segments)
+                ended, path = segment.result.status, segment.result.path
+                is_found = len(path) > 0 and ended is not SearchStatus.EXHAUSTED
+                if not (is_found or ended is SearchStatus.FOUND):
+                    raise no_path(request, segments)
             if request.footprint is not None:
                 endpoints = fit_footprint(self.costmap, request, endpoints, segments, fit_deadline)
             # 4. Only a path that passes the independent check leaves.
-            result = concatenate_results(segments)
+            result = concatenate_results(segments) if request.via else segment.result
             problem = self.problem(request, endpoints, result.path)
             if problem is not None:
                 message = f'the path found was withheld: {problem}'
@@ -328,13 +331,9 @@ class PathPlanner:
         return AnyAnglePath(points, length, cost), ''
 
 
-def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:
-    """Raise PlanningFailure if the last segment's search ended without a path."""
-    result = segments[-1].result
-    is_stopped = result.status is SearchStatus.STOPPED
-    if result.status is SearchStatus.FOUND or (is_stopped and len(result.path)):
-        return
+def no_path(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> PlanningFailure:
+    """Return why there is no path: the search of the last segment ended without one."""
     via = [f'via {number}' for number in range(1, len(request.via) + 1)]
     names = ['the start', *via, 'the goal']
     expansions = sum(segment.result.expansions for segment in segments)
-    raise segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])
+    return segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from operator import index
-from typing import TYPE_CHECKING, Any, SupportsIndex
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -146,22 +146,17 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
-        object.__setattr__(self, 'start', as_cell('start', self.start))
-        object.__setattr__(self, 'goal', as_cell('goal', self.goal))
-        if self.via:
-            object.__setattr__(self, 'via', tuple(as_cell('via', cell) for cell in self.via))
-        if self.viapoints:
-            viapoints = tuple(as_cell('viapoints', cell) for cell in self.viapoints)
-            object.__setattr__(self, 'viapoints', viapoints)
-
-
-def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
-    """Return a cell as two ints. Raises ValueError, naming the field, if it is none."""
-    try:
-        x, y = cell
-        return index(x), index(y)
-    except (TypeError, ValueError):
-        raise ValueError(f'{name}: {cell!r} is not a cell: two whole numbers (x, y)') from None
+        given = {'start': (self.start,), 'goal': (self.goal,)}
+        for name, cells in (given | {'via': self.via, 'viapoints': self.viapoints}).items():
+            whole: list[Cell] = []
+            try:
+                for cell in cells:
+                    x, y = cell
+                    whole.append((index(x), index(y)))
+            except (TypeError, ValueError):
+                problem = f'{cell!r} is not a cell: two whole numbers (x, y)'
+                raise ValueError(f'{name}: {problem}') from None
+            object.__setattr__(self, name, whole[0] if name in given else tuple(whole))
 
 
 def check_request(request: PlanRequest) -> None:
