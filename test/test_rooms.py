@@ -21,12 +21,12 @@ LIMITS = {
     ADAPTER: {'': 110, 'maps': 1_120, 'messages': 570},
     PLANNER: {
         '': 440,
-        'search': 5_290,
+        'search': 5_270,
         'costmap': 900,
-        'planning': 3_120,
-        'waypoints': 2_940,
+        'planning': 3_115,
+        'waypoints': 2_950,
         'instructions': 6_830,
-        'nodes': 4_000,
+        'nodes': 3_980,
         'cli': 1_610,
     },
     LAB: {

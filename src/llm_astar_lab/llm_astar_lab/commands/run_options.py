@@ -22,7 +22,8 @@ from llm_astar_planner.cli.flags import add_parameter_flags, named
 from llm_astar_planner.cli.map_files import add_places_option
 from llm_astar_planner.cli.planning_options import parameter_values
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
+from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
 from llm_astar_planner.resources import SAMPLES_FILE, find_file

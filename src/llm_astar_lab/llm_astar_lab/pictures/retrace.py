@@ -106,4 +106,4 @@ def record_exact(search: PlainSearch, recorder: ExpansionRecorder) -> SearchStat
             recorder.advance(search, EXPANSION_SLICE)
         return search.status
     finally:
-        search.close()
+        search.grid.give_back(search.workspace)

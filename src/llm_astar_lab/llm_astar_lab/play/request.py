@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
-from llm_astar_planner.instructions.interpretation import clean_instruction
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.search.result import Cell

@@ -13,12 +13,9 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_planner.cli import flags, map_files
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.interpretation import (
-    Interpreter,
-    RouteInstruction,
-    clean_instruction,
-)
+from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
 from llm_astar_planner.instructions.route import find_place
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import (

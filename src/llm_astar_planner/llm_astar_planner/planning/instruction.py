@@ -24,13 +24,14 @@ from llm_astar_planner.instructions.enforcement import (
     demands_of,
 )
 from llm_astar_planner.instructions.ground import Ground
-from llm_astar_planner.instructions.interpretation import REQUIRE, RouteInstruction, Understanding
+from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import (
     ClauseOutcome,
     ClauseStatus,
     InstructionOutcome,
 )
 from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
@@ -48,7 +49,7 @@ from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT
-from llm_astar_planner.search.product import ProductTooLargeError
+from llm_astar_planner.search.product import ProductProblemError, ProductTooLargeError
 from llm_astar_planner.search.result import SearchStatus
 
 # The part of a request's time for paths that keep to the instruction; the rest is for the check,
@@ -202,7 +203,7 @@ class InstructedSearch:
                         pass
                 else:
                     segment.search_product(problem.product)
-        except ProductTooLargeError as error:
+        except (ProductProblemError, ProductTooLargeError) as error:
             raise PlanningFailure(ResultCode.UNKNOWN, str(error)) from None
         self.expansions += segment.result.expansions
         if len(segment.result.path):

@@ -17,7 +17,6 @@ from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import (
-    REQUIRE,
     Interpretation,
     RouteInstruction,
     Understanding,
@@ -26,6 +25,7 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.outcome import ClauseStatus
 from llm_astar_planner.instructions.regions import Box, Disc, End, Half, NamedPlace
 from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning import instruction as instruction_module
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner

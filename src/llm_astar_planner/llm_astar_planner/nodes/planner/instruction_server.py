@@ -23,7 +23,6 @@ from llm_astar_planner.instructions.current import CurrentInstruction, Instructi
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
 )
 from llm_astar_planner.instructions.messages import (
@@ -33,6 +32,7 @@ from llm_astar_planner.instructions.messages import (
     parse_answer,
 )
 from llm_astar_planner.instructions.progress import Progress
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
