@@ -1,6 +1,24 @@
 """Plan the samples of a dataset with every method and waypoint source.
 
 Write a results folder: rows, summary, report.md, report.html, pictures.
+
+usage: llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]
+                       [--fail-under LIMIT] [options]
+
+examples:
+  llm-astar bench                                 every method and baseline, no key needed
+  llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
+  llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
+  llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
+  llm-astar bench --dataset barriers,rooms,mazes,aisles,floors --maps 20 --seed 1
+  llm-astar bench --dataset movingai/dao --path FOLDER --methods exact_astar,astar --limit 500
+  llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
+
+On a grid dataset paths may not cut corners, as in MovingAI's benchmarks. The optimal lengths in a
+.scen file are compared with those of exact_astar and astar.
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, or a length differs from
+the optimal one in the dataset, 130 interrupted
 """
 
 from __future__ import annotations
@@ -41,26 +59,6 @@ from llm_astar_lab.runner.sources import (
     check_grid_options,
     keep_recorded,
 )
-
-USAGE = """\
-llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]
-                       [--fail-under LIMIT] [options]"""
-EPILOG = """\
-examples:
-  llm-astar bench                                 every method and baseline, no key needed
-  llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
-  llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
-  llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
-  llm-astar bench --dataset barriers,rooms,mazes,aisles,floors --maps 20 --seed 1
-  llm-astar bench --dataset movingai/dao --path FOLDER --methods exact_astar,astar --limit 500
-  llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
-
-On a grid dataset paths may not cut corners, as in MovingAI's benchmarks. The optimal lengths in a
-.scen file are compared with those of exact_astar and astar.
-
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, or a length differs from
-the optimal one in the dataset, 130 interrupted
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

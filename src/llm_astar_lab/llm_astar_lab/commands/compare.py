@@ -2,6 +2,22 @@
 
 Print the ratios to the base with intervals, and the samples that changed most. Say whether there
 is a regression.
+
+usage: llm-astar compare BASE RUN [RUN ...] [--metric NAME] [--variant NAME] [--threshold PERCENT]
+                         [--json] [--out DIR]
+
+examples:
+  llm-astar compare out/before out/after                   does any variant expand more nodes?
+  llm-astar compare out/before out/after --threshold 2     by more than 2 %?
+  llm-astar compare out/a out/b out/c --variant guided/oracle --out out/compared
+  llm-astar compare out/before out/after --metric seconds_search --threshold 5 --json
+
+A regression is a variant whose ratio to the base is above the threshold with its whole 95 %
+interval, or that lost valid paths. The runs must be of the same dataset; other versions, settings
+and machines are listed.
+
+exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regression, but a variant
+of the base is missing or has too few samples to be judged, 130 interrupted
 """
 
 from __future__ import annotations
@@ -19,24 +35,6 @@ OK, REGRESSION, UNJUDGED = 0, 1, 3
 # Percent by which a metric may grow where nothing else is asked for. Counts repeat exactly; the
 # times of equal runs on a machine with other work differed by up to 43 %.
 TOLERATED = {'seconds_search': 50.0}
-
-USAGE = """\
-llm-astar compare BASE RUN [RUN ...] [--metric NAME] [--variant NAME] [--threshold PERCENT]
-                         [--json] [--out DIR]"""
-EPILOG = """\
-examples:
-  llm-astar compare out/before out/after                   does any variant expand more nodes?
-  llm-astar compare out/before out/after --threshold 2     by more than 2 %?
-  llm-astar compare out/a out/b out/c --variant guided/oracle --out out/compared
-  llm-astar compare out/before out/after --metric seconds_search --threshold 5 --json
-
-A regression is a variant whose ratio to the base is above the threshold with its whole 95 %
-interval, or that lost valid paths. The runs must be of the same dataset; other versions, settings
-and machines are listed.
-
-exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regression, but a variant
-of the base is missing or has too few samples to be judged, 130 interrupted
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

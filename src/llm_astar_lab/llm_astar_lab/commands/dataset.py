@@ -1,4 +1,13 @@
-"""Generate datasets of samples, check them, or convert them to bags."""
+"""Generate datasets of samples, check them, or convert them to bags.
+
+examples:
+  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset generate --family floors --scale 2 --out floors.json
+  llm-astar dataset check maps.json
+  llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
+
+exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
+"""
 
 from __future__ import annotations
 
@@ -19,15 +28,6 @@ from llm_astar_lab.datasets.generate import GenerationError, MapRules
 from llm_astar_lab.datasets.samples import load_samples
 from llm_astar_lab.datasets.validate import validate_file
 
-EPILOG = """\
-examples:
-  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
-  llm-astar dataset generate --family floors --scale 2 --out floors.json
-  llm-astar dataset check maps.json
-  llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
-
-exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
-"""
 OK, BAD_INPUT = 0, 2
 
 

@@ -3,6 +3,13 @@
 Start map_node, llm_client_node and planner_node as processes, call the planner's GetPlan as
 another stack would, print and draw the plan, and stop everything. The waypoints come from the
 embedded learned model, which is not an LLM and needs no key and no network.
+
+examples:
+  llm-astar demo
+  llm-astar demo --pair 2 --png out/pair2.png
+  llm-astar demo --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
+
+exit codes: 0 a path, 1 no path, 2 bad usage or input
 """
 
 from __future__ import annotations
@@ -25,16 +32,6 @@ NODES = ('map_node', 'llm_client_node', 'planner_node')
 # ROS domains 101 to 230, so that the demo never joins a robot's graph.
 FIRST_DOMAIN, DOMAINS = 101, 130
 RADIUS = flags.named(COSTMAP, 'robot_radius')
-
-
-EPILOG = """\
-examples:
-  llm-astar demo
-  llm-astar demo --pair 2 --png out/pair2.png
-  llm-astar demo --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
-
-exit codes: 0 a path, 1 no path, 2 bad usage or input
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,17 @@
 """Draw what A* and another method expand on the way from start to goal, side by side.
 
 The file is a picture (.png, .svg, .pdf) or an animation (.gif).
+
+usage: llm-astar draw [--map FILE] [--start X Y --goal X Y] [--method NAME] [--source NAME]
+                      [options] --out FILE
+
+examples:
+  llm-astar draw --map-id 5 --pair 3 --out out/searches.gif
+  llm-astar draw --method llm_astar --source oracle --out out/paper.png
+  llm-astar draw --map depot.yaml --start -4.1 -4.8 --goal 17.9 4.7 --robot-radius 0.2
+    --out out/depot.gif
+
+exit codes: 0 drawn, 1 no path, 2 bad usage or input
 """
 
 from __future__ import annotations
@@ -25,18 +36,6 @@ from llm_astar_lab.runner.engine import AnsweredSource
 if TYPE_CHECKING:
     from llm_astar_lab.pictures.figures import Picture
 
-USAGE = """\
-llm-astar draw [--map FILE] [--start X Y --goal X Y] [--method NAME] [--source NAME]
-                      [options] --out FILE"""
-EPILOG = """\
-examples:
-  llm-astar draw --map-id 5 --pair 3 --out out/searches.gif
-  llm-astar draw --method llm_astar --source oracle --out out/paper.png
-  llm-astar draw --map depot.yaml --start -4.1 -4.8 --goal 17.9 4.7 --robot-radius 0.2
-    --out out/depot.gif
-
-exit codes: 0 drawn, 1 no path, 2 bad usage or input
-"""
 ASTAR = 'astar'
 
 

@@ -2,6 +2,22 @@
 
 Compare with the recorded plans, and write a results folder like that of bench. No robot, graph
 or display is needed.
+
+usage: llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
+                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]
+
+examples:
+  llm-astar evaluate bag --list                       what the bag contains
+  llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
+  llm-astar evaluate monday tuesday.mcap --source replay --out out/field
+  llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
+  llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
+
+Every request is planned on the map of its time. --source replay without --transcript uses the
+exchanges with models that the bags contain.
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or a source
+did not answer, 130 interrupted
 """
 
 from __future__ import annotations
@@ -43,23 +59,6 @@ OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
 RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
-USAGE = """\
-llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
-                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]"""
-EPILOG = """\
-examples:
-  llm-astar evaluate bag --list                       what the bag contains
-  llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
-  llm-astar evaluate monday tuesday.mcap --source replay --out out/field
-  llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
-  llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
-
-Every request is planned on the map of its time. --source replay without --transcript uses the
-exchanges with models that the bags contain.
-
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or a source
-did not answer, 130 interrupted
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

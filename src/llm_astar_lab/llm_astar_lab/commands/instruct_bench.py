@@ -3,6 +3,37 @@
 Each instruction is understood by each source, planned, and the path held against the machine
 checks of the suite, which share no code with the search or the enforcement. A suite is a JSON
 file of maps, places and instructions with their truth.
+
+usage: llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
+                                [--fail-under LIMIT] [options]
+
+sources:
+  truth     the suite's own specification: the planner apart from understanding
+  grammar   the grammar alone, no model
+  endpoint  the grammar, then a language model for what it does not read whole
+  replay    the same with a recorded model (--transcript)
+  none      no instruction at all: what is met by chance
+
+examples:
+  llm-astar instruct-bench                        the grammar on the suite of the package
+  llm-astar instruct-bench --suite house.json --source none,truth,grammar
+  llm-astar instruct-bench --suite house.json --source endpoint --record house.jsonl --out out/x
+    --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
+  llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
+  llm-astar instruct-bench --suite house.json --show h-07 --png out/h-07.png
+  llm-astar instruct-bench --suite house.json --fail-under grammar/templated:satisfied=85
+    --fail-over false_claims=0 --fail-over grammar:ms=2
+
+a suite, with the map in house.yaml beside it:
+  {"version": 1,
+   "maps": {"house": {"places": {"kitchen": {"polygon": [[8,10],[16,10],[16,18],[8,18]]}}}},
+   "instructions": [{"id": "h-01", "map": "house", "start": [2, 2], "goal": [22, 16],
+     "text": "do not enter the kitchen", "lang": "en", "style": "templated", "expect": "ok",
+     "spec": {"clauses": [{"kind": "avoid", "region": {"place": "kitchen"}}]},
+     "checks": [{"check": "inside_max", "region": {"place": "kitchen"}, "metres": 0.1}]}]}
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 a model left instructions
+unanswered, 130 interrupted
 """
 
 from __future__ import annotations
@@ -50,38 +81,6 @@ MODEL = flags.named(
     'max_output_tokens', 'timeout_s', 'max_retries', 'transcript', 'record',
 )  # fmt: skip
 TIME = flags.named(REQUESTS, 'max_planning_time')
-USAGE = """\
-llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
-                                [--fail-under LIMIT] [options]"""
-EPILOG = """\
-sources:
-  truth     the suite's own specification: the planner apart from understanding
-  grammar   the grammar alone, no model
-  endpoint  the grammar, then a language model for what it does not read whole
-  replay    the same with a recorded model (--transcript)
-  none      no instruction at all: what is met by chance
-
-examples:
-  llm-astar instruct-bench                        the grammar on the suite of the package
-  llm-astar instruct-bench --suite house.json --source none,truth,grammar
-  llm-astar instruct-bench --suite house.json --source endpoint --record house.jsonl --out out/x
-    --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
-  llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
-  llm-astar instruct-bench --suite house.json --show h-07 --png out/h-07.png
-  llm-astar instruct-bench --suite house.json --fail-under grammar/templated:satisfied=85
-    --fail-over false_claims=0 --fail-over grammar:ms=2
-
-a suite, with the map in house.yaml beside it:
-  {"version": 1,
-   "maps": {"house": {"places": {"kitchen": {"polygon": [[8,10],[16,10],[16,18],[8,18]]}}}},
-   "instructions": [{"id": "h-01", "map": "house", "start": [2, 2], "goal": [22, 16],
-     "text": "do not enter the kitchen", "lang": "en", "style": "templated", "expect": "ok",
-     "spec": {"clauses": [{"kind": "avoid", "region": {"place": "kitchen"}}]},
-     "checks": [{"check": "inside_max", "region": {"place": "kitchen"}, "metres": 0.1}]}]}
-
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 a model left instructions
-unanswered, 130 interrupted
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,21 @@
 """Plan in the browser: drag start and goal, draw walls, and watch the search.
 
 A small server on this machine shows the page; nothing is sent anywhere else.
+
+examples:
+  llm-astar play
+  llm-astar play --map depot.yaml --map maze.map.scen
+  llm-astar play --port 9000 --no-browser
+  llm-astar play --live --namespace /robot1
+
+The page shows how a search expands the map cell by cell, what became of each waypoint, and the
+figures beside those without waypoints and of A*. Its address holds the whole view, so a link shows
+it again, and it gives the `llm-astar plan` command that makes the same plan.
+
+Ctrl-C ends the server. Only this machine reaches it; --host 0.0.0.0 opens it to the network, whose
+members may then plan on the listed maps and watch the graph of --live, but read no other file.
+
+exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
 """
 
 from __future__ import annotations
@@ -17,23 +32,6 @@ if TYPE_CHECKING:
     from llm_astar_lab.play.live import LiveFeed
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
-
-EPILOG = """\
-examples:
-  llm-astar play
-  llm-astar play --map depot.yaml --map maze.map.scen
-  llm-astar play --port 9000 --no-browser
-  llm-astar play --live --namespace /robot1
-
-The page shows how a search expands the map cell by cell, what became of each waypoint, and the
-figures beside those without waypoints and of A*. Its address holds the whole view, so a link shows
-it again, and it gives the `llm-astar plan` command that makes the same plan.
-
-Ctrl-C ends the server. Only this machine reaches it; --host 0.0.0.0 opens it to the network, whose
-members may then plan on the listed maps and watch the graph of --live, but read no other file.
-
-exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,14 @@
-"""Record the live graph into a rosbag2 bag, to evaluate it later."""
+"""Record the live graph into a rosbag2 bag, to evaluate it later.
+
+examples:
+  llm-astar record --out run1                                   until Ctrl-C
+  llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
+  llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
+
+Records maps and their updates, requests of GetPlan, goals and initial poses, plans, the planner's
+reports, exchanges with the language model, tf, odometry and diagnostics. What has no publisher yet
+is waited for. For the use of the bag see `llm-astar evaluate --help`.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +21,6 @@ from llm_astar_planner.parameter import ParameterError
 from llm_astar_lab.bags.writing import BagWriter
 
 MEGABYTE = 1_000_000
-EPILOG = """\
-examples:
-  llm-astar record --out run1                                   until Ctrl-C
-  llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
-  llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
-
-Records maps and their updates, requests of GetPlan, goals and initial poses, plans, the planner's
-reports, exchanges with the language model, tf, odometry and diagnostics. What has no publisher yet
-is waited for. For the use of the bag see `llm-astar evaluate --help`.
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

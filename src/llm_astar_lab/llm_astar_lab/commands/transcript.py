@@ -1,4 +1,12 @@
-"""Check transcripts: recorded exchanges with language models, which `replay` answers from."""
+"""Check transcripts: recorded exchanges with language models, which `replay` answers from.
+
+examples:
+  llm-astar transcript check demo_transcript.jsonl
+  llm-astar transcript check replies.jsonl --map samples_1000.json --json
+
+exit codes: 0 sound, 2 bad usage or malformed lines, 3 incomplete: samples of --map are missing, a
+line was cut off, or digests, temperature or seed differ between exchanges of one model and prompt
+"""
 
 from __future__ import annotations
 
@@ -13,14 +21,6 @@ from llm_astar_planner.resources import find_file
 if TYPE_CHECKING:
     from llm_astar_lab.runner.transcript_check import RecordedModel, TranscriptCheck
 
-EPILOG = """\
-examples:
-  llm-astar transcript check demo_transcript.jsonl
-  llm-astar transcript check replies.jsonl --map samples_1000.json --json
-
-exit codes: 0 sound, 2 bad usage or malformed lines, 3 incomplete: samples of --map are missing, a
-line was cut off, or digests, temperature or seed differ between exchanges of one model and prompt
-"""
 # Lines about one thing that are printed; --json has all of them.
 MAX_LINES = 20
 MAX_GROUPS = 6

@@ -1,4 +1,12 @@
-"""Ask a running planner_node for a plan, as another stack would, or what an instruction means."""
+"""Ask a running planner_node for a plan, as another stack would, or what an instruction means.
+
+examples:
+  llm-astar call --start 2 3 --goal 20 5 --png plan.png
+  llm-astar call --start 2 3 --to kitchen --instruction "avoid the lab"
+  llm-astar call --interpret "visit the dock, then the workshop"
+
+exit codes: 0 a path (or what was understood), 1 no path, 2 bad usage, or no answer in time
+"""
 
 from __future__ import annotations
 
@@ -17,14 +25,6 @@ from llm_astar_planner.parameter import ParameterError
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.planner_client import PlannerCaller
 
-EPILOG = """\
-examples:
-  llm-astar call --start 2 3 --goal 20 5 --png plan.png
-  llm-astar call --start 2 3 --to kitchen --instruction "avoid the lab"
-  llm-astar call --interpret "visit the dock, then the workshop"
-
-exit codes: 0 a path (or what was understood), 1 no path, 2 bad usage, or no answer in time
-"""
 # Seconds in which the planner discovers the subscriber of its expanded cells.
 DISCOVERY_SECONDS = 0.5
 

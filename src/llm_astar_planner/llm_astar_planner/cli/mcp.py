@@ -1,8 +1,19 @@
-"""Serve route planning to agents over MCP, the Model Context Protocol.
+r"""Serve route planning to agents over MCP, the Model Context Protocol.
 
 The server speaks on standard input and output. Its tools are list_places, interpret, plan_route
 and check_path, on a map file with its places, or on what a running planner_node plans with. It
 needs the official SDK: pip install 'mcp>=2'.
+
+usage: llm-astar mcp [--map FILE [--places FILE] | --graph [--namespace NAME]] [options]
+
+examples:
+  llm-astar mcp --map depot.yaml --places depot.places.geojson --robot-radius 0.3
+  llm-astar mcp --map depot.yaml --source endpoint --base-url http://localhost:11434/v1 \
+    --model qwen2.5:7b
+  llm-astar mcp --graph --namespace /robot1
+
+With --graph the map, the places and the parameters are those of the planner at that moment, and
+the graph understands the instructions. The robot's own plans and instruction stay as they are.
 """
 
 from __future__ import annotations
@@ -24,19 +35,6 @@ if TYPE_CHECKING:
 
 # The longest wait for an answer of the graph; a small model takes long to understand.
 GRAPH_SECONDS = 60.0
-
-USAGE = """\
-llm-astar mcp [--map FILE [--places FILE] | --graph [--namespace NAME]] [options]"""
-EPILOG = """\
-examples:
-  llm-astar mcp --map depot.yaml --places depot.places.geojson --robot-radius 0.3
-  llm-astar mcp --map depot.yaml --source endpoint --base-url http://localhost:11434/v1 \\
-    --model qwen2.5:7b
-  llm-astar mcp --graph --namespace /robot1
-
-With --graph the map, the places and the parameters are those of the planner at that moment, and
-the graph understands the instructions. The robot's own plans and instruction stay as they are.
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,14 @@
-"""List, read, describe and set the parameters of running nodes."""
+"""List, read, describe and set the parameters of running nodes.
+
+examples:
+  llm-astar param list                                        all nodes, with their values
+  llm-astar param get planner_node robot_radius
+  llm-astar param describe planner_node                       all of its parameters
+  llm-astar param set planner_node robot_radius 0.3           until the node ends
+  llm-astar param set planner_node instruction "avoid the kitchen"
+
+For values that stay, see --params-file and -p of llm-astar run and of the nodes.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +25,6 @@ from llm_astar_planner.parameter import ParameterError
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.parameter_client import ParameterClient, RemoteParameter
 
-EPILOG = """\
-examples:
-  llm-astar param list                                        all nodes, with their values
-  llm-astar param get planner_node robot_radius
-  llm-astar param describe planner_node                       all of its parameters
-  llm-astar param set planner_node robot_radius 0.3           until the node ends
-  llm-astar param set planner_node instruction "avoid the kitchen"
-
-For values that stay, see --params-file and -p of llm-astar run and of the nodes.
-"""
 # The positional arguments that each action takes: at least, at most.
 COUNTS = {'list': (0, 1), 'get': (2, 2), 'describe': (1, 2), 'set': (3, 3)}
 WIDTH = 90

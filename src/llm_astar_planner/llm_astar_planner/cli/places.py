@@ -2,6 +2,13 @@
 
 The file is GeoJSON in metres of the map's frame: drawn in QGIS, written by hand, or the graph of
 nav2_route, whose named nodes are places.
+
+examples:
+  llm-astar places depot.places.geojson
+  llm-astar places depot.places.geojson --map depot.yaml --png out/places.png
+  llm-astar places graph.geojson --json
+
+exit codes: 0 done, also with warnings; 2 a file that cannot be read
 """
 
 from __future__ import annotations
@@ -15,14 +22,6 @@ from llm_astar_planner.cli.flags import add_picture_option
 from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places, place_to_json
 from llm_astar_planner.extensions import find_drawing
 
-EPILOG = """\
-examples:
-  llm-astar places depot.places.geojson
-  llm-astar places depot.places.geojson --map depot.yaml --png out/places.png
-  llm-astar places graph.geojson --json
-
-exit codes: 0 done, also with warnings; 2 a file that cannot be read
-"""
 HEADINGS = ('name', 'kind', 'tags', 'centre (m)', 'area', 'also called')
 
 

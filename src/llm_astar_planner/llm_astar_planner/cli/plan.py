@@ -4,6 +4,26 @@ Without options it plans the first start-goal pair of the demo map. Start and go
 (metres on a robot's map, cells on other maps) or names of places. The first line says whether a
 path was found, the others how long it is, what became of the waypoints, and how much was searched.
 The parameters of the nodes are flags; with the nodes' own --params-file it plans as they do.
+
+usage: llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
+                      [--source NAME] [--png FILE] [--json] [options]
+
+examples:
+  llm-astar plan
+  llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
+  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
+  llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
+  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
+  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --params-file robot.yaml
+  llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
+  llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
+  llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
+  llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
+    horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
+    [[25, 10, 22]]."
+
+exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path but, with --require-waypoints, no
+usable waypoint
 """
 
 from __future__ import annotations
@@ -27,28 +47,6 @@ from llm_astar_planner.instructions.specification import Unknown
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
-
-USAGE = """\
-llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
-                      [--source NAME] [--png FILE] [--json] [options]"""
-EPILOG = """\
-examples:
-  llm-astar plan
-  llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
-  llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
-  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --params-file robot.yaml
-  llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
-  llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
-  llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
-  llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
-    horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
-    [[25, 10, 22]]."
-
-exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path but, with --require-waypoints, no
-usable waypoint
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

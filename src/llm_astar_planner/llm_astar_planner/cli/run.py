@@ -1,6 +1,15 @@
 """Run map_node, llm_client_node and planner_node until Ctrl-C.
 
 What `ros2 launch llm_astar_planner planner.launch.py` does, without ROS 2's launch.
+
+examples:
+  llm-astar run                                             the demo map
+  llm-astar run --map depot.yaml -p robot_radius:=0.3
+  llm-astar run --no-map --params-file config/llm_ollama.yaml    your stack's /map
+
+Then, in another terminal: llm-astar call --start X Y --goal X Y, or watch, param, record.
+
+exit codes: 1 a node has ended by itself, 2 bad usage, 130 Ctrl-C
 """
 
 from __future__ import annotations
@@ -21,16 +30,6 @@ from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES, check_names
 from llm_astar_planner.resources import find_file
 
-EPILOG = """\
-examples:
-  llm-astar run                                             the demo map
-  llm-astar run --map depot.yaml -p robot_radius:=0.3
-  llm-astar run --no-map --params-file config/llm_ollama.yaml    your stack's /map
-
-Then, in another terminal: llm-astar call --start X Y --goal X Y, or watch, param, record.
-
-exit codes: 1 a node has ended by itself, 2 bad usage, 130 Ctrl-C
-"""
 POLL_SECONDS = 0.2
 STOP_SECONDS = 10.0
 # What ends a command but would not let it stop its nodes.

@@ -2,6 +2,16 @@
 
 It prints one for each exchange of its llm_client_node with its source and for each change of
 their state, too.
+
+The last plans from before the watch come first, at most ten. Ctrl-C ends it.
+Lengths are in metres.
+
+examples:
+  llm-astar watch
+  llm-astar watch --namespace /robot1
+  llm-astar watch --json --count 1 | jq .length
+
+exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
 """
 
 from __future__ import annotations
@@ -33,18 +43,6 @@ GREEN, YELLOW, RED, DIM = 32, 33, 31, 2
 STATUS_COLOURS = {'satisfied': GREEN, 'violated': RED, 'impossible': RED}
 # Clauses stand below the words of their plan, behind the time.
 CLAUSE_INDENT = ' ' * 10
-
-EPILOG = """\
-The last plans from before the watch come first, at most ten. Ctrl-C ends it.
-Lengths are in metres.
-
-examples:
-  llm-astar watch
-  llm-astar watch --namespace /robot1
-  llm-astar watch --json --count 1 | jq .length
-
-exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
