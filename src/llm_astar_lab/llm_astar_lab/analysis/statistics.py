@@ -141,22 +141,23 @@ def wilson_interval(count: int, total: int) -> Interval:
     return Interval(share_of, max(middle - half, 0.0), min(middle + half, 1.0))
 
 
-def known(values: ArrayLike, *others: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Return the values that are not NaN, and what other arrays have in their places."""
+def known(values: ArrayLike, groups: ArrayLike) -> tuple[Floats, NDArray[Any]]:
+    """Return the values that are not NaN, and their groups."""
     array = np.asarray(values, dtype=float)
-    return tuple(item[~np.isnan(array)] for item in (array, *map(np.asarray, others)))
+    return array[~np.isnan(array)], np.asarray(groups)[~np.isnan(array)]
 
 
 def ratio_interval(ratios: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
     """Return the geometric mean (r_1 r_2 ... r_n)^(1/n) of the known ratios with its interval."""
-    values, places = known(ratios, np.asarray(groups))
-    logs = mean_interval(np.log(values), places, seed)
+    values, kept = known(ratios, groups)
+    logs = mean_interval(np.log(values), kept, seed)
     return Interval(*(float(value) for value in np.exp(logs)))
 
 
 def spread(values: ArrayLike) -> Spread:
     """Return mean = sum(v) / n, median, p95 (linear between ranks) and max(v) of known values."""
-    (array,) = known(values)
+    array = np.asarray(values, dtype=float)
+    array = array[~np.isnan(array)]
     if array.size == 0:
         return NO_SPREAD
     median, p95 = np.percentile(array, (50, 95))

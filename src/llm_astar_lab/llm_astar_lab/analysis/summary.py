@@ -326,7 +326,7 @@ def by_family(
 
 def family_means(
     summaries: Mapping[str, FamilySummary],
-    ratios: Mapping[str, tuple[NDArray[Any], ...]],
+    ratios: Mapping[str, tuple[stats.Floats, NDArray[Any]]],
     seeds: Mapping[str, tuple[int, int]],
 ) -> FamilyMeans:
     """Return the mean of two or more families' ratios, and the means without each of them.

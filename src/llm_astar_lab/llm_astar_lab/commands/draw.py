@@ -18,13 +18,12 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from llm_astar_planner.cli.flags import ANIMATIONS, picture_or_animation
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.resources import SAMPLES_FILE
 from llm_astar_planner.waypoints.async_query import query_source
@@ -32,9 +31,6 @@ from llm_astar_planner.waypoints.source import WaypointQuery
 
 from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.runner.engine import AnsweredSource
-
-if TYPE_CHECKING:
-    from llm_astar_lab.pictures.figures import Picture
 
 ASTAR = 'astar'
 
@@ -102,34 +98,25 @@ def with_answer(asked: Problem) -> PlanRequest:
 def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
     """Draw or animate the plans. Raises OSError, ParameterError where that cannot be done."""
     # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_lab.pictures import figures  # noqa: PLC0415
+    from llm_astar_lab.pictures import animation, figures  # noqa: PLC0415
 
-    costmap, offset = asked.planner.costmap, asked.coordinates.offset
-    grid_map = figures.drawable_map(costmap.grid_map, costmap.config)
-    pictures = []
-    for _, plan in drawn:
-        picture = figures.picture_of(plan, grid_map, offset, costmap=costmap)
-        pictures.append(replace(picture, title=figures.short_title(plan, grid_map.resolution)))
-    if path.lower().endswith(ANIMATIONS):
-        animate(asked.planner, drawn, pictures, path)
-        return
-    figures.write_figure(figures.comparison_figure(pictures), path)
-
-
-def animate(planner: Planner, drawn: list[Drawn], pictures: list[Picture], path: str) -> None:
-    """Animate the searches. Raises OSError, and ParameterError where their order is unknown."""
-    from llm_astar_lab.pictures.animation import AnimatedSearch, save_animation  # noqa: PLC0415
-    from llm_astar_lab.pictures.figures import describe_length, describe_plan  # noqa: PLC0415
-
-    searches = []
-    for (request, plan), picture in zip(drawn, pictures):
-        order = retrace(planner, request, plan)
-        if order is None:
+    planner, is_animated = asked.planner, path.lower().endswith(ANIMATIONS)
+    pictures, searches = [], []
+    for request, plan in drawn:
+        order = retrace(planner, request, plan) if is_animated else None
+        picture, search = animation.drawn_search(
+            plan, planner.costmap, asked.coordinates.offset, figures.describe_plan(plan), order
+        )
+        pictures.append(picture)
+        if search is not None:
+            searches.append(search)
+        elif is_animated:
             raise ParameterError(
                 f'{path}: in which order {plan.method} expanded the cells is not known, for it is '
                 'a plug-in, or its search depended on time; draw a .png, or give it a higher '
                 '--time-limit'
             )
-        length = describe_length(plan, picture.grid_map.resolution)
-        searches.append(AnimatedSearch(picture, order, describe_plan(plan), length))
-    save_animation(path, searches)
+    if is_animated:
+        animation.save_animation(path, searches)
+    else:
+        figures.write_figure(figures.comparison_figure(pictures), path)

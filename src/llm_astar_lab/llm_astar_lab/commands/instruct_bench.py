@@ -266,5 +266,4 @@ def draw(result: InstructionResult, path: str) -> None:
     barriers = suite_map.barrier_map
     offset = (0, 0) if barriers is None else barriers.offset
     route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
-    picture = picture_of(plan, suite_map.grid_map, offset, route=route)
-    save_picture(picture, path)
+    save_picture(picture_of(plan, route.costmap, offset, route), path)

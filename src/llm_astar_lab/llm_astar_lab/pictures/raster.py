@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from llm_astar_planner.search.expansion_order import ExpansionOrder
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
@@ -67,6 +67,15 @@ def cell_codes(
     return codes
 
 
+def expanded_cells(
+    order: ExpansionOrder, shape: tuple[int, ...], expansions: int
+) -> NDArray[np.bool_]:
+    """Return which cells of a map are expanded after so many expansions: bool [height, width]."""
+    expanded = np.zeros(shape, dtype=np.bool_)
+    expanded.flat[order.order[: order.cells_after(expansions)]] = True
+    return expanded
+
+
 def choose_window(codes: NDArray[np.uint8], points: NDArray[np.float64]) -> Window:
     """Return the part of a map worth drawing: around expanded cells and points [n, 2].
 
@@ -104,12 +113,6 @@ def surroundings(
     left, bottom = np.floor(places.min(axis=0)).astype(int) - margin
     right, top = np.ceil(places.max(axis=0)).astype(int) + margin + 1
     return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
-
-
-def union(windows: Sequence[Window]) -> Window:
-    """Return the smallest part of a map that holds all windows, at least one."""
-    left, bottom, right, top = zip(*windows)
-    return Window(min(left), min(bottom), max(right), max(top))
 
 
 def widen_expanded(codes: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
