@@ -20,9 +20,9 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 from llm_astar_planner.cli.flags import add_parameter_flags, add_switches, named
 from llm_astar_planner.cli.map_files import add_places_option
-from llm_astar_planner.cli.planning_options import parameter_values
+from llm_astar_planner.cli.planning_options import parameter_values, route_instruction
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
+from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
@@ -159,18 +159,19 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 
     The settings of a live or recorded model are those of the sources. Raises ValueError.
     """
-    text = clean_instruction(args.instruction)
-    if not text:
-        return None
     names = [name for name in ('endpoint', 'replay') if name in args.source]
-    if 'replay' in args.source and len(args.transcript) > 1:
+    if args.instruction.strip() and 'replay' in args.source and len(args.transcript) > 1:
         raise ValueError('--instruction is replayed from one file: name one --transcript')
     values = {name: getattr(args, name) for name in ('base_url', 'api_key_env', 'api_key_names')}
     values['source'] = next(iter(names), 'none')
     values |= {name: next(iter(getattr(args, name)), '') for name in ('model', 'transcript')}
-    interpretation = make_interpreter(values).interpret(text, places, args.max_planning_time)
-    sys.stderr.write(f'instruction {interpretation.status.value}: {interpretation.sentence}\n')
-    return RouteInstruction(interpretation, places, args.instruction_policy)
+    found = route_instruction(
+        vars(args), places, args.max_planning_time, lambda: make_interpreter(values)
+    )
+    if found is not None:
+        read = found.interpretation
+        sys.stderr.write(f'instruction {read.status.value}: {read.sentence}\n')
+    return found
 
 
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private

@@ -189,7 +189,7 @@ def command_of(request: PlayRequest) -> str | None:
     words = ['llm-astar', 'plan', '--map', request.play_map.file]
     if request.play_map.map_id is not None:
         words += ['--map-id', str(request.play_map.map_id)]
-    x_min, y_min = request.play_map.offset
+    x_min, y_min = request.play_map.problem.offset
     cells = [('--start', request.start), ('--goal', request.goal)]
     for flag, (x, y) in (*cells, *(('--via', cell) for cell in request.via)):
         words += [flag, str(x + x_min), str(y + y_min)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -62,14 +62,19 @@ class PlanningOptions:
 
         return make_interpreter(asdict(self.settings))
 
-    def route_instruction(self, places: Places) -> RouteInstruction | None:
-        """Return what is understood of the instruction, None if there is none."""
-        text = clean_instruction(self.values['instruction'])
-        if not text:
-            return None
-        interpreter = self.make_interpreter()
-        interpretation = interpreter.interpret(text, places, self.settings.timeout_s)
-        return RouteInstruction(interpretation, places, self.values['instruction_policy'])
+
+def route_instruction(
+    values: Mapping[str, Any], places: Places, limit: float, make: Callable[[], Interpreter]
+) -> RouteInstruction | None:
+    """Return what is understood of the instruction among parameters, None if there is none.
+
+    It is understood within `limit` seconds by the interpreter that `make` returns.
+    """
+    text = clean_instruction(values['instruction'])
+    if not text:
+        return None
+    interpretation = make().interpret(text, places, limit)
+    return RouteInstruction(interpretation, places, values['instruction_policy'])
 
 
 @dataclass(frozen=True)
@@ -183,7 +188,9 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
         source=waypoint_source(arguments, options, maps, problem.offset),
         sample=sample_key_of(problem, start, goal),
         via=tuple(coordinates.to_cell('--via', point) for point in arguments.via),
-        instruction=options.route_instruction(places),
+        instruction=route_instruction(
+            options.values, places, options.settings.timeout_s, options.make_interpreter
+        ),
         **request_fields(options.values),
     )
     check_request(request)
