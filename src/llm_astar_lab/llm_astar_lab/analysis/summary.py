@@ -57,6 +57,13 @@ TEXTS = f"""
 SOLVED_AT_SCALES = f"""
     SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
     FROM {SOLVED} WHERE operation > 0 AND NOT isnan(operation) ORDER BY scale, map, pair"""
+# An empty path has a problem but no length.
+RECORDED = """
+    SELECT count(*) AS requests, count(*) FILTER (plan) AS plans,
+        count(*) FILTER (plan AND wrong) AS broken, count(*) FILTER (wrong AND NOT plan) AS empty
+    FROM (SELECT last(isfinite(recorded_length) AND recorded_length >= 0 ORDER BY rowid) AS plan,
+        last(recorded_problem <> '' ORDER BY rowid) AS wrong
+        FROM rows WHERE bag <> '' GROUP BY map, pair)"""
 
 
 @dataclass(frozen=True)
@@ -175,12 +182,17 @@ class Price:
 
 
 class RunSummary(NamedTuple):
-    """What the rows of a run show, with its metadata: all that a report's tables are made of."""
+    """What the rows of a run show, with its metadata: all that a report's tables are made of.
+
+    `recorded` counts the `requests` of bags, those with recorded `plans`, how many of these are
+    `broken`, and the requests whose plan is `empty`.
+    """
 
     variants: Sequence[VariantSummary] = ()
     comparisons: Sequence[PairedComparison] = ()
     growths: Sequence[Growth] = ()
     metadata: Mapping[str, Any] = MappingProxyType({})
+    recorded: Mapping[str, int] = MappingProxyType({})
 
 
 def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[SampleId, Row]]:
@@ -197,7 +209,10 @@ def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any])
     stored, parameters = StoredRows.of(rows), metadata['parameters']
     seed, price = int(parameters.get('seed', 0)), parameters.get('price')
     variants = summarise(stored, seed, None if price is None else Price(*price))
-    return RunSummary(variants, compare_with_none(stored, seed), growth(stored), metadata)
+    recorded = {name: int(count[0]) for name, count in stored.arrays(RECORDED).items()}
+    return RunSummary(
+        variants, compare_with_none(stored, seed), growth(stored), metadata, recorded
+    )
 
 
 def summarise(

@@ -15,6 +15,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.pages import replace_section, results_section
+from llm_astar_lab.report.sentences import headline
 from llm_astar_lab.report.table import write_tables
 from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
@@ -51,8 +52,8 @@ def run(args: argparse.Namespace) -> int:
     # Importing matplotlib takes most of a second, and a README section needs no figures.
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
-    summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
-    print(f'{summary["headline"]}\n{folder.path}/report.html')
+    run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
+    print(f'{headline(run.comparisons)}\n{folder.path}/report.html')
     return 0
 
 

@@ -33,8 +33,6 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds
-from llm_astar_lab.analysis.summary import summarise
-from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import UNANSWERED
@@ -383,16 +381,13 @@ def close_run(
     if 'map_costs' in metadata:
         add_query_times(metadata['map_costs'], rows)
     folder.write_json('metadata.json', metadata)
-    recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
     lengths = thresholds.reference_lengths(maps)
     agreements = (
         thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
     )
-    text = '' if args.json else text_report(rows, args.seed, recorded)
-    summaries = summarise(rows, args.seed) if args.fail_under else []
-    missed = thresholds.missed_thresholds(summaries, args.fail_under)
     summary = write_report(folder, metadata, maps, rows)
-    print(text or json.dumps(summary))
+    missed = thresholds.missed_thresholds(summary.variants, args.fail_under)
+    print(json.dumps(folder.read_json('summary.json')) if args.json else text_report(summary))
     took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
     print(f'{took}: {folder.path}/report.html', file=sys.stderr)
     for line in unanswered:
