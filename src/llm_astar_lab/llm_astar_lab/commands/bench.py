@@ -37,6 +37,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import (
     load_kept_maps,
     load_maps,
 )
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import uses_waypoints
@@ -72,37 +73,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose the samples."""
     add_dataset_choice(group)
-    group.add_argument(
-        '--samples', choices=SAMPLES, default=RECORDED,
-        help='with --source replay: only the samples that the transcripts hold, so that every row '
-        'is over the same samples, or all (%(default)s)',
+    option(
+        group, '--samples',
+        'with --source replay: only the samples that the transcripts hold, so that every row '
+        'is over the same samples, or all (%(default)s)', choices=SAMPLES, default=RECORDED,
     )  # fmt: skip
     text = 'draw N of the samples; on a yaml map N new pairs (100)'
-    group.add_argument('--limit', type=common.count, metavar='N', help=text)
-    group.add_argument(
-        '--scales', default='1', metavar='RANGES', help='scales of the maps, such as 1-10 (1)'
-    )
+    option(group, '--limit N', text, type=common.count)
+    option(group, '--scales RANGES', 'scales of the maps, such as 1-10 (1)', default='1')
     text = 'number of samples that are run at every scale (10)'
-    group.add_argument('--scale-samples', type=common.count, default=10, metavar='N', help=text)
+    option(group, '--scale-samples N', text, type=common.count, default=10)
     text = 'seed of everything drawn at random (0)'
-    group.add_argument('--seed', type=common.seed, default=0, metavar='N', help=text)
+    option(group, '--seed N', text, type=common.seed, default=0)
 
 
 def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose the maps of a run."""
     either = group.add_mutually_exclusive_group()
     add_map_option(either)
-    either.add_argument(
-        '--dataset', dest='named', metavar='NAMES',
-        help=f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER} and {named.READ[1]} and so on are read from --path',
+    option(
+        either, '--dataset NAMES',
+        f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
+        f'{named.PAPER} and {named.READ[1]} and so on are read from --path', dest='named',
     )  # fmt: skip
     text = "the paper's file, or the folder with MovingAI's maps and scenarios"
-    group.add_argument('--path', metavar='PATH', help=text)
+    option(group, '--path PATH', text)
     text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
-    group.add_argument('--maps', dest='map_count', type=common.count, metavar='N', help=text)
+    option(group, '--maps N', text, dest='map_count', type=common.count)
     text = f'start-goal pairs on each of them ({named.DEFAULT_PAIRS})'
-    group.add_argument('--pairs', type=common.count, metavar='N', help=text)
+    option(group, '--pairs N', text, type=common.count)
     add_map_ids_option(group)
 
 
@@ -172,13 +171,13 @@ def open_dataset(args: argparse.Namespace) -> named.Dataset:
 
 def check_options(args: argparse.Namespace, names: Sequence[str]) -> None:
     """Raise SelectionError where an option is of another kind of dataset."""
-    for option, value, kinds in (
+    for flag, value, kinds in (
         ('--maps', args.map_count, named.GENERATED),
         ('--pairs', args.pairs, named.GENERATED),
         ('--path', args.path, named.READ),
     ):
         if value is not None and not set(names) & set(kinds):
-            raise SelectionError(f'{option}: needs --dataset with one of {", ".join(kinds)}')
+            raise SelectionError(f'{flag}: needs --dataset with one of {", ".join(kinds)}')
 
 
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:

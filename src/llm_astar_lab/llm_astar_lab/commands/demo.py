@@ -38,14 +38,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     flags.add_picture_option(parser, 'draw the plan', 'out/demo.png')
     text = 'which start-goal pair of the demo map (default: 0)'
-    parser.add_argument('--pair', type=int, default=0, choices=range(4), help=text)
+    flags.option(parser, '--pair', text, default=0, choices=range(4))
     text = 'another map, a map_server yaml or barrier maps; it needs --start and --goal'
-    parser.add_argument('--map', metavar='FILE', help=text)
+    flags.option(parser, '--map FILE', text)
     text = 'start here, in metres of the map; a cell of barrier maps is one metre wide'
-    parser.add_argument('--start', **flags.POINT, help=text)
-    parser.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
+    flags.option(parser, '--start', text, **flags.POINT)
+    flags.option(parser, '--goal', 'go here, in the same unit', **flags.POINT)
     flags.add_parameter_flags(parser, RADIUS)
-    flags.add_switches(parser, verbose='show the log of the nodes')
+    flags.option(parser, '--verbose', 'show the log of the nodes')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -20,7 +20,7 @@ import argparse
 from dataclasses import replace
 from typing import NamedTuple
 
-from llm_astar_planner.cli.flags import ANIMATIONS, picture_or_animation
+from llm_astar_planner.cli.flags import ANIMATIONS, option, picture_or_animation
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_progress
@@ -45,10 +45,8 @@ class Drawn(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
     add_query_options(parser, SAMPLES_FILE)
-    parser.add_argument(
-        '--out', '--png', required=True, type=picture_or_animation, metavar='FILE',
-        help='picture (.png, .svg, .pdf) or animation (.gif), by its ending',
-    )  # fmt: skip
+    text = 'picture (.png, .svg, .pdf) or animation (.gif), by its ending'
+    option(parser, '--out --png FILE', text, required=True, type=picture_or_animation)
 
 
 def run(arguments: argparse.Namespace) -> int:

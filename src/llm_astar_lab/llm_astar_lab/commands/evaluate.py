@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, add_params_file_flag, given_values
+from llm_astar_planner.cli import flags
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
@@ -64,12 +64,12 @@ EXCHANGES = 'exchanges.jsonl'
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(seed=0)
-    parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
+    flags.option(parser, 'bags BAG', 'a folder, or an mcap or db3 file', nargs='+')
     add_input(parser.add_argument_group('input'))
     common.add_variants(parser.add_argument_group('methods and sources'))
     rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
-    add_params_file_flag(rules)
-    add_parameter_flags(rules, RULES)
+    flags.add_params_file_flag(rules)
+    flags.add_parameter_flags(rules, RULES)
     common.add_instruction(
         parser.add_argument_group('an instruction for every request, instead of the recorded ones')
     )
@@ -78,27 +78,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose topics and requests."""
-    group.add_argument('--list', action='store_true', help='only show what the bags contain')
-    group.add_argument(
-        '--namespace', default='', metavar='NAME', help="the robot's, where a bag has several"
-    )
+    flags.option(group, '--list', 'only show what the bags contain')
+    flags.option(group, '--namespace NAME', "the robot's, where a bag has several", default='')
     for flag, text in (
         ('--map-topic', '(/map)'),
         ('--plan-topic', "the robot's own plans (/plan)"),
         ('--odom-topic', 'the start of goals, where tf does not join map and base_link (/odom)'),
     ):
         group.add_argument(flag, default='', metavar='TOPIC', help=text)
-    group.add_argument(
-        '--requests', default='auto', metavar='WHAT',
-        help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
+    flags.option(
+        group, '--requests WHAT',
+        "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
         'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+        default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
-    group.add_argument('--plan-window', type=float, default=10.0, metavar='SECONDS', help=text)
-    group.add_argument(
-        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
-    )
+    flags.option(group, '--plan-window SECONDS', text, default=10.0)
+    flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -110,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     file = read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
-    rules = in_file | given_values(args, RULES)
+    rules = in_file | flags.given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     failure = common.BAD_INPUT
     try:

@@ -87,33 +87,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     what = parser.add_argument_group('suite')
     text = 'the suite: a JSON file, a path or a name in maps/ (default: %(default)s)'
-    what.add_argument('--suite', default=OWN_SUITE, metavar='FILE', help=text)
-    what.add_argument(
-        '--map-folder', type=Path, action='append', default=[], metavar='DIR',
-        help="searched for NAME.yaml of the suite's maps, after the suite's own folder",
-    )  # fmt: skip
-    what.add_argument(
-        '--show', metavar='ID',
-        help='run one instruction and print all of it: text, what was understood, clauses with '
+    flags.option(what, '--suite FILE', text, default=OWN_SUITE)
+    text = "searched for NAME.yaml of the suite's maps, after the suite's own folder"
+    flags.option(what, '--map-folder DIR', text, type=Path, action='append', default=[])
+    flags.option(
+        what, '--show ID',
+        'run one instruction and print all of it: text, what was understood, clauses with '
         'what became of them, checks',
     )  # fmt: skip
     sources = parser.add_argument_group('sources')
-    sources.add_argument(
-        '--source', type=common.names, nargs='+', action='extend', default=[], metavar='NAME',
-        help=f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})',
-    )  # fmt: skip
+    text = f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})'
+    flags.option(
+        sources, '--source NAME', text, type=common.names, nargs='+', action='extend', default=[]
+    )
     flags.add_parameter_flags(sources, (*MODEL, *TIME))
     add_output(parser.add_argument_group('output'))
 
 
 def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for output and summary."""
-    group.add_argument(
-        '--out', metavar='DIR', help='write results.csv, summary.json and report.md into a folder'
-    )
-    flags.add_switches(group, json='print one JSON object')
+    flags.option(group, '--out DIR', 'write results.csv, summary.json and report.md into a folder')
+    flags.option(group, '--json', 'print one JSON object')
     text = 'draw the plan of --show, with a single --source'
-    group.add_argument('--png', type=flags.picture_file, metavar='FILE', help=text)
+    flags.option(group, '--png FILE', text, type=flags.picture_file)
     for flag, is_upper, text in (
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),

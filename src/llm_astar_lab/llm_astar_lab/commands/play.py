@@ -26,7 +26,7 @@ import webbrowser
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
-from llm_astar_planner.cli.flags import add_graph_options, add_switches
+from llm_astar_planner.cli.flags import add_graph_options, option
 
 if TYPE_CHECKING:
     from llm_astar_lab.play.live import LiveFeed
@@ -36,18 +36,19 @@ DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument(
-        '--map', action='append', default=[], metavar='FILE',
-        help='a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
+    option(
+        parser, '--map FILE',
+        'a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
         'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
+        action='append', default=[],
     )  # fmt: skip
     text = 'address to serve at (default: %(default)s)'
-    parser.add_argument('--host', default=DEFAULT_HOST, metavar='NAME', help=text)
+    option(parser, '--host NAME', text, default=DEFAULT_HOST)
     text = 'port to serve at; 0 takes a free one (default: %(default)s)'
-    parser.add_argument('--port', type=int, default=DEFAULT_PORT, metavar='N', help=text)
-    add_switches(parser, no_browser='do not open the browser')
+    option(parser, '--port N', text, default=DEFAULT_PORT)
+    option(parser, '--no-browser', 'do not open the browser')
     graph = parser.add_argument_group('a running graph')
-    add_switches(graph, live='show the map, plans and reports of a running planner too')
+    option(graph, '--live', 'show the map, plans and reports of a running planner too')
     add_graph_options(graph, client=True)
 
 

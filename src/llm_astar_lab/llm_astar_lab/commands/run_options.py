@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, add_switches, named
+from llm_astar_planner.cli.flags import add_parameter_flags, named, option
 from llm_astar_planner.cli.map_files import add_places_option
 from llm_astar_planner.cli.planning_options import parameter_values, route_instruction
 from llm_astar_planner.instructions.chain import make_interpreter
@@ -107,28 +107,26 @@ count, seed = partial(whole_number, least=1), partial(whole_number, least=0)
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
     text = f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)'
-    group.add_argument('--methods', type=names, metavar='NAMES', help=text)
-    group.add_argument(
-        '--source', type=names, default=[], metavar='NAMES',
-        help=f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
+    option(group, '--methods NAMES', text, type=names)
+    option(
+        group, '--source NAMES',
+        f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
         'the baselines are also added to every other source; on a grid only '
         f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
-        'there and refused on large maps)',
+        'there and refused on large maps)', type=names, default=[],
     )  # fmt: skip
     text = f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates'
-    group.add_argument('--prompt', type=names, default=[], metavar='NAMES', help=text)
-    group.add_argument(
-        '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
-    )
-    group.add_argument(
-        '--transcript', type=file_names, action='extend', default=[], metavar='FILES',
-        help='transcripts that replay answers from: paths, or names in maps/, separated by '
-        'commas; each gives rows of its own',
+    option(group, '--prompt NAMES', text, type=names, default=[])
+    option(group, '--model NAMES', 'for endpoint and replay', type=names, default=[])
+    option(
+        group, '--transcript FILES',
+        'transcripts that replay answers from: paths, or names in maps/, separated by '
+        'commas; each gives rows of its own', type=file_names, action='extend', default=[],
     )  # fmt: skip
     add_defaulted_flags(group, SOURCE, ENDPOINT)
     add_parameter_flags(group, SEARCH_PARAMETERS)
     text = 'price of a million tokens, for the cost column'
-    group.add_argument('--price', type=float, nargs=2, metavar=('IN', 'OUT'), help=text)
+    option(group, '--price', text, type=float, nargs=2, metavar=('IN', 'OUT'))
 
 
 def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -176,31 +174,29 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     """Add the options for running and output; `out` is the default folder."""
     group.set_defaults(default_out=out)
     text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
-    group.add_argument('--out', metavar='DIR', help=text)
+    option(group, '--out DIR', text)
     again = group.add_mutually_exclusive_group()
-    add_switches(
-        again,
-        resume='continue an interrupted run: that in --out, or the last one',
-        overwrite='replace the results in --out by those of this run',
-    )
-    group.add_argument(
-        '--jobs', type=count, metavar='N',
-        help='samples planned in parallel, and so also the number of simultaneous requests '
-        '(default: 1, or 8 with a live source)',
+    option(again, '--resume', 'continue an interrupted run: that in --out, or the last one')
+    option(again, '--overwrite', 'replace the results in --out by those of this run')
+    option(
+        group, '--jobs N',
+        'samples planned in parallel, and so also the number of simultaneous requests '
+        '(default: 1, or 8 with a live source)', type=count,
     )  # fmt: skip
-    group.add_argument(
-        '--format', choices=config.FORMATS,
-        help=f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
+    option(
+        group, '--format',
+        f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
         f'{config.LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
+        choices=config.FORMATS,
     )  # fmt: skip
-    group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
-    group.add_argument(
-        '--fail-under', '--assert', type=parsed_by(thresholds.parse_threshold), action='append',
-        default=[], metavar='LIMIT',
-        help='VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
+    option(group, '--dask ADDRESS', 'scheduler of a Dask cluster to run on')
+    option(
+        group, '--fail-under --assert LIMIT',
+        'VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
         'metric, such as instruction=95; exit 1 if a ratio is above it or a share below',
+        type=parsed_by(thresholds.parse_threshold), action='append', default=[],
     )  # fmt: skip
-    group.add_argument('--json', action='store_true', help='print the summary as JSON')
+    option(group, '--json', 'print the summary as JSON')
 
 
 def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None = None) -> None:

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from llm_astar_msgs_adapter.errors import printable
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.resources import find_file
 
 if TYPE_CHECKING:
@@ -32,13 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = actions.add_parser(
         'check', help='validate every line, and summarise by model and prompt'
     )
-    check.add_argument('file', metavar='FILE', help='a path, or a name in maps/')
-    check.add_argument(
-        '--map', metavar='DATASET',
-        help='maps with start-goal pairs, a path or a name in maps/: say which samples are '
+    option(check, 'file FILE', 'a path, or a name in maps/')
+    option(
+        check, '--map DATASET',
+        'maps with start-goal pairs, a path or a name in maps/: say which samples are '
         'missing at scale 1',
     )  # fmt: skip
-    check.add_argument('--json', action='store_true', help='print what was found as JSON')
+    option(check, '--json', 'print what was found as JSON')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -31,26 +31,20 @@ DISCOVERY_SECONDS = 0.5
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument(
-        '--start', **flags.POINT, help='start here, in metres of the frame of --frame'
-    )
+    flags.option(parser, '--start', 'start here, in metres of the frame of --frame', **flags.POINT)
     goal = parser.add_mutually_exclusive_group()
-    goal.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
-    goal.add_argument(
-        '--to', metavar='NAME', help='go to a place instead, one of those that the planner knows'
-    )
-    goal.add_argument(
-        '--interpret', metavar='TEXT', help='only print what an instruction means to the planner'
-    )
+    flags.option(goal, '--goal', 'go here, in the same unit', **flags.POINT)
+    flags.option(goal, '--to NAME', 'go to a place instead, one of those that the planner knows')
+    flags.option(goal, '--interpret TEXT', 'only print what an instruction means to the planner')
     text = 'set the instruction of the planner first; empty: none any more'
-    parser.add_argument('--instruction', metavar='TEXT', help=text)
-    parser.add_argument('--frame', default='map', help='frame of the poses (default: %(default)s)')
+    flags.option(parser, '--instruction TEXT', text)
+    flags.option(parser, '--frame', 'frame of the poses (default: %(default)s)', default='map')
     flags.add_graph_options(parser)
     flags.add_time_limit(parser, 30.0)
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    flags.option(parser, '--json', 'print one JSON object')
     flags.add_picture_option(parser, 'draw map and path')
     text = "the map of the picture, such as /global_costmap/costmap (default: 'map')"
-    parser.add_argument('--map-topic', default='map', metavar='NAME', help=text)
+    flags.option(parser, '--map-topic NAME', text, default='map')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
@@ -154,7 +154,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     return arguments
 
 
-def help_texts(doc: str) -> dict[str, str]:
+def help_texts(doc: str) -> dict[str, Any]:
     """Return the texts of a command's help by their names in argparse; `doc` is its docstring.
 
     After the description that may have a paragraph `usage: ...`, and then what ends the help,

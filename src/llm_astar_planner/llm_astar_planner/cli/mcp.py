@@ -23,7 +23,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from llm_astar_planner.cli import map_files, planning_options
-from llm_astar_planner.cli.flags import add_graph_options
+from llm_astar_planner.cli.flags import add_graph_options, option
 from llm_astar_planner.cli.route_tools import RouteTools
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.parameters import costmap_config
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     map_files.add_map_options(where, default='demo.json')
     map_files.add_places_option(where)
     graph = parser.add_argument_group('on a running graph')
-    graph.add_argument('--graph', action='store_true', help='use what a running planner has')
+    option(graph, '--graph', 'use what a running planner has')
     add_graph_options(graph)
     planning_options.add_planning_options(parser)
 

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.cli.flags import add_time_limit, check_time_limit
+from llm_astar_planner.cli.flags import add_time_limit, check_time_limit, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -33,12 +33,10 @@ WIDTH = 90
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument('action', choices=COUNTS, metavar='{list,get,describe,set}')
-    parser.add_argument('words', nargs='*', metavar='NODE NAME VALUE', help='see the examples')
-    parser.add_argument(
-        '--namespace', default='/', metavar='NAME', help="the node's namespace (default: /)"
-    )
+    option(parser, 'words', 'see the examples', nargs='*', metavar='NODE NAME VALUE')
+    option(parser, '--namespace NAME', "the node's namespace (default: /)", default='/')
     add_time_limit(parser, 10.0)
-    parser.add_argument('--json', action='store_true', help='print one JSON value')
+    option(parser, '--json', 'print one JSON value')
 
 
 def run(arguments: argparse.Namespace) -> int:

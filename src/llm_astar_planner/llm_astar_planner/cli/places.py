@@ -18,7 +18,7 @@ import json
 
 from llm_astar_msgs_adapter.maps.places import Places, places_problems
 
-from llm_astar_planner.cli.flags import add_picture_option
+from llm_astar_planner.cli.flags import add_picture_option, option
 from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places, place_to_json
 from llm_astar_planner.extensions import find_drawing
 
@@ -27,11 +27,11 @@ HEADINGS = ('name', 'kind', 'tags', 'centre (m)', 'area', 'also called')
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('file', metavar='FILE', help='GeoJSON file with the places')
+    option(parser, 'file FILE', 'GeoJSON file with the places')
     add_map_options(parser.add_argument_group('the map to check them on'))
     output = parser.add_argument_group('output')
     add_picture_option(output, 'draw the places, on the map if it is given')
-    output.add_argument('--json', action='store_true', help='print one JSON object')
+    option(output, '--json', 'print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:

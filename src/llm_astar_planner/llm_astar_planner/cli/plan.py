@@ -37,7 +37,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
 
-from llm_astar_planner.cli.flags import add_picture_option, add_switches
+from llm_astar_planner.cli.flags import add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
@@ -54,9 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_query_options(parser, 'demo.json')
     output = parser.add_argument_group('output')
     text = 'exit with 3 if no waypoint came that the search could use'
-    add_switches(output, require_waypoints=text)
+    option(output, '--require-waypoints', text)
     add_picture_option(output, 'draw the plan')
-    add_switches(output, json='print one JSON object, with its points in cells')
+    option(output, '--json', 'print one JSON object, with its points in cells')
 
 
 def run(arguments: argparse.Namespace) -> int:

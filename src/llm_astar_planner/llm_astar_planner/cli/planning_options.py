@@ -107,29 +107,24 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
     map_files.add_map_options(where, default=default_map)
     map_files.add_places_option(where)
     text = 'start-goal pair of the map, unless start and goal are given (default: 0)'
-    where.add_argument('--pair', type=int, default=0, metavar='N', help=text)
+    flags.option(where, '--pair N', text, default=0)
     first, last = (where.add_mutually_exclusive_group() for _ in range(2))
-    first.add_argument(
-        '--start', **flags.POINT, help='start here: in metres on a robot map, else a cell'
-    )
-    first.add_argument(
-        '--from', dest='start_place', metavar='NAME', help='start at a place instead'
-    )
-    last.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
-    last.add_argument(
-        '--to', dest='goal_place', metavar='NAME',
-        help='go to a place instead: to the free cell that is nearest to its centre; without a '
-        'start, from that of --pair',
+    text = 'start here: in metres on a robot map, else a cell'
+    flags.option(first, '--start', text, **flags.POINT)
+    flags.option(first, '--from NAME', 'start at a place instead', dest='start_place')
+    flags.option(last, '--goal', 'go here, in the same unit', **flags.POINT)
+    flags.option(
+        last, '--to NAME',
+        'go to a place instead: to the free cell that is nearest to its centre; without a '
+        'start, from that of --pair', dest='goal_place',
     )  # fmt: skip
     text = 'the whole question as a sentence, in the form of the dataset (see below)'
-    where.add_argument('--query', metavar='TEXT', help=text)
+    flags.option(where, '--query TEXT', text)
     text = 'pass here on the way, in the same unit; repeat it for more, in order'
-    where.add_argument('--via', **flags.POINT, action='append', default=[], help=text)
+    flags.option(where, '--via', text, **flags.POINT, action='append', default=[])
     map_files.add_unit_options(where)
-    add_planning_options(parser).add_argument(
-        '--reply', metavar='TEXT',
-        help="a model's reply, with its waypoints in cells, used instead of a source",
-    )  # fmt: skip
+    text = "a model's reply, with its waypoints in cells, used instead of a source"
+    flags.option(add_planning_options(parser), '--reply TEXT', text)
 
 
 def parameter_values(

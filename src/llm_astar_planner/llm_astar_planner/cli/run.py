@@ -24,6 +24,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import IO
 
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.nodes.common.process import PARENT_VARIABLE
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameter_file import read_parameter_files
@@ -40,22 +41,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     maps = parser.add_mutually_exclusive_group()
     text = 'a map_server yaml or barrier maps (default: %(default)s)'
-    maps.add_argument('--map', default='demo.json', metavar='FILE', help=text)
-    maps.add_argument(
-        '--no-map', action='store_true', help="start no map_node: another node publishes 'map'"
-    )
-    text = 'which of the barrier maps (default: 0)'
-    parser.add_argument('--map-id', type=int, default=0, metavar='ID', help=text)
+    option(maps, '--map FILE', text, default='demo.json')
+    option(maps, '--no-map', "start no map_node: another node publishes 'map'")
+    option(parser, '--map-id ID', 'which of the barrier maps (default: 0)', default=0)
     text = "the nodes' parameter file, a path or a name in config/; may be given again"
-    parser.add_argument('--params-file', action='append', default=[], metavar='FILE', help=text)
-    parser.add_argument(
-        '-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
-        help='a parameter of the nodes, over those of the files; may be given again',
-    )  # fmt: skip
-    parser.add_argument('--namespace', metavar='NAME', help='of all nodes (default: none)')
-    parser.add_argument(
-        '--log-level', default='info', metavar='NAME', help='of all nodes (default: info)'
-    )
+    option(parser, '--params-file FILE', text, action='append', default=[])
+    text = 'a parameter of the nodes, over those of the files; may be given again'
+    option(parser, '-p --param NAME:=VALUE', text, action='append', default=[])
+    option(parser, '--namespace NAME', 'of all nodes (default: none)')
+    option(parser, '--log-level NAME', 'of all nodes (default: info)', default='info')
 
 
 def run(arguments: argparse.Namespace) -> int:

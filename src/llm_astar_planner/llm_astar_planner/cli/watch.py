@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
-from llm_astar_planner.cli.flags import add_graph_options
+from llm_astar_planner.cli.flags import add_graph_options, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ CLAUSE_INDENT = ' ' * 10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_graph_options(parser, client=True)
-    parser.add_argument('--count', type=int, metavar='N', help='end after N plans')
-    parser.add_argument('--json', action='store_true', help='print one JSON object per line')
+    option(parser, '--count N', 'end after N plans')
+    option(parser, '--json', 'print one JSON object per line')
 
 
 def run(arguments: argparse.Namespace) -> int:
