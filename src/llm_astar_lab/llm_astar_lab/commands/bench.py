@@ -29,14 +29,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.maps import problem_maps
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
-from llm_astar_msgs_adapter.maps.problem_maps import (
-    ProblemMap,
-    format_kept_maps,
-    load_kept_maps,
-    load_maps,
-)
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
 from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.resources import find_file
@@ -49,17 +45,9 @@ from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.samples import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
+from llm_astar_lab.runner import sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_lab.runner.map_costs import map_costs
-from llm_astar_lab.runner.sources import (
-    GRID_BASELINES,
-    RECORDED,
-    REPLAY,
-    SAMPLES,
-    RecordedRun,
-    check_grid_options,
-    keep_recorded,
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +64,8 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
     option(
         group, '--samples',
         'with --source replay: only the samples that the transcripts hold, so that every row '
-        'is over the same samples, or all (%(default)s)', choices=SAMPLES, default=RECORDED,
+        'is over the same samples, or all (%(default)s)',
+        choices=sources.SAMPLES, default=sources.RECORDED,
     )  # fmt: skip
     text = 'draw N of the samples; on a yaml map N new pairs (100)'
     option(group, '--limit N', text, type=common.count)
@@ -115,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     for item in config.coverage:
         common.complain(args, item.sentence(), common.OK)
     if omits_baselines(args, dataset.maps):
-        names = ', '.join(GRID_BASELINES)
+        names = ', '.join(sources.GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
     failure = common.BAD_INPUT
@@ -161,7 +150,7 @@ def open_dataset(args: argparse.Namespace) -> named.Dataset:
     check_options(args, names)
     if not names:
         file = find_file(args.dataset, 'maps')
-        return named.Dataset((), load_maps(file, args.limit, args.seed), file)
+        return named.Dataset((), problem_maps.load_maps(file, args.limit, args.seed), file)
     path = None if args.path is None else Path(args.path).expanduser()
     rules = named.DrawRules(
         args.seed, args.map_count or named.DEFAULT_MAPS, args.pairs or named.DEFAULT_PAIRS
@@ -198,16 +187,18 @@ def benchmark_config(
     maps, file = dataset.maps, None if dataset.file is None else str(dataset.file)
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
-        check_grid_options(problem, args.source)
+        sources.check_grid_options(problem, args.source)
     settings = common.search_settings(args, open_places(args.places_file or '', file))
     if settings.instruction is not None and scales != [1]:
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
-    sources = common.source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
+    specs = common.source_specs(
+        args, folder, barrier_maps, sources.GRID_BASELINES if grids else None
+    )
     samples = select_samples(maps, str(dataset), args.maps)
-    recorded = RecordedRun(samples, sources, [])
-    if args.samples == RECORDED:
-        recorded = keep_recorded(samples, sources, scales, args.scale_samples, args.seed)
+    recorded = sources.RecordedRun(samples, specs, [])
+    if args.samples == sources.RECORDED:
+        recorded = sources.keep_recorded(samples, specs, scales, args.scale_samples, args.seed)
     samples = recorded.samples
     if args.limit is not None:
         samples = draw(samples, args.limit, args.seed)
@@ -231,7 +222,7 @@ def benchmark_config(
 def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
     parameters = common.deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
-    if REPLAY in args.source:
+    if sources.REPLAY in args.source:
         parameters['samples'] = args.samples
     # A dataset's file may only name a grid: its digest then says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]

@@ -36,15 +36,8 @@ from llm_astar_lab.analysis import thresholds
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import UNANSWERED
-from llm_astar_lab.runner import config
-from llm_astar_lab.runner.engine import (
-    ALL_METHODS,
-    Outcome,
-    SearchSettings,
-    Task,
-    compile_once,
-    list_variants,
-)
+from llm_astar_lab.runner import config, engine
+from llm_astar_lab.runner.engine import SearchSettings, Task
 from llm_astar_lab.runner.map_costs import add_query_times
 from llm_astar_lab.runner.sources import GRID_BASELINES, SourceSpec, make_source_specs
 
@@ -106,7 +99,7 @@ count, seed = partial(whole_number, least=1), partial(whole_number, least=0)
 
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
-    text = f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)'
+    text = f'of {", ".join(engine.ALL_METHODS)}, or plug-ins (default: all of these)'
     option(group, '--methods NAMES', text, type=names)
     option(
         group, '--source NAMES',
@@ -207,10 +200,10 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
     """
     if args.methods is None:
         method = (file or {}).get('method', GUIDED)
-        args.methods = list(ALL_METHODS) if file is None else [str(method)]
+        args.methods = list(engine.ALL_METHODS) if file is None else [str(method)]
     for name in args.methods:
         SEARCH_METHODS.admit(name)
-        problem = None if name in ALL_METHODS else SEARCH_METHODS.problem(name)
+        problem = None if name in engine.ALL_METHODS else SEARCH_METHODS.problem(name)
         if problem:
             raise ValueError(f'--methods {problem}, {WAYPOINTS_ONLY}')
     for name in args.source:
@@ -254,7 +247,7 @@ def source_specs(
 
 def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
     """Raise ValueError where --fail-under names a variant that this run does not have."""
-    variants = [variant for variant, _ in list_variants(args.methods, sources)]
+    variants = [variant for variant, _ in engine.list_variants(args.methods, sources)]
     if problem := thresholds.unknown_variant(args.fail_under, variants):
         raise ValueError(problem)
 
@@ -310,7 +303,7 @@ def run_into(
     pool: tuple[Executor, int],
     *,
     unit: str = 'sample',
-    keep: Callable[[Task, list[Outcome]], object] | None = None,
+    keep: Callable[[Task, list[engine.Outcome]], object] | None = None,
 ) -> int:
     """Run tasks into a results folder, with `keep` after each; return the exit code.
 
@@ -325,7 +318,7 @@ def run_into(
     try:
         with config.progress(total, unit) as step:
 
-            def finish(task: Task, outcomes: list[Outcome]) -> None:
+            def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
                 if keep is not None:
                     keep(task, outcomes)
                 step()
@@ -344,7 +337,7 @@ def run_into(
 
 def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> Sequence[Task]:
     """Run the first tasks of each scale, say how long the others take, and return those."""
-    compile_once()
+    engine.compile_once()
     timed, others = config.split_timed(tasks)
     seconds = {}
     for scale, first in timed.items():

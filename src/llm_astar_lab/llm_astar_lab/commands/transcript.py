@@ -70,15 +70,11 @@ def describe(found: TranscriptCheck, dataset: str | None) -> Iterator[str]:
     for model in found.models:
         yield from describe_model(model, dataset)
     about = f', {lines.instructions} about instructions' if lines.instructions else ''
-    from llm_astar_lab.runner.transcript_check import (  # noqa: PLC0415
-        INCOMPLETE,
-        MALFORMED,
-        SOUND,
-    )
+    from llm_astar_lab.runner.transcript_check import MALFORMED, SOUND  # noqa: PLC0415
 
     malformed = f'{len(lines.problems)} malformed lines'
-    verdict = {SOUND: 'sound', MALFORMED: malformed, INCOMPLETE: 'incomplete'}
-    yield f'{found.path}: {len(lines.exchanges)} exchanges{about}: {verdict[found.code]}'
+    verdict = {SOUND: 'sound', MALFORMED: malformed}.get(found.code, 'incomplete')
+    yield f'{found.path}: {len(lines.exchanges)} exchanges{about}: {verdict}'
 
 
 def describe_model(model: RecordedModel, dataset: str | None) -> Iterator[str]:

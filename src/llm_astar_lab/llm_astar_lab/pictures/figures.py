@@ -34,14 +34,7 @@ from llm_astar_lab.pictures.instructions import (
     add_instruction_legend,
     draw_instruction,
 )
-from llm_astar_lab.pictures.places import (
-    Labels,
-    bounds_of,
-    cells_to_metres,
-    draw_codes,
-    draw_places,
-    write_names,
-)
+from llm_astar_lab.pictures.places import Labels, draw_places, write_names
 from llm_astar_lab.pictures.style import Mark
 
 # Inches and dots: 1280 pixels, of which a README shows 880, with text that is read there.
@@ -124,7 +117,7 @@ class Picture:
     def to_axes(self) -> Affine2D:
         """The transform from grid coordinates to the coordinates of the axes."""
         in_cells = Affine2D().translate(*self.offset)
-        return cells_to_metres(self.grid_map) if self.in_metres else in_cells
+        return raster.cells_to_metres(self.grid_map) if self.in_metres else in_cells
 
     @cached_property
     def codes(self) -> NDArray[np.uint8]:
@@ -344,8 +337,8 @@ def draw_cells(axes: Axes, picture: Picture) -> None:
         codes = raster.resize(
             codes, max(1, int(window.width * pixels)), max(1, int(window.height * pixels))
         )
-    draw_codes(axes, codes, window, picture.to_axes)
-    (left, bottom), (right, top) = bounds_of(window, picture.to_axes)
+    raster.draw_codes(axes, codes, window, picture.to_axes)
+    (left, bottom), (right, top) = raster.bounds_of(window, picture.to_axes)
     unit = 'm' if picture.in_metres else 'cells'
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect='equal')
     axes.set(xlabel=f'x ({unit})', ylabel=f'y ({unit})')

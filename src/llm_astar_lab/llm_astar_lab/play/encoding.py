@@ -18,18 +18,12 @@ from numpy.typing import NDArray
 from llm_astar_lab.pictures.style import page_colours
 from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
 from llm_astar_lab.play.planning import PlayedPlan
-from llm_astar_lab.play.request import (
-    EDITED,
-    MAX_REPLY,
-    PARAMETERS,
-    SOURCES,
-    PlayRequest,
-    command_of,
-)
+from llm_astar_lab.play.request import MAX_REPLY, PARAMETERS, SOURCES, PlayRequest, command_of
 from llm_astar_planner import __version__
 
 # Cells of an expansion order that are sent, at most.
 MAX_ORDER = 1_000_000
+EDITED = 'the walls are edited, and a command plans on the map as it is'
 ABOUT_METHODS = {
     'guided': 'follows waypoints, and proves how good its path is',
     'exact_astar': 'shortest path, with costs',

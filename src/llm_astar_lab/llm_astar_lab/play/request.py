@@ -31,7 +31,6 @@ MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
 FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', *SETTINGS}
-EDITED = 'the walls are edited, and a command plans on the map as it is'
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 

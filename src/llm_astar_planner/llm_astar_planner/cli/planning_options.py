@@ -20,15 +20,9 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
+from llm_astar_planner.planning import parameters
 from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import (
-    PLANNER,
-    SOURCE,
-    costmap_config,
-    defaults,
-    request_fields,
-    source_config,
-)
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file
@@ -53,7 +47,7 @@ class PlanningOptions:
     def make_planner(self, problem: ProblemMap) -> Planner:
         """Return a planner for a map; it still has to be prepared."""
         barriers = problem if isinstance(problem, BarrierMap) else None
-        return Planner(problem.to_grid(), costmap_config(self.values), barriers)
+        return Planner(problem.to_grid(), parameters.costmap_config(self.values), barriers)
 
     def make_interpreter(self) -> Interpreter:
         """Return who understands instructions. Raises ParameterError, TranscriptError."""
@@ -129,17 +123,17 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
 
 def parameter_values(
     arguments: argparse.Namespace,
-    parameters: Iterable[Parameter],
+    items: Iterable[Parameter],
     file: Mapping[str, Scalar] | None,
 ) -> dict[str, Any]:
     """Return every parameter's value: of its flag, else of a file, else its default.
 
     The default is the node's where there is a file, else the command line's.
     """
-    parameters = tuple(parameters)
-    known = defaults(parameters, cli=file is None)
+    items = tuple(items)
+    known = parameters.defaults(items, cli=file is None)
     in_file = {name: value for name, value in (file or {}).items() if name in known}
-    return known | in_file | flags.given_values(arguments, parameters)
+    return known | in_file | flags.given_values(arguments, items)
 
 
 def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) -> PlanningOptions:
@@ -153,7 +147,9 @@ def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) ->
     )
     if arguments.corner_cutting is None and not arguments.params_file:
         values['corner_cutting'] = isinstance(problem, BarrierMap)
-    settings = source_config(parameter_values(arguments, SOURCE, files.get('llm_client_node')))
+    settings = parameters.source_config(
+        parameter_values(arguments, SOURCE, files.get('llm_client_node'))
+    )
     if arguments.record and settings.source != 'endpoint':
         raise ParameterError('--record keeps exchanges with --source endpoint; no other has any')
     if settings.transcript:
@@ -186,7 +182,7 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
         instruction=route_instruction(
             options.values, places, options.settings.timeout_s, options.make_interpreter
         ),
-        **request_fields(options.values),
+        **parameters.request_fields(options.values),
     )
     check_request(request)
     return Problem(planner, request, coordinates, places)
