@@ -3,6 +3,7 @@ import math
 from pathlib import Path
 
 import pytest
+from llm_astar_planner.instructions import specification as module
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD

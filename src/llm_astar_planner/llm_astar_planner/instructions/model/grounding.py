@@ -41,7 +41,12 @@ from llm_astar_planner.instructions.regions import (
     NamedPlace,
     Region,
 )
-from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.specification import (
+    GUESSED,
+    MAX_CLAUSES,
+    MAX_VISITS,
+    Specification,
+)
 
 Weighed = list[tuple[Clause, Evidence]]
 
