@@ -27,7 +27,7 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification.geometry import Area, polyline
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
+from llm_astar_planner.instructions.verification.visit import attempts
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -96,8 +96,8 @@ class InstructedPath:
         """Yield the points at which the path visits regions, in the order of the clauses."""
         for group in attempts(self.measurement):
             for attempt in group:
-                if attempt.done and attempt.place > BEFORE_THE_PATH:
-                    yield self.measurement.path.point(attempt.place)
+                if attempt.done and attempt.place >= self.measurement.begin:
+                    yield self.measurement.drive.point(attempt.place)
 
 
 def regions_of(clause: Clause) -> tuple[Region, ...]:
