@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.verification.geometry import EDGE, Area
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area, outline_of
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search._kernels import reference as kernels
@@ -114,7 +114,9 @@ class Reference:
         that crosses them, and some that are a little farther.
         """
         height, width = self.blocked.shape
-        outer = shapely.buffer(self._frame, 4.0 * self._grid_map.resolution, join_style='mitre')
+        outer = shapely.buffer(
+            outline_of(self._grid_map), 4.0 * self._grid_map.resolution, join_style='mitre'
+        )
         lines = shapely.intersection(shape.boundary if shape.area > 0.0 else shape, outer)
         dense = shapely.segmentize(lines, self._grid_map.resolution / 2.0)
         spots = np.rint(self._grid_map.world_to_grid(shapely.get_coordinates(dense))) + 1.0
@@ -124,12 +126,6 @@ class Reference:
         mask[rows, columns] = True
         near: Mask = ndimage.maximum_filter(mask, 3)[1:-1, 1:-1]
         return near
-
-    @cached_property
-    def _frame(self) -> BaseGeometry:
-        height, width = self.blocked.shape
-        corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-        return shapely.Polygon(self._grid_map.grid_to_world(corners))
 
     def inside(self, area: Area) -> Mask:
         """Return the cells whose centres lie strictly in an area: bool [height, width]."""
@@ -249,23 +245,18 @@ class Reference:
         if area.wall_distance > 0.0:
             around = area.wall_distance + 1.5 * self._grid_map.resolution
             return bool(((self._walls.centre_distances < around) & cells).any())
-        outline = area.outline
-        if outline.is_empty or not cells.any():
+        if area.outline.is_empty or not cells.any():
             return False
-        inside, edge = self.inside_and_edge(area)
-        if (inside & cells).any():
+        if (self.cells_in(area) & cells).any():
             return True
-        shapely.prepare(outline)
-        rows, columns = np.nonzero(edge & cells)
-        centres = shapely.points(self.centres(np.column_stack((columns, rows))))
-        if shapely.intersects(outline, centres).any():
-            return True
+        edge = self.inside_and_edge(area)[1] & cells
+        shapely.prepare(area.outline)
         for move in range(4):
-            rows, columns = self._moves_from(edge & cells, move)
+            rows, columns = self._moves_from(edge, move)
             there = cells[rows + kernels.STEP_Y[move], columns + kernels.STEP_X[move]]
             here = cells[rows, columns] & there
             lines = self._lines(rows[here], columns[here], move)
-            if shapely.intersects(outline, lines).any():
+            if shapely.intersects(area.outline, lines).any():
                 return True
         return False
 
