@@ -220,8 +220,6 @@ class Area:
         circles = shapely.buffer(
             shapely.points(x, y), np.maximum(radii, 0.0), quad_segs=QUARTER_SIDES
         )
-        if self.polygon.is_empty and len(circles) == 1:
-            return circles[0]
         return shapely.union_all([self.polygon, *circles])
 
     def grown(self, by: float) -> Area:

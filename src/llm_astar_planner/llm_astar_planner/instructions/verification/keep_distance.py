@@ -16,7 +16,6 @@ from llm_astar_planner.instructions.verification.measurement import (
     Measurement,
     Point,
     broken,
-    is_walls,
     kept,
     length_text,
     point_text,
@@ -63,9 +62,7 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
 
 def target_of(measurement: Measurement, clause: KeepDistance) -> Area:
     """Return what the distance is kept from. Raises RegionError."""
-    if clause.region is None or is_walls(clause.region):
-        return measurement.walls.zone(clause.region.width if clause.region else 0.0)
-    return measurement.sized(clause.region).area
+    return measurement.sized(clause.region).area if clause.region else measurement.walls.zone(0.0)
 
 
 def short_by(metres: float) -> float:

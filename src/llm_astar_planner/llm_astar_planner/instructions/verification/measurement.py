@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeGuard
 
 import numpy as np
 
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
-from llm_astar_planner.instructions.regions import WALLS, Along, Region
+from llm_astar_planner.instructions.regions import Region
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification.geometry import (
@@ -71,14 +71,11 @@ class Measurement:
     @cached_property
     def end(self) -> Area | None:
         """Where a clause asks the path to end, None without such a clause."""
-        end: Area | None = None
-        for clause in self.specification.clauses:
+        for clause in reversed(self.specification.clauses):
             if isinstance(clause, EndAt):
-                try:
-                    end = self.regions.resolve(clause.region).ends
-                except RegionError:
-                    continue
-        return end
+                with suppress(RegionError):
+                    return self.regions.resolve(clause.region).ends
+        return None
 
     @property
     def start(self) -> Point:
@@ -128,14 +125,7 @@ class Measurement:
         return EXCESS * least + resolution if least > NEGLIGIBLE else 0.0
 
     def broken_by(
-        self,
-        clause: Clause,
-        metres: float,
-        where_to: str,
-        where: Point,
-        least: float,
-        *,
-        impossible: bool,
+        self, clause: Clause, metres: float, side: str, where: Point, least: float, **how: bool
     ) -> ClauseOutcome:
         """Return the outcome of a clause that so many metres of a path violate.
 
@@ -145,11 +135,10 @@ class Measurement:
         if least > 0.0:
             is_least = length_text(metres) == length_text(least)
             possible = ', the least possible' + ('' if is_least else f' is {length_text(least)}')
-        detail = f'{length_text(metres)} {where_to}{possible}, from {point_text(where)}'
+        detail = f'{length_text(metres)} {side}{possible}, from {point_text(where)}'
         if clause.strength == SHOULD:
-            is_least = metres <= self.allowed(least)
-            return broken(clause, detail, metres, where, least, is_least=is_least)
-        return broken(clause, detail, metres, where, least, impossible=impossible)
+            how = {'is_least': metres <= self.allowed(least)}
+        return broken(clause, detail, metres, where, least, **how)
 
     def first_point(self, spans: Spans) -> Point:
         """Return the point of the path at which spans begin."""
@@ -186,11 +175,6 @@ def broken(
     status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.NOT_KEPT
     status = ClauseStatus.AS_FAR_AS_POSSIBLE if is_least else status
     return ClauseOutcome(clause, status, detail, measured, least, where)
-
-
-def is_walls(region: Region | None) -> TypeGuard[Along]:
-    """Tell whether a region is a strip along the walls."""
-    return isinstance(region, Along) and region.place == WALLS
 
 
 def length_text(metres: float) -> str:

@@ -96,10 +96,8 @@ class RegionPart:
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the part."""
         if self.reach:
-            return self.area.grown(self.reach + EDGE)
-        if self.cell.is_empty:
-            return self.area
-        return Area(self.cell, self.area.discs)
+            return self.visited
+        return self.area if self.cell.is_empty else Area(self.cell, self.area.discs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,14 +132,17 @@ class Resolved:
         return all(part.reach for part in self.parts)
 
 
+@dataclass(frozen=True, eq=False)
 class Regions:
     """Finds the regions of specifications on the map of a route."""
 
-    def __init__(self, route: Route, walls: Walls) -> None:
-        """Take the route and its walls."""
-        self._route = route
-        self._walls = walls
-        self.map_outline = outline_of(route.costmap.grid_map)
+    route: Route
+    walls: Walls
+
+    @cached_property
+    def map_outline(self) -> BaseGeometry:
+        """The outline of the whole grid in the map's frame."""
+        return outline_of(self.route.costmap.grid_map)
 
     def resolve(self, region: Region, radius: float = VISIT_RADIUS) -> Resolved:
         """Return where a region lies. `radius` is that of a point without one.
@@ -150,7 +151,7 @@ class Regions:
         """
         match region:
             case Tagged(tag):
-                places = self._route.places.with_tag(tag)
+                places = self.route.places.with_tag(tag)
                 if not places:
                     raise RegionError(f'there is no place of the kind or tag {tag!r}')
                 return Resolved(tuple(self.place_part(place) for place in places))
@@ -196,8 +197,8 @@ class Regions:
             case Disc(x, y, given):
                 return self.disc_part((x, y), given or radius)
             case End(end):
-                goal = self._route.position(self._route.goal)
-                return self.disc_part(self._route.begin if end == 'start' else goal, VISIT_RADIUS)
+                goal = self.route.position(self.route.goal)
+                return self.disc_part(self.route.begin if end == 'start' else goal, VISIT_RADIUS)
             case Box():
                 return self.open_part(self.box_polygon(region))
             case Half():
@@ -211,7 +212,7 @@ class Regions:
 
     def place(self, name: str) -> Place:
         """Return the place of a name. Raises RegionError if there is none."""
-        place = self._route.places.get(name)
+        place = self.route.places.get(name)
         if place is None:
             raise RegionError(f'there is no place named {name!r}')
         return place
@@ -232,7 +233,7 @@ class Regions:
 
     def disc_part(self, centre: tuple[float, float], radius: float) -> RegionPart:
         """Return a disc, and the inside of the cell that holds its centre."""
-        grid_map = self._route.costmap.grid_map
+        grid_map = self.route.costmap.grid_map
         cell = np.array(2 * grid_map.world_to_cell(*centre))
         half = 0.5 - EDGE
         square = shapely.box(*(cell + (-half, -half, half, half)))
@@ -259,7 +260,7 @@ class Regions:
         x0, y0, x1, y1 = shapely.bounds(whole)
         middle = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0])
         if half.side in ROUTE_SIDES and not half.of:
-            middle = np.array(self._route.begin)
+            middle = np.array(self.route.begin)
         plane = half_plane(middle, self.direction(half.side))
         return area_part(shapely.intersection(whole, plane)) if half.of else self.open_part(plane)
 
@@ -270,8 +271,8 @@ class Regions:
         """
         if side not in ROUTE_SIDES:
             return np.array(COMPASS_DIRECTIONS[side], dtype=np.float64)
-        start = np.array(self._route.begin)
-        way = np.array(self._route.position(self._route.goal)) - start
+        start = np.array(self.route.begin)
+        way = np.array(self.route.position(self.route.goal)) - start
         if not way.any():
             raise RegionError(f'start and goal are one cell, which has no {side} side')
         way /= np.hypot(*way)
@@ -281,9 +282,9 @@ class Regions:
     def along_part(self, place: str, width: float) -> RegionPart:
         """Return the strip around a place, or all that is near a wall."""
         if place == WALLS:
-            if not self._walls.exist:
+            if not self.walls.exist:
                 raise RegionError('the map has no walls')
-            return RegionPart(self._walls.zone(width), width)
+            return RegionPart(self.walls.zone(width), width)
         inner = self.outline(place)
         outer = shapely.buffer(inner, width, quad_segs=QUARTER_SIDES)
         return RegionPart(polygon_area(shapely.difference(outer, inner)), width)
