@@ -42,7 +42,7 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     path, target = measurement.path, target_of(measurement, clause)
     limit = clause.metres - short_by(clause.metres)
     nearest = target.distance(path.shape)
-    if nearest >= limit:
+    if nearest >= limit - EDGE:
         away = f'never nearer than {length_text(nearest)}'
         return kept(clause, away if math.isfinite(nearest) else 'nothing is near')
     zone = target.grown(limit - EDGE)
