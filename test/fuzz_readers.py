@@ -55,7 +55,7 @@ from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
 from llm_astar_planner.instructions.model.interpreter import interpret_reply
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
-from llm_astar_planner.instructions.specification_json import from_json
+from llm_astar_planner.instructions.specification import from_json
 from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameter_file import read_parameter_files

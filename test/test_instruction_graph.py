@@ -152,7 +152,7 @@ def test_an_instruction_from_the_topic_is_understood_enforced_and_verified(graph
     graph.publish('planner_node/instruction', 'avoid the lab; visit the loading bay')
     wait_for(graph.interpretation, 'the interpretation')
     path, report, _ = graph.caller.call(START, GOAL)
-    assert graph.outcomes(report) == {'avoid the lab': 'satisfied', 'visit the dock': 'satisfied'}
+    assert graph.outcomes(report) == {'avoid the lab': 'kept', 'visit the dock': 'kept'}
     points = path_from_message(path)
     inside = ((points >= (11.5, 5.5)) & (points <= (18.5, 9.5))).all(axis=1)
     assert not inside.any()
@@ -192,7 +192,7 @@ def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_s
     assert report.instruction_report['interpretation']['status'] == 'not understood yet'
     wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the model')
     report = graph.caller.call(START, GOAL)[1]
-    assert graph.outcomes(report) == {'visit the dock': 'satisfied', 'avoid the lab': 'satisfied'}
+    assert graph.outcomes(report) == {'visit the dock': 'kept', 'avoid the lab': 'kept'}
     assert report.instruction_report['interpretation']['understood_by'] == 'tiny'
     graph.ask('again', FREE_WORDING)
     assert graph.answers('again')[0]['status'] == 'understood'
@@ -258,7 +258,7 @@ def test_what_was_visited_on_the_way_is_not_visited_again(graph):
 
     def replan(point):
         path, report, _ = graph.caller.call(Pose2D(*point), GOAL)
-        assert graph.outcomes(report) == {'visit the dock': 'satisfied'}
+        assert graph.outcomes(report) == {'visit the dock': 'kept'}
         return path_from_message(path)
 
     assert is_in_dock(replan(path[at_dock // 2]))
@@ -340,7 +340,7 @@ def test_the_call_command_asks_a_running_planner(graph):
     assert code == 0, errors
     assert output.startswith('path found: ')
     assert '\nstart      (39, 18) m\n' in output
-    assert 'instruction understood by grammar: visit the dock\n  satisfied      visit' in output
+    assert 'instruction understood by grammar: visit the dock\n  kept           visit' in output
     assert graph.interpretation().sentence == 'visit the dock'
 
 

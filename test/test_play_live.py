@@ -119,7 +119,7 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
             assert plan['figures']['length_m'] == report.length
             assert plan['report']['map_digest'] == report.map_digest
             clauses = plan['instruction']['clauses']
-            assert [clause['status'] for clause in clauses] == ['satisfied']
+            assert [clause['status'] for clause in clauses] == ['kept']
             report = graph.call(START, Pose2D(0.0, 0.0))[1]
             failed = events.next('plan', lambda plan: not plan['found'])
             assert (failed['code'], failed['message']) == ('GOAL_OCCUPIED', report.message)

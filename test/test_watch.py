@@ -47,8 +47,8 @@ PLAN = MonitorEvent(
 )
 INSTRUCTED = {
     'clauses': [
-        {'clause': 'avoid the lab', 'status': 'satisfied', 'detail': '0 m inside'},
-        {'clause': 'visit the dock', 'status': 'violated', 'detail': 'never nearer than 3.2 m'},
+        {'clause': 'avoid the lab', 'status': 'kept', 'detail': '0 m inside'},
+        {'clause': 'visit the dock', 'status': 'not kept', 'detail': 'never nearer than 3.2 m'},
     ],
     'satisfied': False,
     'note': 'the clauses leave no path',
@@ -179,8 +179,8 @@ def test_each_clause_of_an_instruction_has_a_line_with_what_became_of_it():
     first, *clauses = line.split('\n')
     assert 'instruction understood by grammar; the clauses leave no path' in first
     assert clauses == [
-        '          satisfied       avoid the lab (0 m inside)',
-        '          violated        visit the dock (never nearer than 3.2 m)',
+        '          kept            avoid the lab (0 m inside)',
+        '          not kept        visit the dock (never nearer than 3.2 m)',
     ]
     coloured = to_line(
         PLAN._replace(values={**PLAN.values, 'instruction_report': INSTRUCTED}), colour=True

@@ -2,6 +2,22 @@
 
 Compare with the recorded plans, and write a results folder like that of bench. No robot, graph
 or display is needed.
+
+usage: llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
+                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]
+
+examples:
+  llm-astar evaluate bag --list                       what the bag contains
+  llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
+  llm-astar evaluate monday tuesday.mcap --source replay --out out/field
+  llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
+  llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
+
+Every request is planned on the map of its time. --source replay without --transcript uses the
+exchanges with models that the bags contain.
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or a source
+did not answer, 130 interrupted
 """
 
 from __future__ import annotations
@@ -16,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, add_params_file_flag, given_values
+from llm_astar_planner.cli import flags
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
@@ -42,34 +58,17 @@ OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
 RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
-USAGE = """\
-llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
-                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]"""
-EPILOG = """\
-examples:
-  llm-astar evaluate bag --list                       what the bag contains
-  llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
-  llm-astar evaluate monday tuesday.mcap --source replay --out out/field
-  llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
-  llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
-
-Every request is planned on the map of its time. --source replay without --transcript uses the
-exchanges with models that the bags contain.
-
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or a source
-did not answer, 130 interrupted
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(seed=0)
-    parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
+    flags.option(parser, 'bags BAG', 'a folder, or an mcap or db3 file', nargs='+')
     add_input(parser.add_argument_group('input'))
     common.add_variants(parser.add_argument_group('methods and sources'))
     rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
-    add_params_file_flag(rules)
-    add_parameter_flags(rules, RULES)
+    flags.add_params_file_flag(rules)
+    flags.add_parameter_flags(rules, RULES)
     common.add_instruction(
         parser.add_argument_group('an instruction for every request, instead of the recorded ones')
     )
@@ -78,27 +77,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose topics and requests."""
-    group.add_argument('--list', action='store_true', help='only show what the bags contain')
-    group.add_argument(
-        '--namespace', default='', metavar='NAME', help="the robot's, where a bag has several"
-    )
+    flags.option(group, '--list', 'only show what the bags contain')
+    flags.option(group, '--namespace NAME', "the robot's, where a bag has several", default='')
     for flag, text in (
         ('--map-topic', '(/map)'),
         ('--plan-topic', "the robot's own plans (/plan)"),
         ('--odom-topic', 'the start of goals, where tf does not join map and base_link (/odom)'),
     ):
         group.add_argument(flag, default='', metavar='TOPIC', help=text)
-    group.add_argument(
-        '--requests', default='auto', metavar='WHAT',
-        help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
+    flags.option(
+        group, '--requests WHAT',
+        "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
         'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+        default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
-    group.add_argument('--plan-window', type=float, default=10.0, metavar='SECONDS', help=text)
-    group.add_argument(
-        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
-    )
+    flags.option(group, '--plan-window SECONDS', text, default=10.0)
+    flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -110,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     file = read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
-    rules = in_file | given_values(args, RULES)
+    rules = in_file | flags.given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     failure = common.BAD_INPUT
     try:

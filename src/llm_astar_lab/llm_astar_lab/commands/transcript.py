@@ -1,4 +1,12 @@
-"""Check transcripts: recorded exchanges with language models, which `replay` answers from."""
+"""Check transcripts: recorded exchanges with language models, which `replay` answers from.
+
+examples:
+  llm-astar transcript check demo_transcript.jsonl
+  llm-astar transcript check replies.jsonl --map samples_1000.json --json
+
+exit codes: 0 sound, 2 bad usage or malformed lines, 3 incomplete: samples of --map are missing, a
+line was cut off, or digests, temperature or seed differ between exchanges of one model and prompt
+"""
 
 from __future__ import annotations
 
@@ -8,20 +16,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.errors import printable
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.resources import find_file
 
 if TYPE_CHECKING:
     from llm_astar_lab.runner.sources import Coverage
     from llm_astar_lab.runner.transcript_check import TranscriptCheck
 
-EPILOG = """\
-examples:
-  llm-astar transcript check demo_transcript.jsonl
-  llm-astar transcript check replies.jsonl --map samples_1000.json --json
-
-exit codes: 0 sound, 2 bad usage or malformed lines, 3 incomplete: samples of --map are missing, a
-line was cut off, or digests, temperature or seed differ between exchanges of one model and prompt
-"""
 # Lines about one thing that are printed; --json has all of them.
 MAX_LINES = 20
 MAX_GROUPS = 6
@@ -35,13 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = actions.add_parser(
         'check', help='validate every line, and summarise by model and prompt'
     )
-    check.add_argument('file', metavar='FILE', help='a path, or a name in maps/')
-    check.add_argument(
-        '--map', metavar='DATASET',
-        help='maps with start-goal pairs, a path or a name in maps/: say which samples are '
+    option(check, 'file FILE', 'a path, or a name in maps/')
+    option(
+        check, '--map DATASET',
+        'maps with start-goal pairs, a path or a name in maps/: say which samples are '
         'missing at scale 1',
     )  # fmt: skip
-    check.add_argument('--json', action='store_true', help='print what was found as JSON')
+    option(check, '--json', 'print what was found as JSON')
 
 
 def run(args: argparse.Namespace) -> int:

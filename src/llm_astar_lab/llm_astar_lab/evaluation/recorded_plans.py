@@ -16,16 +16,15 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, values_of_report
+from llm_astar_planner.instructions.fields import SpecificationError
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     RouteInstruction,
     Understanding,
-    clean_instruction,
     status_of,
 )
 from llm_astar_planner.instructions.messages import interpretation_from_json
-from llm_astar_planner.instructions.specification import SpecificationError
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.any_angle import turning_points
 from numpy.typing import NDArray

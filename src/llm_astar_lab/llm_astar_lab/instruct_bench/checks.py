@@ -17,8 +17,22 @@ import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_planner.instructions import specification as spec
-from llm_astar_planner.instructions import specification_json as checked
+from llm_astar_planner.instructions.fields import (
+    MAX_METRES,
+    as_choice,
+    as_mapping,
+    as_number,
+    as_numbers,
+)
+from llm_astar_planner.instructions.regions import (
+    COMPASS,
+    SIDES,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+    box_from_json,
+)
 from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
     QUARTER_SIDES,
@@ -67,7 +81,7 @@ class Fields:
         """The map's places."""
         return self.scene.suite_map.places
 
-    def resolved(self, region: spec.Region) -> BaseGeometry:
+    def resolved(self, region: Region) -> BaseGeometry:
         """Return where the verification has a region."""
         return self.scene.regions.resolve(region).area.outline
 
@@ -87,7 +101,7 @@ class Fields:
 
     def grown(self, value: object, where: str) -> BaseGeometry:
         """Return a region, grown by `tol` metres. Raises SuiteError if it is empty."""
-        tol = self.number('tol', 0.0, -spec.MAX_METRES)
+        tol = self.number('tol', 0.0, -MAX_METRES)
         geometry = region_geometry(value, where, self.scene)
         if tol:
             geometry = geometry.buffer(tol, quad_segs=QUARTER_SIDES)
@@ -98,7 +112,7 @@ class Fields:
     def number(self, name: str, default: float | None = None, least: float = 0.0) -> float:
         """Return a number from `least` to MAX_METRES. Raises SpecificationError."""
         value = self.fields.get(name, default)
-        return checked.as_number(value, f'{self.where}: {name}', least, spec.MAX_METRES)
+        return as_number(value, f'{self.where}: {name}', least, MAX_METRES)
 
 
 def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> BaseGeometry:
@@ -106,7 +120,7 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
 
     Raises SuiteError or SpecificationError for a malformed, unknown or empty region.
     """
-    fields = checked.as_mapping(value, where)
+    fields = as_mapping(value, where)
     form = next((name for name in FORMS if name in fields), None)
     if form is None or depth > MAX_DEPTH:
         problem = f'has none of {", ".join(FORMS)}' if form is None else 'is nested too deep'
@@ -124,32 +138,32 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
 def read_place(fields: Fields) -> BaseGeometry:
     """Return the geometry of a named place. Raises SuiteError."""
     place = find_place(fields.value, fields.where, fields.places)
-    return fields.resolved(spec.NamedPlace(place.name))
+    return fields.resolved(NamedPlace(place.name))
 
 
 def read_tag(fields: Fields) -> BaseGeometry:
     """Return the geometry of all places with a tag. Raises SuiteError."""
     find_tagged(fields.value, fields.where, fields.places)
-    return fields.resolved(spec.Tagged(fields.value))
+    return fields.resolved(Tagged(fields.value))
 
 
 def read_polygon(fields: Fields) -> BaseGeometry:
     """Return a polygon from its corners. Raises SuiteError or SpecificationError."""
     corners = as_list(fields.value, fields.where, 3, MAX_POINTS, 'points')
-    return shapely.Polygon([checked.as_numbers(point, fields.where, 2) for point in corners])
+    return shapely.Polygon([as_numbers(point, fields.where, 2) for point in corners])
 
 
 def read_half(fields: Fields) -> BaseGeometry:
     """Return half of the map's extent, of a place, or of the plane beside the direct way."""
     of, where, scene = fields.fields.get('of'), fields.where, fields.scene
-    side = checked.as_choice(fields.value, where, spec.SIDES if of is None else spec.COMPASS)
+    side = as_choice(fields.value, where, SIDES if of is None else COMPASS)
     if of is not None:
-        return fields.resolved(spec.Half(side, find_place(of, f'{where}: of', fields.places).name))
-    if side in spec.COMPASS:
-        return fields.resolved(spec.Half(side)) & shapely.box(*scene.suite_map.extent)
+        return fields.resolved(Half(side, find_place(of, f'{where}: of', fields.places).name))
+    if side in COMPASS:
+        return fields.resolved(Half(side)) & shapely.box(*scene.suite_map.extent)
     if scene.start == scene.goal:
         raise SuiteError(f'{where}: {side}: start and goal are the same point')
-    return fields.resolved(spec.Half(side))
+    return fields.resolved(Half(side))
 
 
 def read_between(fields: Fields) -> BaseGeometry:
@@ -169,15 +183,15 @@ def read_near(fields: Fields) -> BaseGeometry:
 
 def read_walls(fields: Fields) -> BaseGeometry:
     """Return all within some metres of occupied cells. Raises SpecificationError."""
-    width = checked.as_number(fields.value, fields.where, 0.0, spec.MAX_METRES)
+    width = as_number(fields.value, fields.where, 0.0, MAX_METRES)
     return shapely.union_all(shapely.buffer(fields.scene.suite_map.walls, width))
 
 
 FORMS: dict[str, Callable[[Fields], BaseGeometry]] = {
     'place': read_place,
     'tag': read_tag,
-    'circle': lambda fields: disc_area(*checked.as_numbers(fields.value, fields.where, 3)).outline,
-    'rect': lambda fields: fields.resolved(checked.box_from_json(fields.value, fields.where)),
+    'circle': lambda fields: disc_area(*as_numbers(fields.value, fields.where, 3)).outline,
+    'rect': lambda fields: fields.resolved(box_from_json(fields.value, fields.where)),
     'polygon': read_polygon,
     'half': read_half,
     'union': lambda fields: shapely.union_all(fields.parts()),
@@ -319,7 +333,7 @@ def read_regions(fields: Fields, name: str) -> list[BaseGeometry]:
 
 def read_segment(fields: Fields, name: str) -> BaseGeometry:
     """Read a segment. Raises SuiteError where it has no length."""
-    x0, y0, x1, y1 = checked.as_numbers(fields.fields.get(name), f'{fields.where}: {name}', 4)
+    x0, y0, x1, y1 = as_numbers(fields.fields.get(name), f'{fields.where}: {name}', 4)
     if (x0, y0) == (x1, y1):
         raise SuiteError(f'{fields.where}: {name}: is a point')
     return shapely.LineString([(x0, y0), (x1, y1)])
@@ -383,7 +397,7 @@ def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
 
     Raises SuiteError or SpecificationError, which name the field.
     """
-    fields = checked.as_mapping(value, where)
+    fields = as_mapping(value, where)
     kind = fields.get('check')
     if not isinstance(kind, str) or kind not in KINDS:
         raise SuiteError(f'{where}: check: {short_repr(kind)} is not one of {", ".join(KINDS)}')

@@ -11,7 +11,29 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.regions import (
+    AVOID_RADIUS,
+    VISIT_RADIUS,
+    WALLS,
+    Along,
+    Between,
+    Box,
+    Disc,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
+from llm_astar_planner.instructions.specification import Specification
 
 from llm_astar_lab.instruct_bench.maps import SuiteMap, find_place, find_tagged
 
@@ -24,7 +46,7 @@ NormalForm = tuple[tuple[Hashable, ...], frozenset[Hashable]]
 
 
 def same_specification(
-    specification: spec.Specification, accepted: Iterable[spec.Specification], suite_map: SuiteMap
+    specification: Specification, accepted: Iterable[Specification], suite_map: SuiteMap
 ) -> bool:
     """Tell whether a specification asks the same as one of the accepted ones."""
     try:
@@ -34,85 +56,85 @@ def same_specification(
     return any(found == normal_form(other, suite_map) for other in accepted)
 
 
-def normal_form(specification: spec.Specification, suite_map: SuiteMap) -> NormalForm:
+def normal_form(specification: Specification, suite_map: SuiteMap) -> NormalForm:
     """Return the normal form. Raises SuiteError for a place or tag that the map does not have."""
     visits: list[Hashable] = []
     others: set[Hashable] = set()
     for clause in specification.clauses:
         keys = list(clause_keys(clause, suite_map))
-        if isinstance(clause, spec.Visit):
+        if isinstance(clause, Visit):
             visits += keys
         else:
             others.update(keys)
     return tuple(visits), frozenset(others)
 
 
-def clause_keys(clause: spec.Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
+def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
     """Yield what a clause is compared by, several for an avoided tag. Raises SuiteError."""
     kind, strength = clause.kind, clause.strength
     match clause:
-        case spec.Unknown():
+        case Unknown():
             yield kind
-        case spec.Avoid(region=spec.Along(place, width), margin=0.0) if place == spec.WALLS:
-            yield spec.KeepDistance.kind, strength, round(width, DIGITS)
-        case spec.KeepDistance(metres=metres, region=None):
+        case Avoid(region=Along(place, width), margin=0.0) if place == WALLS:
+            yield KeepDistance.kind, strength, round(width, DIGITS)
+        case KeepDistance(metres=metres, region=None):
             yield kind, strength, round(metres, DIGITS)
-        case spec.KeepDistance(metres=metres, region=spec.Region() as region):
+        case KeepDistance(metres=metres, region=Region() as region):
             yield from avoid_keys(region, metres, strength, suite_map)
-        case spec.Avoid(region=region, margin=margin):
+        case Avoid(region=region, margin=margin):
             yield from avoid_keys(region, margin, strength, suite_map)
-        case spec.Visit(regions=regions):
+        case Visit(regions=regions):
             yield kind, strength, frozenset(region_key(region, suite_map) for region in regions)
-        case spec.Before(first=first, second=second):
+        case Before(first=first, second=second):
             yield kind, strength, region_key(first, suite_map), region_key(second, suite_map)
-        case spec.StayIn(region=region) | spec.EndAt(region=region):
+        case StayIn(region=region) | EndAt(region=region):
             yield kind, strength, region_key(region, suite_map)
-        case spec.Pass(region=region, side=side):
+        case Pass(region=region, side=side):
             yield kind, strength, region_key(region, suite_map), side
 
 
 def avoid_keys(
-    region: spec.Region, margin: float, strength: str, suite_map: SuiteMap
+    region: Region, margin: float, strength: str, suite_map: SuiteMap
 ) -> Iterator[Hashable]:
     """Yield what an avoided region is compared by: each place of a tag, a disc with its margin."""
-    if isinstance(region, spec.Disc):
-        radius = region.radius + margin or spec.AVOID_RADIUS
-        region, margin = spec.Disc(region.x, region.y, radius), 0.0
-    parts: Sequence[spec.Region] = (region,)
-    if isinstance(region, spec.Tagged):
+    if isinstance(region, Disc):
+        radius = region.radius + margin or AVOID_RADIUS
+        region, margin = Disc(region.x, region.y, radius), 0.0
+    parts: Sequence[Region] = (region,)
+    if isinstance(region, Tagged):
         tagged = find_tagged(region.tag, 'tag', suite_map.places)
-        parts = [spec.NamedPlace(place.name) for place in tagged]
+        parts = [NamedPlace(place.name) for place in tagged]
     for part in parts:
-        yield spec.Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
+        yield Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
 
 
-def region_key(region: spec.Region, suite_map: SuiteMap) -> Hashable:
+def region_key(region: Region, suite_map: SuiteMap) -> Hashable:
     """Return what a region is compared by. Raises SuiteError for an unknown place or tag."""
     places = suite_map.places
     key: Hashable = region
     match region:
-        case spec.NamedPlace(name):
-            key = spec.NamedPlace(find_place(name, 'place', places).name)
-        case spec.Tagged(tag):
+        case NamedPlace(name):
+            key = NamedPlace(find_place(name, 'place', places).name)
+        case Tagged(tag):
             tagged = find_tagged(tag, 'tag', places)
-            only = spec.NamedPlace(tagged[0].name)
-            key = only if len(tagged) == 1 else spec.Tagged(tag.casefold())
-        case spec.Disc(x, y, radius):
-            values = (x, y, radius or spec.VISIT_RADIUS)
-            key = spec.Disc(*(round(value, DIGITS) for value in values))
-        case spec.Box():
+            only = NamedPlace(tagged[0].name)
+            key = only if len(tagged) == 1 else Tagged(tag.casefold())
+        case Disc(x, y, radius):
+            values = (x, y, radius or VISIT_RADIUS)
+            key = Disc(*(round(value, DIGITS) for value in values))
+        case Box():
             key = opened_box(region, suite_map)
-        case spec.Half(side, of) if of:
-            key = spec.Half(side, find_place(of, 'of', places).name)
-        case spec.Between(first, second):
+        case Half(side, of) if of:
+            key = Half(side, find_place(of, 'of', places).name)
+        case Between(first, second):
             key = frozenset(find_place(name, 'between', places).name for name in (first, second))
-        case spec.Along(place, width):
-            name = place if place == spec.WALLS else find_place(place, 'along', places).name
-            key = spec.Along(name, round(width, DIGITS))
+        case Along(place, width):
+            name = place if place == WALLS else find_place(place, 'along', places).name
+            key = Along(name, round(width, DIGITS))
     return key
 
 
-def opened_box(box: spec.Box, suite_map: SuiteMap) -> spec.Box:
+def opened_box(box: Box, suite_map: SuiteMap) -> Box:
     """Return a box with the sides open that reach the map's edge, to within a cell."""
     cell, extent = suite_map.grid_map.resolution, suite_map.extent
     # The upper sides with the other sign, so that low is open for all.
@@ -122,4 +144,4 @@ def opened_box(box: spec.Box, suite_map: SuiteMap) -> spec.Box:
         -math.inf if side <= edge + cell else round(side, DIGITS)
         for side, edge in zip(sides, edges)
     )
-    return spec.Box(x0, y0, -x1, -y1)
+    return Box(x0, y0, -x1, -y1)

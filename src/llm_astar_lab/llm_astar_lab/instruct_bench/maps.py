@@ -23,8 +23,8 @@ from llm_astar_msgs_adapter.maps.places import (
     places_beside,
 )
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.fields import as_mapping, as_text
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification_json import as_mapping, as_text
 from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.regions import Regions
 from llm_astar_planner.instructions.verification.walls import Walls

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from llm_astar_planner.instructions.outcome import InstructionOutcome
-from llm_astar_planner.instructions.sentence import canonical_sentence
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
 from llm_astar_lab.instruct_bench.runner import (
@@ -424,7 +423,7 @@ def chain_text(result: InstructionResult) -> str:
         f'{instruction.id}: map {instruction.suite_map.name}, {instruction.lang}, expected '
         f'{instruction.expect}; source {result.source}',
         f'text        {" ".join(instruction.text.split())}',
-        f'truth       {canonical_sentence(instruction.truth) or "nothing asked"}',
+        f'truth       {instruction.truth.sentence or "nothing asked"}',
     ]
     if outcome is not None:
         lines += outcome_lines(result, outcome)

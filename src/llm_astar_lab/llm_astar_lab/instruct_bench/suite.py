@@ -70,14 +70,14 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
-from llm_astar_planner.instructions.specification import Specification, SpecificationError
-from llm_astar_planner.instructions.specification_json import (
+from llm_astar_planner.instructions.fields import (
+    SpecificationError,
     as_choice,
     as_mapping,
     as_numbers,
     as_text,
-    from_json,
 )
+from llm_astar_planner.instructions.specification import Specification, from_json
 from llm_astar_planner.search.result import Cell
 
 from llm_astar_lab.instruct_bench.checks import Check, read_check

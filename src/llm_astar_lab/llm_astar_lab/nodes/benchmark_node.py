@@ -76,7 +76,7 @@ def main(args: Sequence[str] | None = None) -> int:
         sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
         code = INTERRUPTED
     try:
-        return close_run(folder, metadata, arguments.seed, code)
+        return close_run(folder, metadata, code)
     except ResultsError as error:
         return report_error(error, INCOMPLETE)
 
@@ -165,13 +165,13 @@ def plan_samples(
                     step()
 
 
-def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
+def close_run(folder: ResultsFolder, metadata: dict[str, Any], code: int) -> int:
     """Write the reports of a run and print the table; return `code`. Raises ResultsError."""
     rows = folder.stored()
     if len(rows):
         folder.write_json('metadata.json', metadata)
-        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
-        sys.stdout.write(text_report(rows, seed) + '\n')
+        run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
+        sys.stdout.write(text_report(run) + '\n')
         sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
     return code
 

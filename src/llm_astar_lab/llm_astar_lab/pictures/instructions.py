@@ -14,24 +14,20 @@ from typing import Any
 
 import numpy as np
 import shapely
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
+from llm_astar_planner.instructions.regions import WALLS, Along, Region
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    WALLS,
-    Along,
-    Avoid,
-    Before,
-    Clause,
-    KeepDistance,
-    Region,
-    StayIn,
-    Unknown,
-    Visit,
-)
 from llm_astar_planner.instructions.verification.geometry import Area, polyline
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
+from llm_astar_planner.instructions.verification.visit import attempts
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -43,7 +39,7 @@ from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.places import Projection, draw_region
 
 COLOURS = {status: style.CLAUSES[status.name] for status in ClauseStatus}
-FAILED = (ClauseStatus.VIOLATED, ClauseStatus.IMPOSSIBLE)
+FAILED = (ClauseStatus.NOT_KEPT, ClauseStatus.IMPOSSIBLE)
 # Where the path is not to be is hatched, where it is to be is not.
 HATCH = '////'
 TINT = 0.16
@@ -100,8 +96,8 @@ class InstructedPath:
         """Yield the points at which the path visits regions, in the order of the clauses."""
         for group in attempts(self.measurement):
             for attempt in group:
-                if attempt.done and attempt.place > BEFORE_THE_PATH:
-                    yield self.measurement.path.point(attempt.place)
+                if attempt.done and attempt.place >= self.measurement.begin:
+                    yield self.measurement.drive.point(attempt.place)
 
 
 def regions_of(clause: Clause) -> tuple[Region, ...]:
@@ -132,7 +128,7 @@ def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> N
             axes.plot(*point.T, 'X', color=colour, markersize=11, mec='white', zorder=3.8)
     for visit in path.visited_points():
         x, y = project(np.array([visit]))[0]
-        green = COLOURS[ClauseStatus.SATISFIED]
+        green = COLOURS[ClauseStatus.KEPT]
         axes.plot(x, y, 'o', color=green, markersize=13, mec='white', zorder=4.5)
         axes.plot(x, y, marker='$✓$', color='white', markersize=7, zorder=4.6)
 
@@ -154,11 +150,11 @@ def add_instruction_legend(figure: Figure, path: InstructedPath) -> None:
     handles: list[Artist] = [Patch(**region_style(outcome)) for outcome in path.outcome.clauses]
     labels = clause_lines(path.outcome)
     if any(outcome.status in FAILED for outcome in path.outcome.clauses):
-        red = COLOURS[ClauseStatus.VIOLATED]
+        red = COLOURS[ClauseStatus.NOT_KEPT]
         handles.append(Line2D([], [], color=red, linewidth=4.5, marker='X', mec='white'))
         labels.append('where the path violates a clause')
     if next(path.visited_points(), None) is not None:
-        green = COLOURS[ClauseStatus.SATISFIED]
+        green = COLOURS[ClauseStatus.KEPT]
         handles.append(Line2D([], [], color=green, linestyle='', marker='o', markersize=9))
         labels.append('visited in its turn')
     width, height = figure.get_size_inches()

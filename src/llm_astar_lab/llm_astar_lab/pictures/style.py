@@ -43,11 +43,13 @@ MARK_EDGE = '#111111'
 
 # Clauses of an instruction, by `ClauseStatus`.
 CLAUSES = {
-    'SATISFIED': '#009e73',
-    'VIOLATED': '#c8102e',
+    'KEPT': '#009e73',
+    'AS_FAR_AS_POSSIBLE': '#b8860b',
+    'NOT_KEPT': '#c8102e',
     'IMPOSSIBLE': '#c8102e',
-    'GUESSED': '#e08a00',
+    'UNSURE': '#e08a00',
     'NOT_UNDERSTOOD': '#7f7f7f',
+    'UNSUPPORTED': '#7f7f7f',
 }
 # Named places.
 AREA, OBJECT = '#5b7f95', '#8c6d46'

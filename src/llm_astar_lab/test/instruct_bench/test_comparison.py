@@ -7,7 +7,7 @@ from llm_astar_lab.instruct_bench.comparison import normal_form, same_specificat
 from llm_astar_lab.instruct_bench.maps import SuiteError, SuiteMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import places_from_polygons
-from llm_astar_planner.instructions.specification_json import from_json
+from llm_astar_planner.instructions.specification import from_json
 
 PLACES = places_from_polygons(MAPS['rooms']['places'])
 MAP = SuiteMap('rooms', GridMap(np.where(ROOMS, 100, 0), 0.5), PLACES)

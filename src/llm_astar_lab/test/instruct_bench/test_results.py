@@ -21,11 +21,11 @@ from llm_astar_lab.instruct_bench.runner import InstructionResult
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
-from llm_astar_planner.instructions.specification_json import from_json
+from llm_astar_planner.instructions.specification import from_json
 from llm_astar_planner.planning.types import Plan, ResultCode
 
-SATISFIED, VIOLATED = ClauseStatus.SATISFIED, ClauseStatus.VIOLATED
-IMPOSSIBLE, GUESSED = ClauseStatus.IMPOSSIBLE, ClauseStatus.GUESSED
+SATISFIED, VIOLATED = ClauseStatus.KEPT, ClauseStatus.NOT_KEPT
+IMPOSSIBLE, GUESSED = ClauseStatus.IMPOSSIBLE, ClauseStatus.UNSURE
 HOLDS, FAILS = Verdict(True, 'as it should'), Verdict(False, '2.00 m off')
 NOTHING = {'clauses': []}
 
@@ -219,7 +219,7 @@ def test_one_instruction_in_full(results):
         'tür: map rooms, de, expected ok; source fake',
         'truth       avoid the south door',
         'understood  visit the desk',
-        'clause      visit the desk: satisfied',
+        'clause      visit the desk: kept',
         'reported    satisfied, which is false',
         'check       inside_max fails (2.00 m off)',
         'path        2.00 m, 2.00 m without instruction',

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 from instruction_suites import INSTRUCTIONS, avoid, via, write_rooms, write_suite
 from llm_astar_lab.instruct_bench.suite import SuiteError, load_suite
-from llm_astar_planner.instructions.specification import Avoid, NamedPlace, Visit
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.regions import NamedPlace
 
 REFERENCE = Path(__file__).resolve().parents[4] / 'maps'
 

@@ -12,26 +12,19 @@ from llm_astar_lab.pictures.instructions import (
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, status_of
 from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_planner.instructions.regions import Along, Between, Disc, Half, NamedPlace, Tagged
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Disc,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
-    Tagged,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import verify
 from matplotlib.figure import Figure
 
@@ -117,7 +110,7 @@ EVERY_KIND = (
     KeepDistance(metres=0.4),
     KeepDistance(metres=1.0, region=RACK),
     EndAt(region=Between('lab', 'dock')),
-    Visit(regions=(Disc(5, 5),), guessed=True),
+    Visit(regions=(Disc(5, 5),), unsure='?'),
     Avoid(region=NamedPlace('nowhere')),
     Unknown(text=r'$\frac{ $ <b>'),
 )

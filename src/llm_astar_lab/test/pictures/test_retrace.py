@@ -7,12 +7,15 @@ import pytest
 from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     RouteInstruction,
     Understanding,
 )
-from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
+from llm_astar_planner.instructions.regions import Disc
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import target_list
 from llm_astar_planner.planning.types import PlanRequest

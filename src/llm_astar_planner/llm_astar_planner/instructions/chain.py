@@ -28,7 +28,7 @@ from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_exam
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.client import make_client
-from llm_astar_planner.waypoints.prompts.template import MESSAGE
+from llm_astar_planner.waypoints.source import MESSAGE
 
 _LOG = logging.getLogger(__name__)
 CACHE_SIZE = 256
@@ -164,8 +164,8 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
 def rank(reading: Interpretation) -> tuple[bool, float, bool]:
     """Return what readings are compared by; the greatest is the best. A guess counts half."""
     known = reading.specification.enforceable
-    sure = reading.is_whole and bool(known) and not any(clause.guessed for clause in known)
-    return sure, sum(0.5 if clause.guessed else 1.0 for clause in known), reading.is_whole
+    sure = reading.is_whole and bool(known) and not any(clause.unsure for clause in known)
+    return sure, sum(0.5 if clause.unsure else 1.0 for clause in known), reading.is_whole
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:

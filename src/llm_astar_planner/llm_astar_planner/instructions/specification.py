@@ -1,200 +1,44 @@
-"""The route specification: what an instruction asks of a path, as typed clauses.
+"""The route specification: what an instruction asks of a path, as clauses, with its JSON form.
 
-Lengths are metres and points lie in the map's frame. `specification_json` has the JSON form and
-its schema, `sentence` the canonical English sentence that people are shown.
+Lengths are metres and points lie in the map's frame. The JSON form is published in
+`route_spec.schema.json`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from importlib import import_module
+from itertools import groupby
+from pkgutil import iter_modules
+from typing import Any
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import short_repr
 
-MUST, SHOULD = 'must', 'should'
-STRENGTHS = (MUST, SHOULD)
-COMPASS = ('north', 'south', 'east', 'west')
-# Of the direct way from start to goal; everything that shows them says so.
-ROUTE_SIDES = ('left', 'right')
-SIDES = (*COMPASS, *ROUTE_SIDES)
-WALLS = 'walls'
+from llm_astar_planner.instructions import clauses
+from llm_astar_planner.instructions.clauses.clause import MUST, STRENGTHS, Clause
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import SpecificationError, as_mapping, as_text
+
+# That of the JSON form; 1, without a number, knows fewer kinds and `guessed` clauses.
+VERSION = 2
 MAX_CLAUSES = 16
-# Regions to visit, all clauses together: the search has a layer for each set of them.
+# Regions to visit, all clauses together.
 MAX_VISITS = 8
-MAX_NAME_CHARS = 80
-MAX_METRES = 1000.0
-# Metres. What an instruction means where it gives no number.
-AVOID_RADIUS = 1.0
-VISIT_RADIUS = 0.5
-ALONG_WIDTH = 1.0
-# An object (nobody can stand in it) is visited within this many metres.
-OBJECT_REACH = 1.0
-# An area is visited at least so deep, or a quarter of its width if that is less.
-VISIT_DEPTH = 0.5
+GUESSED = 'it has a number or a name that the sentence does not hold'
 
 
-class SpecificationError(LlmAstarError, ValueError):
-    """A malformed specification; the message names the clause and the field."""
+def all_kinds() -> dict[str, type[Clause]]:
+    """Return the classes of clauses by kind: those in the modules of `clauses`."""
+    found = {}
+    for module in iter_modules(clauses.__path__, f'{clauses.__name__}.'):
+        for value in vars(import_module(module.name)).values():
+            if isinstance(value, type) and issubclass(value, Clause) and value.kind:
+                found[value.kind] = value
+    return found
 
 
-class Region:
-    """A part of the map; the subclasses are its forms."""
-
-
-@dataclass(frozen=True)
-class NamedPlace(Region):
-    """The region of one place: `{"place": NAME}`."""
-
-    place: str
-
-
-@dataclass(frozen=True)
-class Tagged(Region):
-    """All places of a kind or with a tag, together: `{"tag": TAG}`. A visit takes one of them."""
-
-    tag: str
-
-
-@dataclass(frozen=True)
-class Disc(Region):
-    """A point with a radius: `{"point": [X, Y], "radius": R}`. Radius 0 means the default."""
-
-    x: float
-    y: float
-    radius: float = 0.0
-
-
-@dataclass(frozen=True)
-class Box(Region):
-    """A box, `{"box": [X0, Y0, X1, Y1]}`; infinite sides, null in JSON, are open.
-
-    `Box(-inf, 22.5, inf, inf)` is everything north of y = 22.5.
-    """
-
-    x0: float
-    y0: float
-    x1: float
-    y1: float
-
-
-@dataclass(frozen=True)
-class Half(Region):
-    """A half of the map, or of the place `of`: `{"half": "north", "of": NAME}`.
-
-    The halves are of equal width. Of the map, `left` and `right` are the sides of the straight
-    line from start to goal, seen in the direction of travel.
-    """
-
-    side: str
-    of: str = ''
-
-
-@dataclass(frozen=True)
-class Between(Region):
-    """The gap between two places, their convex hull without them: `{"between": [A, B]}`."""
-
-    first: str
-    second: str
-
-
-@dataclass(frozen=True)
-class Along(Region):
-    """A strip around a place, or around all walls: `{"along": NAME or "walls", "width": W}`."""
-
-    place: str
-    width: float = ALONG_WIDTH
-
-
-@dataclass(frozen=True)
-class Clause:
-    """One thing that is asked of the path.
-
-    `strength` is `must` or `should` ("if possible"). `guessed` marks a clause with a number or a
-    name that the sentence does not hold: it is never reported as satisfied.
-    """
-
-    kind: ClassVar[str] = ''
-    strength: str = MUST
-    guessed: bool = False
-
-
-@dataclass(frozen=True)
-class Avoid(Clause):
-    """No part of the path lies in the region or within `margin` metres of it."""
-
-    kind: ClassVar[str] = 'avoid'
-    region: Region = NamedPlace('')
-    margin: float = 0.0
-
-
-@dataclass(frozen=True)
-class Visit(Clause):
-    """The path enters each of the regions, in any order; visit clauses follow each other in order.
-
-    "the dock, then the lab and the kitchen" is two clauses, the second one with two regions.
-    """
-
-    kind: ClassVar[str] = 'visit'
-    regions: tuple[Region, ...] = ()
-
-
-@dataclass(frozen=True)
-class Before(Clause):
-    """The path enters `second` only after it has visited `first`; it need not enter either."""
-
-    kind: ClassVar[str] = 'before'
-    first: Region = NamedPlace('')
-    second: Region = NamedPlace('')
-
-
-@dataclass(frozen=True)
-class StayIn(Clause):
-    """The path lies in the region, as much of it as is possible."""
-
-    kind: ClassVar[str] = 'stay_in'
-    region: Region = NamedPlace('')
-
-
-@dataclass(frozen=True)
-class Pass(Clause):
-    """The path passes the object on a side: it crosses the ray from it to that side of the map.
-
-    It crosses neither the object nor the ray to the opposite side.
-    """
-
-    kind: ClassVar[str] = 'pass'
-    region: Region = NamedPlace('')
-    side: str = 'north'
-
-
-@dataclass(frozen=True)
-class KeepDistance(Clause):
-    """The path keeps at least `metres` from a region, or from all walls where it is None."""
-
-    kind: ClassVar[str] = 'keep_distance'
-    metres: float = 0.0
-    region: Region | None = None
-
-
-@dataclass(frozen=True)
-class EndAt(Clause):
-    """The path ends in the region, at the cell that suits the other clauses best."""
-
-    kind: ClassVar[str] = 'end_at'
-    region: Region = NamedPlace('')
-
-
-@dataclass(frozen=True)
-class Unknown(Clause):
-    """Words that were not understood; nothing is enforced and nothing is claimed of them."""
-
-    kind: ClassVar[str] = 'unknown'
-    text: str = ''
-
-
-CLAUSES: dict[str, type[Clause]] = {
-    kind.kind: kind for kind in (Avoid, Visit, Before, StayIn, Pass, KeepDistance, EndAt, Unknown)
-}
+CLAUSES = all_kinds()
 
 
 @dataclass(frozen=True)
@@ -218,18 +62,79 @@ class Specification:
 
     @property
     def enforceable(self) -> tuple[Clause, ...]:
-        """The clauses without the unknown ones."""
+        """The clauses that ask something of a path."""
         return tuple(clause for clause in self.clauses if not isinstance(clause, Unknown))
+
+    @property
+    def sentence(self) -> str:
+        """The canonical English sentence, '' without clauses: 'avoid the kitchen; ...'.
+
+        Every part is read back by the grammar as the same clause, so it says all there is.
+        Successive visits of the same strength are joined by 'then'.
+        """
+        parts = []
+        runs = groupby(
+            enumerate(self.clauses),
+            lambda item: item[1].strength if isinstance(item[1], Visit) else item[0],
+        )
+        for _, run in runs:
+            (_, first), *others = run
+            then = [f', then {visit.regions_phrase()}' for _, visit in others]  # type: ignore[attr-defined]
+            parts.append(first.sentence() + ''.join(then))
+        return '; '.join(parts)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            'version': VERSION,
+            'clauses': [clause_to_json(clause) for clause in self.clauses],
+        }
 
 
 NOTHING_ASKED = Specification()
 
 
-def regions_of(clause: Clause) -> tuple[Region, ...]:
-    """Return the regions of a clause."""
-    if isinstance(clause, Visit):
-        return clause.regions
-    if isinstance(clause, Before):
-        return clause.first, clause.second
-    region = getattr(clause, 'region', None)
-    return (region,) if isinstance(region, Region) else ()
+def clause_to_json(clause: Clause) -> dict[str, Any]:
+    """Return the JSON form of a clause."""
+    fields = {'kind': clause.kind, **clause.to_json()}
+    if isinstance(clause, Unknown):
+        return fields
+    unsure = {'unsure': clause.unsure, 'guessed': True} if clause.unsure else {}
+    return {**fields, 'strength': clause.strength, **unsure}
+
+
+def from_json(value: object) -> Specification:
+    """Read a specification. Raises SpecificationError, which names the clause and the field."""
+    fields = as_mapping(value, 'specification')
+    version, found = fields.get('version', 1), fields.get('clauses')
+    if version not in range(1, VERSION + 1):
+        raise SpecificationError(f'version: {short_repr(version)} is not 1 to {VERSION}')
+    if not isinstance(found, list):
+        raise SpecificationError('clauses: is not a list')
+    return Specification(
+        tuple(clause_from_json(item, f'clause {n}') for n, item in enumerate(found, start=1))
+    )
+
+
+def clause_from_json(value: object, where: str) -> Clause:
+    """Read a clause; `where` names it in errors. Raises SpecificationError."""
+    fields = as_mapping(value, where)
+    kind = 'visit' if fields.get('kind') == 'via' else fields.get('kind')
+    if not isinstance(kind, str) or kind not in CLAUSES:
+        raise SpecificationError(
+            f'{where}: kind: {short_repr(kind)} is not one of {", ".join(CLAUSES)}'
+        )
+    where = f'{where} ({kind})'
+    if issubclass(CLAUSES[kind], Unknown):
+        return CLAUSES[kind](**CLAUSES[kind].read(fields, where))
+    strength = fields.get('strength', MUST)
+    if strength not in STRENGTHS:
+        raise SpecificationError(
+            f'{where}: strength: {short_repr(strength)} is neither must nor should'
+        )
+    guessed = fields.get('guessed', False)
+    if not isinstance(guessed, bool):
+        raise SpecificationError(f'{where}: guessed: {short_repr(guessed)} is not true or false')
+    unsure = as_text(fields['unsure'], f'{where}: unsure') if fields.get('unsure') else ''
+    own = CLAUSES[kind].read(fields, where)
+    return CLAUSES[kind](strength, unsure or (GUESSED if guessed else ''), **own)

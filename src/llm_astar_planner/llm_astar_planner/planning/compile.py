@@ -28,19 +28,16 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import Zone
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
-from llm_astar_planner.instructions.specification import (
-    SHOULD,
-    Avoid,
-    Before,
-    Box,
-    Disc,
-    KeepDistance,
-    Pass,
-    Specification,
-    StayIn,
-    Visit,
-)
+from llm_astar_planner.instructions.regions import Box, Disc
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from operator import index
-from typing import TYPE_CHECKING, Any, SupportsIndex
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.report import PlanReport
 from numpy.typing import NDArray
 
-from llm_astar_planner.instructions.interpretation import RouteInstruction
-from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -29,7 +26,11 @@ from llm_astar_planner.waypoints.source import (
 )
 
 if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.messages.report import PlanReport
+
     from llm_astar_planner.costmap.config import CostmapConfig
+    from llm_astar_planner.instructions.interpretation import RouteInstruction
+    from llm_astar_planner.instructions.outcome import InstructionOutcome
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
@@ -145,22 +146,17 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
-        object.__setattr__(self, 'start', as_cell('start', self.start))
-        object.__setattr__(self, 'goal', as_cell('goal', self.goal))
-        if self.via:
-            object.__setattr__(self, 'via', tuple(as_cell('via', cell) for cell in self.via))
-        if self.viapoints:
-            viapoints = tuple(as_cell('viapoints', cell) for cell in self.viapoints)
-            object.__setattr__(self, 'viapoints', viapoints)
-
-
-def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
-    """Return a cell as two ints. Raises ValueError, naming the field, if it is none."""
-    try:
-        x, y = cell
-        return index(x), index(y)
-    except (TypeError, ValueError):
-        raise ValueError(f'{name}: {cell!r} is not a cell: two whole numbers (x, y)') from None
+        given = {'start': (self.start,), 'goal': (self.goal,)}
+        for name, cells in (given | {'via': self.via, 'viapoints': self.viapoints}).items():
+            whole: list[Cell] = []
+            try:
+                for cell in cells:
+                    x, y = cell
+                    whole.append((index(x), index(y)))
+            except (TypeError, ValueError):
+                problem = f'{cell!r} is not a cell: two whole numbers (x, y)'
+                raise ValueError(f'{name}: {problem}') from None
+            object.__setattr__(self, name, whole[0] if name in given else tuple(whole))
 
 
 def check_request(request: PlanRequest) -> None:
@@ -319,6 +315,9 @@ def plan_report(plan: Plan, grid_map: GridMap | None, map_age: float | None = No
 
     `map_age` is how many seconds before the plan the map arrived, None where it never did.
     """
+    # A planner that reports nothing needs it not.
+    from llm_astar_msgs_adapter.messages.report import PlanReport  # noqa: PLC0415
+
     values = plan.to_dict()
     waypoints: tuple[tuple[float, float, str], ...] = ()
     if grid_map is not None:

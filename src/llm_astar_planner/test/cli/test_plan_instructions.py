@@ -115,9 +115,9 @@ def test_an_instruction_bends_the_path_and_each_clause_is_reported(capsys, room)
         code, found = plan(capsys, *words)
         report = found['instruction_report']
         assert (code, report['satisfied']) == (0, True)
-        assert [clause['status'] for clause in report['clauses']] == ['satisfied']
+        assert [clause['status'] for clause in report['clauses']] == ['kept']
         assert inside(found, f'{door} door') == 0.0 < inside(found, f'{other} door')
-        assert found['instruction'].startswith(f'avoid the {door} door: satisfied')
+        assert found['instruction'].startswith(f'avoid the {door} door: kept')
 
 
 def test_a_person_reads_what_was_understood_and_what_became_of_it(capsys, room):
@@ -129,7 +129,7 @@ def test_a_person_reads_what_was_understood_and_what_became_of_it(capsys, room):
     assert any(line.startswith('partly understood by grammar') for line in lines)
     clauses = [line for line in lines if line.startswith('clause ')]
     assert len(clauses) == 3
-    assert 'avoid the north door: satisfied (0.0 m inside)' in clauses[0]
+    assert 'avoid the north door: kept (0.0 m inside)' in clauses[0]
     assert 'not understood: "' in clauses[2]
 
 

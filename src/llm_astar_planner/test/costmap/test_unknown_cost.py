@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
-from llm_astar_planner.instructions.specification import Disc, Specification, Visit
+from llm_astar_planner.instructions.regions import Disc
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode

@@ -13,15 +13,13 @@ from llm_astar_planner.instructions.chain import (
     ChainInterpreter,
     make_interpreter,
 )
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 from llm_astar_planner.instructions.model.prompt import ExamplesError
-from llm_astar_planner.instructions.specification import (
-    Avoid,
-    NamedPlace,
-    Specification,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions.regions import NamedPlace
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.waypoints.config import SettingsError
 
 KITCHEN = Avoid(region=NamedPlace('kitchen'))
@@ -72,7 +70,7 @@ def test_the_fuller_of_two_partial_readings_is_taken_and_the_first_of_equal_ones
     assert (
         ChainInterpreter([partial(), more]).interpret('a', NO_PLACES, 1.0).understood_by == 'model'
     )
-    guessed = partial('model', (replace(KITCHEN, guessed=True), Unknown(text='x')))
+    guessed = partial('model', (replace(KITCHEN, unsure='?'), Unknown(text='x')))
     found = ChainInterpreter([partial(), guessed]).interpret('a', NO_PLACES, 1.0)
     assert found.understood_by == 'grammar'
     assert found.detail == 'grammar; model'

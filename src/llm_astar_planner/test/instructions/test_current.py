@@ -7,14 +7,16 @@ import pytest
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
 from llm_astar_planner.instructions import current
+from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Understanding,
     not_understood,
 )
-from llm_astar_planner.instructions.specification import Avoid, NamedPlace, Specification
+from llm_astar_planner.instructions.regions import NamedPlace
+from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.text import InstructionError
 
 LONG = 20.0
 FREE_WORDING = 'the soup smells, so keep clear of wherever they cook it'

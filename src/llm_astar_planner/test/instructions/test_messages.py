@@ -8,6 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 from llm_astar_planner.instructions.messages import (
     MAX_ECHO,
@@ -20,7 +22,8 @@ from llm_astar_planner.instructions.messages import (
     parse_answer,
     parse_question,
 )
-from llm_astar_planner.instructions.specification import Avoid, NamedPlace, Specification, Unknown
+from llm_astar_planner.instructions.regions import NamedPlace
+from llm_astar_planner.instructions.specification import Specification
 
 AVOID = Avoid(region=NamedPlace('kitchen'))
 WHOLE = Interpretation(

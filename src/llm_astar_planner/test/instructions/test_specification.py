@@ -3,32 +3,35 @@ import math
 from pathlib import Path
 
 import pytest
-from llm_astar_planner.instructions import specification_json
-from llm_astar_planner.instructions.sentence import canonical_sentence
+from llm_astar_planner.instructions import specification as module
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import SpecificationError
+from llm_astar_planner.instructions.regions import (
+    FORMS,
+    JOINS,
+    Along,
+    Between,
+    Box,
+    Disc,
+    Half,
+    NamedPlace,
+    Tagged,
+)
 from llm_astar_planner.instructions.specification import (
     CLAUSES,
     MAX_CLAUSES,
     MAX_VISITS,
-    SHOULD,
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Box,
-    Disc,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
     Specification,
-    SpecificationError,
-    StayIn,
-    Tagged,
-    Unknown,
-    Visit,
+    from_json,
 )
-from llm_astar_planner.instructions.specification_json import from_json, to_json
 
 SCHEMA = 'route_spec.schema.json'
 
@@ -57,17 +60,17 @@ EVERYTHING = {
 @pytest.mark.parametrize('clause', EVERYTHING.values(), ids=list(EVERYTHING))
 def test_a_clause_survives_json(clause):
     specification = Specification((clause,))
-    assert from_json(json.loads(json.dumps(to_json(specification)))) == specification
+    assert from_json(json.loads(json.dumps(specification.to_json()))) == specification
 
 
 @pytest.mark.parametrize('sentence', EVERYTHING)
 def test_the_canonical_sentence_says_the_clause(sentence):
-    assert canonical_sentence(Specification((EVERYTHING[sentence],))) == sentence
+    assert Specification((EVERYTHING[sentence],)).sentence == sentence
 
 
 def test_successive_visits_are_one_part_of_the_sentence():
     visits = tuple(Visit(regions=(NamedPlace(name),)) for name in ('dock', 'workshop'))
-    assert canonical_sentence(Specification(visits)) == 'visit the dock, then the workshop'
+    assert Specification(visits).sentence == 'visit the dock, then the workshop'
 
 
 def test_the_spellings_of_models_are_read():
@@ -103,8 +106,8 @@ def test_sizes_are_bounded():
 
 
 def test_the_published_schema_has_each_kind_of_clause_and_each_form_of_a_region():
-    schema = json.loads(Path(specification_json.__file__).with_name(SCHEMA).read_text())
+    schema = json.loads(Path(module.__file__).with_name(SCHEMA).read_text())
     clauses = schema['properties']['clauses']['items']['oneOf']
     assert {clause['properties']['kind']['const'] for clause in clauses} == set(CLAUSES)
     regions = schema['$defs']['region']['oneOf']
-    assert {region['required'][0] for region in regions} == set(specification_json.FORMS)
+    assert {region['required'][0] for region in regions} == {*FORMS, *JOINS}

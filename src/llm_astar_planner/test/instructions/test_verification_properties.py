@@ -10,22 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places
-from llm_astar_planner.instructions.specification import (
-    SHOULD,
-    Along,
-    Avoid,
-    Before,
-    Box,
-    Disc,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
-    Visit,
-)
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.regions import Along, Box, Disc, Half, NamedPlace
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import verify
 from path_samples import STEP, box_depth, dense, disc_depth, length_where, triangle_depth
 from verified_maps import SATISFIED, VIOLATED, field, outcome, outcomes, route, turned

@@ -14,25 +14,25 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    SHOULD,
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.regions import (
     Along,
-    Avoid,
-    Before,
     Between,
     Box,
     Disc,
-    EndAt,
     Half,
-    KeepDistance,
     NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
     Tagged,
-    Visit,
 )
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.instructions.verification.geometry import disc_area, polygon_area, polyline
 from llm_astar_planner.instructions.verification.reference import Reference

@@ -9,12 +9,15 @@ import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     RouteInstruction,
     Understanding,
 )
-from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
+from llm_astar_planner.instructions.regions import Disc
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.compile import compile_footprint_kernels
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker

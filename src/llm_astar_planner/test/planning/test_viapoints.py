@@ -5,8 +5,10 @@ import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
-from llm_astar_planner.instructions.specification import Avoid, Box, Specification
+from llm_astar_planner.instructions.regions import Box
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.endpoints import ViapointSource
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner

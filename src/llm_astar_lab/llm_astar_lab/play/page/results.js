@@ -7,7 +7,7 @@ import { statusName, statusShape } from './theme.js';
 import { verdictOf } from './verdict.js';
 
 const $ = (id) => document.getElementById(id);
-const CLAUSE_TONES = { satisfied: 'good', violated: 'bad', impossible: 'bad', guessed: 'warn' };
+const CLAUSE_TONES = { kept: 'good', 'not kept': 'bad', impossible: 'bad', unsure: 'warn' };
 const NOT_UNDERSTOOD = 'not understood';
 const MAX_ITEMS = 300;
 

@@ -71,7 +71,7 @@ function byAstar(chosen, astar) {
 
 function byInstruction(chosen, other) {
   const { clauses = [], status } = chosen.instruction;
-  const kept = clauses.filter((clause) => clause.status === 'satisfied').length;
+  const kept = clauses.filter((clause) => clause.status === 'kept').length;
   if (!clauses.length)
     return { tone: 'lose', head: 'The instruction was not used:', rest: ` ${text(status, 100)}.` };
   if (clauses.every((clause) => clause.status === 'not understood')) {
@@ -86,7 +86,7 @@ function byInstruction(chosen, other) {
   return {
     tone: isKept ? 'win' : 'lose',
     head: isKept ? 'The instruction is kept:' : 'The instruction is not kept whole:',
-    rest: ` ${isKept ? 'each clause is satisfied' : `${kept} of ${clauses.length} clauses are satisfied`}${path ? `, on ${path} than without it`.replace('long path than', 'long path as') : ''}.`,
+    rest: ` ${isKept ? 'each clause is kept' : `${kept} of ${clauses.length} clauses are kept`}${path ? `, on ${path} than without it`.replace('long path than', 'long path as') : ''}.`,
   };
 }
 

@@ -11,7 +11,14 @@ from itertools import pairwise
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
 from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import lexicon
@@ -34,13 +41,14 @@ from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
     status_of,
 )
+from llm_astar_planner.instructions.regions import NamedPlace, Tagged
+from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
 QUOTED = 'not understood: "'
@@ -57,7 +65,7 @@ class ReadPiece:
     """A piece with the clauses that were read of it; none where it was not understood."""
 
     piece: Piece
-    clauses: tuple[spec.Clause, ...]
+    clauses: tuple[Clause, ...]
     segment: int
 
     @property
@@ -80,7 +88,7 @@ class Assembler:
     notes: list[str]
     parts: list[ReadPiece] = field(default_factory=list)
     segments: int = 0
-    previous: spec.Clause | None = None
+    previous: Clause | None = None
     is_preference_open: bool = False
 
     def take(self, segment: Sequence[Piece]) -> None:
@@ -111,7 +119,7 @@ class Assembler:
         ]
 
     @property
-    def clauses(self) -> list[tuple[int, spec.Clause]]:
+    def clauses(self) -> list[tuple[int, Clause]]:
         """The clauses, each with where it stands."""
         return [(part.piece.start, clause) for part in self.parts for clause in part.clauses]
 
@@ -144,7 +152,7 @@ class Assembler:
             at += count
         return found
 
-    def read(self, piece: Piece) -> tuple[spec.Clause, ...]:
+    def read(self, piece: Piece) -> tuple[Clause, ...]:
         """Return the clauses of a piece, none where it was not read wholly."""
         if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
             return ()
@@ -157,10 +165,10 @@ class Assembler:
             self.is_preference_open and piece.link in (AND, THEN)
         )
         if piece.is_preference or self.is_preference_open:
-            clauses = tuple(replace(clause, strength=spec.SHOULD) for clause in clauses)
+            clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
         return clauses if self.has_room_for(clauses) else ()
 
-    def in_flow(self, piece: Piece, reading: ParsedClause) -> tuple[spec.Clause, ...]:
+    def in_flow(self, piece: Piece, reading: ParsedClause) -> tuple[Clause, ...]:
         """Return the clauses of a reading by what stands before it. Raises Unclear.
 
         'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
@@ -170,23 +178,23 @@ class Assembler:
         if self.is_through_after_other(piece):
             raise Unclear('not through it, or through it')
         if reading.things:
-            if not (piece.is_first or (in_turn and isinstance(self.previous, spec.Visit))):
+            if not (piece.is_first or (in_turn and isinstance(self.previous, Visit))):
                 raise Unclear('a place without a verb')
             clauses = (visit_of(reading.things),)
         elif reading.is_negative and not (
-            isinstance(self.previous, spec.Visit) and piece.link in (BUT, COMMA, AND)
+            isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
         ):
             raise Unclear('a place without a verb')
-        is_visit = all(isinstance(clause, (spec.Visit, spec.Before)) for clause in clauses)
+        is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
         if piece.order != ANYORDER and any(map(has_repetition, clauses)):
             raise Unclear('the same place twice')
-        is_after_visit = any(isinstance(clause, spec.Visit) for _, clause in self.clauses)
-        is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], spec.EndAt))
+        is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
+        is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
         if piece.is_later and not (is_one and is_after_visit):
             raise Unclear('which of them afterwards')
         if piece.is_first and is_after_visit:
             raise Unclear('first, after another visit')
-        is_end = piece.link == THEN and all(isinstance(clause, spec.EndAt) for clause in clauses)
+        is_end = piece.link == THEN and all(isinstance(clause, EndAt) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
@@ -194,32 +202,32 @@ class Assembler:
     def is_through_after_other(self, piece: Piece) -> bool:
         """Whether it is the end of 'avoid A and through B'."""
         is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
-        is_other = self.previous is not None and not isinstance(self.previous, spec.Visit)
+        is_other = self.previous is not None and not isinstance(self.previous, Visit)
         return is_bare and is_other and piece.link in (AND, COMMA)
 
-    def has_room_for(self, clauses: Sequence[spec.Clause]) -> bool:
+    def has_room_for(self, clauses: Sequence[Clause]) -> bool:
         """Whether a specification may hold so many clauses and visits."""
         both = [clause for _, clause in self.clauses] + list(clauses)
-        visits = sum(len(clause.regions) for clause in both if isinstance(clause, spec.Visit))
+        visits = sum(len(clause.regions) for clause in both if isinstance(clause, Visit))
         # Room for what is not understood.
-        if len(both) < spec.MAX_CLAUSES and visits <= spec.MAX_VISITS:
+        if len(both) < MAX_CLAUSES and visits <= MAX_VISITS:
             return True
-        self.notes.append(f'more than {spec.MAX_CLAUSES - 1} clauses or {spec.MAX_VISITS} visits')
+        self.notes.append(f'more than {MAX_CLAUSES - 1} clauses or {MAX_VISITS} visits')
         return False
 
 
-def has_repetition(clause: spec.Clause) -> bool:
+def has_repetition(clause: Clause) -> bool:
     """Whether it is a visit of the same region twice."""
-    return isinstance(clause, spec.Visit) and len(set(clause.regions)) < len(clause.regions)
+    return isinstance(clause, Visit) and len(set(clause.regions)) < len(clause.regions)
 
 
-def ordered(clauses: tuple[spec.Clause, ...], order: str) -> tuple[spec.Clause, ...]:
+def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
     """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
     if order == INORDER:
         return tuple(
             replace(clause, regions=(region,))
             for clause in clauses
-            if isinstance(clause, spec.Visit)
+            if isinstance(clause, Visit)
             for region in clause.regions
         )
     if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):  # type: ignore[attr-defined]
@@ -229,7 +237,7 @@ def ordered(clauses: tuple[spec.Clause, ...], order: str) -> tuple[spec.Clause, 
 
 def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
     """Drop 'visit all rooms, not the lab': a set, and one of it that is treated otherwise."""
-    for kind, other in ((spec.Visit, spec.Avoid), (spec.Avoid, spec.Visit)):
+    for kind, other in ((Visit, Avoid), (Avoid, Visit)):
         singles = {
             name: part
             for part in parts
@@ -243,18 +251,16 @@ def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
                     part.drop()
 
 
-def place_names(part: ReadPiece, kind: type[spec.Clause], places: Places) -> set[str]:
+def place_names(part: ReadPiece, kind: type[Clause], places: Places) -> set[str]:
     """Return the places that clauses of a kind, avoid or visit, name."""
     found: set[str] = set()
     for clause in part.clauses:
-        if isinstance(clause, spec.Visit) and kind is spec.Visit:
-            found |= {
-                region.place for region in clause.regions if isinstance(region, spec.NamedPlace)
-            }
-        elif isinstance(clause, spec.Avoid) and kind is spec.Avoid:
-            if isinstance(clause.region, spec.NamedPlace):
+        if isinstance(clause, Visit) and kind is Visit:
+            found |= {region.place for region in clause.regions if isinstance(region, NamedPlace)}
+        elif isinstance(clause, Avoid) and kind is Avoid:
+            if isinstance(clause.region, NamedPlace):
                 found.add(clause.region.place)
-            elif isinstance(clause.region, spec.Tagged):
+            elif isinstance(clause.region, Tagged):
                 found |= {place.name for place in places.with_tag(clause.region.tag)}
     return found
 
@@ -271,11 +277,9 @@ def drop_withdrawn(parts: Sequence[ReadPiece]) -> None:
 def drop_timed(parts: Sequence[ReadPiece]) -> None:
     """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
     for part, after in pairwise(parts):
-        ended = (spec.StayIn, spec.EndAt)
+        ended = (StayIn, EndAt)
         is_ended = any(
-            isinstance(clause, ended)
-            if after.piece.ends_route
-            else not isinstance(clause, spec.Visit)
+            isinstance(clause, ended) if after.piece.ends_route else not isinstance(clause, Visit)
             for clause in part.clauses
         )
         if after.piece.link == THEN and is_ended:
@@ -328,15 +332,14 @@ def result_of(
     """Return the interpretation, clauses and unread parts in order, and the share read."""
     text = assembler.text
     unknown = [*assembler.unknown, *quoted]
-    room = spec.MAX_CLAUSES - len(assembler.clauses)
+    room = MAX_CLAUSES - len(assembler.clauses)
     if len(unknown) > room:
         unknown = [*unknown[: room - 1], (unknown[room - 1][0], unknown[-1][1])]
     parts = assembler.clauses + [
-        (start, spec.Unknown(text=text[start:end][: spec.MAX_NAME_CHARS]))
-        for start, end in unknown
+        (start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown
     ]
     parts.sort(key=lambda part: part[0])
-    specification = spec.Specification(tuple(clause for _, clause in parts))
+    specification = Specification(tuple(clause for _, clause in parts))
     missed = sum(end - start for start, end in unknown)
     interpretation = Interpretation(
         text,

@@ -9,7 +9,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from llm_astar_planner.instructions.specification import Box
+from llm_astar_planner.instructions.regions import Box
 
 NUMBER, UNIT, LENGTH, POINT = 'NUMBER', 'UNIT', 'LENGTH', 'POINT'
 AXIS, AXISLINE, RANGE = 'AXIS', 'AXISLINE', 'RANGE'

@@ -7,7 +7,15 @@ from typing import Any
 
 from lark import Token, Transformer, v_args
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import MAX_METRES
 from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of, place_nouns
 from llm_astar_planner.instructions.grammar.selection import (
     OPPOSITE,
@@ -21,6 +29,17 @@ from llm_astar_planner.instructions.grammar.selection import (
     outside,
     select_group,
     select_place,
+)
+from llm_astar_planner.instructions.regions import (
+    ALONG_WIDTH,
+    WALLS,
+    Along,
+    Between,
+    Box,
+    Disc,
+    Half,
+    NamedPlace,
+    Region,
 )
 
 # The type parameters of lark's class differ between its versions.
@@ -39,51 +58,51 @@ class ParsedClause:
     `things` are regions without a verb; `is_negative` where a 'not' stands before them.
     """
 
-    clauses: tuple[spec.Clause, ...] = ()
+    clauses: tuple[Clause, ...] = ()
     things: Things = ()
     is_negative: bool = False
 
 
-def visit_of(things: Things) -> spec.Visit:
+def visit_of(things: Things) -> Visit:
     """Return the visit of all things, in any order. Raises Unclear."""
-    regions: list[spec.Region] = []
+    regions: list[Region] = []
     for thing in things:
         if thing.is_walls:
             raise Unclear('walls cannot be visited')
         regions += [thing.one] if thing.any_one else thing.regions
-    return spec.Visit(regions=tuple(regions))
+    return Visit(regions=tuple(regions))
 
 
-def avoid_of(things: Things, metres: float = 0.0) -> tuple[spec.Clause, ...]:
+def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
     """Return what avoids all things. Raises Unclear."""
-    clauses: list[spec.Clause] = []
+    clauses: list[Clause] = []
     for thing in things:
         if thing.any_one == 'one':
             raise Unclear('which one is to be avoided')
         if thing.is_walls:
-            clauses.append(spec.KeepDistance(metres=positive(metres)))
+            clauses.append(KeepDistance(metres=positive(metres)))
         elif thing.is_point and metres:
-            clauses.append(spec.Avoid(region=with_radius(thing, metres)))
+            clauses.append(Avoid(region=with_radius(thing, metres)))
         else:
-            clauses += [spec.Avoid(region=region, margin=metres) for region in thing.each]
+            clauses += [Avoid(region=region, margin=metres) for region in thing.each]
     return tuple(clauses)
 
 
-def distance_of(things: Things, metres: float) -> tuple[spec.Clause, ...]:
+def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
     """Return what keeps a distance from all things. Raises Unclear."""
-    clauses: list[spec.Clause] = []
+    clauses: list[Clause] = []
     for thing in things:
         if thing.any_one == 'one':
             raise Unclear('a distance from which one')
         if thing.is_point:
-            clauses.append(spec.Avoid(region=with_radius(thing, positive(metres))))
+            clauses.append(Avoid(region=with_radius(thing, positive(metres))))
         else:
             regions = (None,) if thing.is_walls else thing.each
-            clauses += [spec.KeepDistance(metres=positive(metres), region=one) for one in regions]
+            clauses += [KeepDistance(metres=positive(metres), region=one) for one in regions]
     return tuple(clauses)
 
 
-def befores(firsts: Things, seconds: Things) -> tuple[spec.Clause, ...]:
+def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
     """Return that each of the second things is entered after each of the first ones."""
     if any(two.is_all for two in seconds):
         raise Unclear('some of them or none')
@@ -92,27 +111,27 @@ def befores(firsts: Things, seconds: Things) -> tuple[spec.Clause, ...]:
         for one in firsts
         for region in ((one.one,) if one.any_one or not one.is_group else one.regions)
     ]
-    return tuple(spec.Before(first=first, second=two.one) for two in seconds for first in each)
+    return tuple(Before(first=first, second=two.one) for two in seconds for first in each)
 
 
-def with_radius(thing: Selection, metres: float) -> spec.Disc:
+def with_radius(thing: Selection, metres: float) -> Disc:
     """Return a point as a disc."""
     point = thing.one
-    if not isinstance(point, spec.Disc):
+    if not isinstance(point, Disc):
         raise Unclear('no point')
-    return spec.Disc(point.x, point.y, metres)
+    return Disc(point.x, point.y, metres)
 
 
 def positive(metres: float) -> float:
     """Return a distance. Raises Unclear where there is none."""
-    if not 0.0 < metres <= spec.MAX_METRES:
+    if not 0.0 < metres <= MAX_METRES:
         raise Unclear('no distance that can be kept')
     return metres
 
 
-def strip_along(thing: Selection, metres: float) -> spec.Along:
+def strip_along(thing: Selection, metres: float) -> Along:
     """Return the strip around a place or the walls."""
-    return spec.Along(spec.WALLS if thing.is_walls else thing.place.name, positive(metres))
+    return Along(WALLS if thing.is_walls else thing.place.name, positive(metres))
 
 
 def all_objects(thing: Selection) -> bool:
@@ -122,7 +141,7 @@ def all_objects(thing: Selection) -> bool:
 
 def refuse_half_of_object(thing: Selection) -> None:
     """Raise Unclear for 'the south side of the rack': nobody can drive in it."""
-    if isinstance(thing.one, spec.Half) and all_objects(thing):
+    if isinstance(thing.one, Half) and all_objects(thing):
         raise Unclear('the side of what nobody can enter')
 
 
@@ -189,7 +208,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def avoid_field(self, thing: Selection) -> ParsedClause:
         """'do not go north of y = 10'."""
-        if not isinstance(thing.one, (spec.Box, spec.Half, spec.Between)):
+        if not isinstance(thing.one, (Box, Half, Between)):
             raise Unclear('no area')
         return ParsedClause(avoid_of((thing,)))
 
@@ -263,20 +282,20 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def move_in(self, thing: Selection) -> ParsedClause:
         """'drive in the north half'."""
-        if not isinstance(thing.one, (spec.Half, spec.Box)):
+        if not isinstance(thing.one, (Half, Box)):
             raise Unclear('through it or within it')
-        return ParsedClause((spec.StayIn(spec.SHOULD, region=thing.one),))
+        return ParsedClause((StayIn(SHOULD, region=thing.one),))
 
     # ---- stay
 
     def stay_in(self, thing: Selection) -> ParsedClause:
         """'stay in the corridor'."""
         refuse_half_of_object(thing)
-        return ParsedClause((spec.StayIn(region=thing.one),))
+        return ParsedClause((StayIn(region=thing.one),))
 
     def stay_on(self, thing: Selection) -> ParsedClause:
         """'stay on the north side', 'stay on the bridge'; but where is 'stay at the desk'."""
-        if isinstance(thing.one, (spec.Half, spec.Box)):
+        if isinstance(thing.one, (Half, Box)):
             return self.keep_to(thing)
         if generic_of(thing.place, place_nouns(thing.place)) != PASSAGE:
             raise Unclear('to stay in it or to end there')
@@ -285,13 +304,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def keep_to(self, thing: Selection) -> ParsedClause:
         """'keep to the south side'."""
         refuse_half_of_object(thing)
-        if isinstance(thing.one, spec.Box) and outside(thing.one) is not None:
+        if isinstance(thing.one, Box) and outside(thing.one) is not None:
             return self.stay_field(thing)
-        return ParsedClause((spec.StayIn(spec.SHOULD, region=thing.one),))
+        return ParsedClause((StayIn(SHOULD, region=thing.one),))
 
     def keep_side(self, side: str) -> ParsedClause:
         """'keep north', 'as far north as you can'."""
-        return ParsedClause((spec.StayIn(spec.SHOULD, region=spec.Half(side)),))
+        return ParsedClause((StayIn(SHOULD, region=Half(side)),))
 
     def toward_side(self, side: Token) -> str:
         """'to the north'."""
@@ -300,18 +319,16 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def stay_field(self, thing: Selection) -> ParsedClause:
         """'stay south of y = 10'."""
         region = thing.one
-        if not isinstance(region, spec.Box):
+        if not isinstance(region, Box):
             raise Unclear('to stay in what')
         beyond = outside(region)
-        return ParsedClause(
-            (spec.StayIn(region=region) if beyond is None else spec.Avoid(region=beyond),)
-        )
+        return ParsedClause((StayIn(region=region) if beyond is None else Avoid(region=beyond),))
 
     def take(self, thing: Selection) -> ParsedClause:
         """'take the middle aisle' is to drive along it, 'take the door' is to go through."""
-        if isinstance(thing.one, (spec.Half, spec.Box)):
+        if isinstance(thing.one, (Half, Box)):
             return self.keep_to(thing)
-        if isinstance(thing.one, spec.Between):
+        if isinstance(thing.one, Between):
             return visits((thing,))
         generic = generic_of(thing.place, place_nouns(thing.place))
         if generic == DOOR:
@@ -326,7 +343,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         thing = single(things)
         if thing.is_walls or (thing.places and thing.place.is_object):
             return self.stay_close(things)
-        if thing.places and not isinstance(thing.one, spec.Half):
+        if thing.places and not isinstance(thing.one, Half):
             generic = generic_of(thing.place, place_nouns(thing.place))
             if generic != PASSAGE:
                 raise Unclear('along it or through it')
@@ -335,21 +352,21 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def drive_on(self, thing: Selection) -> ParsedClause:
         """'drive on the north side', 'drive on the north side of the rack'."""
         region = thing.one
-        if not isinstance(region, spec.Half):
+        if not isinstance(region, Half):
             raise Unclear('to drive on what')
         return self.pass_half(thing) if region.of else self.keep_to(thing)
 
     def stay_close(self, things: Things) -> ParsedClause:
         """'hug the walls'."""
-        strip = strip_along(single(things), spec.ALONG_WIDTH)
-        return ParsedClause((spec.StayIn(spec.SHOULD, region=strip),))
+        strip = strip_along(single(things), ALONG_WIDTH)
+        return ParsedClause((StayIn(SHOULD, region=strip),))
 
     def stay_within(self, metres: Token, things: Things) -> ParsedClause:
         """'stay within 2 m of the walls'."""
         thing = single(things)
         if thing.is_point:
-            return ParsedClause((spec.StayIn(region=with_radius(thing, positive(value(metres)))),))
-        return ParsedClause((spec.StayIn(region=strip_along(thing, value(metres))),))
+            return ParsedClause((StayIn(region=with_radius(thing, positive(value(metres)))),))
+        return ParsedClause((StayIn(region=strip_along(thing, value(metres))),))
 
     # ---- pass
 
@@ -358,13 +375,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         thing = single(things)
         if thing.is_positioned or thing.is_walls:
             raise Unclear('the side of the places or of the way')
-        return ParsedClause((spec.Pass(region=thing.one, side=side),))
+        return ParsedClause((Pass(region=thing.one, side=side),))
 
     def go_past(self, things: Things) -> ParsedClause:
         """'drive past A' is to come near it, if it is an object or a point."""
-        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, spec.Half):
+        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, Half):
             return self.pass_half(things[0])
-        if all(isinstance(region, spec.Between) for thing in things for region in thing.regions):
+        if all(isinstance(region, Between) for thing in things for region in thing.regions):
             return visits(things)
         if any(thing.is_positioned for thing in things) or not all(
             thing.is_point or all_objects(thing) for thing in things
@@ -393,9 +410,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def pass_half(self, thing: Selection) -> ParsedClause:
         """'pass on the north side of A'."""
         region = thing.one
-        if not isinstance(region, spec.Half) or not region.of or not thing.place.is_object:
+        if not isinstance(region, Half) or not region.of or not thing.place.is_object:
             raise Unclear('past it or through it')
-        return ParsedClause((spec.Pass(region=spec.NamedPlace(region.of), side=region.side),))
+        return ParsedClause((Pass(region=NamedPlace(region.of), side=region.side),))
 
     def leave_at(self, thing: Selection, side: str) -> ParsedClause:
         """'keep A on your left' is to pass it on its right."""
@@ -413,7 +430,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'end in A'."""
         if thing.is_group and not thing.any_one:
             raise Unclear('in which of them')
-        return ParsedClause((spec.EndAt(region=thing.one),))
+        return ParsedClause((EndAt(region=thing.one),))
 
     def bare(self, things: Things) -> ParsedClause:
         """Things without a verb."""
@@ -439,7 +456,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def point(self, token: Token) -> Selection:
         """'20, 12'."""
         x, y = value(token)
-        return Selection((spec.Disc(x, y),), is_point=True)
+        return Selection((Disc(x, y),), is_point=True)
 
     def group(self, described: tuple[Group, list[Modifier]], *where: list[Modifier]) -> Selection:
         """'the northern rooms', 'the room in the top left'."""
@@ -517,21 +534,21 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def between(self, first: Selection, second: Selection) -> Selection:
         """'between A and B'."""
-        return Selection((spec.Between(first.place.name, second.place.name),))
+        return Selection((Between(first.place.name, second.place.name),))
 
     def between_two(self, pair: Selection) -> Selection:
         """'between the racks', if there are two."""
         if len(pair.places) != 2:
             raise Unclear('between which two')
         first, second = pair.places
-        return Selection((spec.Between(first.name, second.name),))
+        return Selection((Between(first.name, second.name),))
 
     def rectangle(self, corner: Token, other: Token) -> Selection:
         """'the rectangle from 1, 2 to 3, 4'."""
         (x0, y0), (x1, y1) = value(corner), value(other)
         if x0 == x1 or y0 == y1:
             raise Unclear('an empty area')
-        return Selection((spec.Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
+        return Selection((Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
 
     def strip(self, metres: Token, _: Token, thing: Selection) -> Selection:
         """'the 1 m along the lab'."""

@@ -10,9 +10,16 @@ from itertools import pairwise
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 
-from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
+from llm_astar_planner.instructions.regions import (
+    ROUTE_SIDES,
+    Box,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
 
 NORTH, SOUTH, EAST, WEST = 'north', 'south', 'east', 'west'
 OPPOSITE = {NORTH: SOUTH, SOUTH: NORTH, EAST: WEST, WEST: EAST, 'left': 'right', 'right': 'left'}
@@ -140,8 +147,8 @@ class Selection:
     - `is_limit`: one side of a line, 'x below 5', which goes with other limits.
     """
 
-    regions: tuple[spec.Region, ...] = ()
-    together: spec.Region | None = None
+    regions: tuple[Region, ...] = ()
+    together: Region | None = None
     any_one: str = ''
     places: tuple[Place, ...] = ()
     is_point: bool = False
@@ -152,12 +159,12 @@ class Selection:
     is_limit: bool = False
 
     @property
-    def each(self) -> tuple[spec.Region, ...]:
+    def each(self) -> tuple[Region, ...]:
         """The regions, or the one that stands for them."""
         return self.regions if self.together is None else (self.together,)
 
     @property
-    def one(self) -> spec.Region:
+    def one(self) -> Region:
         """The regions as one. Raises Unclear where there are several."""
         if len(self.each) != 1:
             raise Unclear('several places where one is expected')
@@ -181,7 +188,7 @@ class Modifier:
 
 def select_place(place: Place) -> Selection:
     """Return the selection of one place."""
-    return Selection((spec.NamedPlace(place.name),), places=(place,))
+    return Selection((NamedPlace(place.name),), places=(place,))
 
 
 def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifier]) -> Selection:
@@ -204,8 +211,8 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
     if not is_one and not several and quantity.kind != 'ANY':
         raise Unclear(f'{group.words} may be {" or ".join(place.name for place in found)}')
     return Selection(
-        tuple(spec.NamedPlace(place.name) for place in found),
-        spec.Tagged(tag) if tag and not is_one else None,
+        tuple(NamedPlace(place.name) for place in found),
+        Tagged(tag) if tag and not is_one else None,
         str(quantity.value) if quantity.kind == 'ANY' and not is_one else '',
         tuple(found),
         is_positioned=bool(where),
@@ -253,7 +260,7 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        if sides[0] in spec.ROUTE_SIDES:
+        if sides[0] in ROUTE_SIDES:
             raise Unclear('left and right of what')
     return list(extreme(found, compass))
 
@@ -272,17 +279,17 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
     if isinstance(whole, Place):
         if side in DRAWN and not is_half:
             raise Unclear('the left or right side as drawn or as driven')
-        return Selection((spec.Half(DRAWN.get(side, side), whole.name),), places=(whole,))
+        return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
     if side in DRAWN and whole == 'map':
         side = DRAWN[side]
     elif side in DRAWN and whole is None and is_half:
         raise Unclear('the left or right half of what')
     elif side not in DRAWN and whole == 'way':
         raise Unclear('the way has a left and a right side')
-    return Selection((spec.Half(side),))
+    return Selection((Half(side),))
 
 
-def axis_half(side: str, axis: str, value: float) -> spec.Box:
+def axis_half(side: str, axis: str, value: float) -> Box:
     """Return everything on a side of a line 'y = 22.5'. Raises Unclear for 'south of x = 3'."""
     side = DRAWN.get(side, side)
     if (axis == 'y') != (side in (NORTH, SOUTH)):
@@ -292,9 +299,9 @@ def axis_half(side: str, axis: str, value: float) -> spec.Box:
     return axis_box(axis, low, high)
 
 
-def common_box(boxes: Sequence[spec.Box]) -> spec.Box:
+def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    box = spec.Box(
+    box = Box(
         max((box.x0 for box in boxes), default=-math.inf),
         max((box.y0 for box in boxes), default=-math.inf),
         min((box.x1 for box in boxes), default=math.inf),
@@ -310,23 +317,21 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
 
     Limits of one axis that exclude each other are two areas: 'x below 2 and x above 5'.
     """
-    boxes = [box for limit in limits for box in limit.regions if isinstance(box, spec.Box)]
+    boxes = [box for limit in limits for box in limit.regions if isinstance(box, Box)]
     try:
         return [Selection((common_box(boxes),))]
     except Unclear:
         return list(limits)
 
 
-def outside(box: spec.Box) -> spec.Box | None:
+def outside(box: Box) -> Box | None:
     """Return everything outside of a box that is open on three sides, None of other boxes."""
     limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
     if len(limits) != 1:
         return None
     if math.isfinite(box.x0) or math.isfinite(box.y0):
-        return spec.Box(
-            -math.inf, -math.inf, limit_or(box.x0, math.inf), limit_or(box.y0, math.inf)
-        )
-    return spec.Box(limit_or(box.x1, -math.inf), limit_or(box.y1, -math.inf), math.inf, math.inf)
+        return Box(-math.inf, -math.inf, limit_or(box.x0, math.inf), limit_or(box.y0, math.inf))
+    return Box(limit_or(box.x1, -math.inf), limit_or(box.y1, -math.inf), math.inf, math.inf)
 
 
 def limit_or(side: float, otherwise: float) -> float:

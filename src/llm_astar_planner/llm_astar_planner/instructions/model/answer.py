@@ -19,9 +19,22 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import SpecificationError
 from llm_astar_planner.instructions.model.mentions import Sentence
-from llm_astar_planner.instructions.specification_json import clause_from_json
+from llm_astar_planner.instructions.regions import (
+    COMPASS,
+    WALLS,
+    Along,
+    Between,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
+from llm_astar_planner.instructions.specification import clause_from_json
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 
 # Clauses of one answer; a small model that repeats itself is stopped here.
@@ -40,7 +53,7 @@ _WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
 class ReadReply(NamedTuple):
     """The clauses of a model's answer, and how many more could not be read."""
 
-    clauses: tuple[spec.Clause, ...]
+    clauses: tuple[Clause, ...]
     unreadable: int = 0
 
 
@@ -97,7 +110,7 @@ def clause_forms(sentence: Sentence) -> list[dict[str, Any]]:
     if any(sentence.has(f'strong.{word}') for word in _ORDER_WORDS):
         forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
     if sentence.numbers:
-        away = {'anyOf': [{'const': spec.WALLS}, region]}
+        away = {'anyOf': [{'const': WALLS}, region]}
         fields = {'from': away, 'metres': _ref('number')}
         forms.append(_form({'do': {'const': 'keep_distance'}, **fields}))
     return forms
@@ -113,13 +126,13 @@ def region_forms(sentence: Sentence, definitions: Mapping[str, Any]) -> list[dic
         forms.append(_form({'all': _ref('tag')}))
     if sentence.sides:
         forms.append(_form({'half': _ref('side')}))
-    compass = [side for side in sentence.sides if side in spec.COMPASS]
+    compass = [side for side in sentence.sides if side in COMPASS]
     if compass and name:
         forms.append(_form({'half': {'enum': compass}, 'of': _ref('name')}))
     if name and sentence.has('regions.between'):
         forms.append(_form({'between': {**_numbers(2), 'items': _ref('name')}}))
     if sentence.has('regions.along'):
-        along = [{'const': spec.WALLS}, *([_ref('name')] if name else [])]
+        along = [{'const': WALLS}, *([_ref('name')] if name else [])]
         width = {'enum': [1, *definitions['number']['enum']]} if number else {'const': 1}
         forms.append(_form({'along': {'anyOf': along}, 'width': width}))
     if number:
@@ -167,13 +180,13 @@ def read_answer(text: str, places: Places) -> ReadReply | None:
     return ReadReply(clauses, len(items) - len(clauses))
 
 
-def read_clause(item: object, places: Places) -> spec.Clause | None:
+def read_clause(item: object, places: Places) -> Clause | None:
     """Return a clause of an answer, None where it cannot be read or names no known place."""
     if isinstance(item, dict) and UNKNOWN_PLACE in map(str, item.values()):
-        return spec.Unknown(text=UNKNOWN_PLACE)
+        return Unknown(text=UNKNOWN_PLACE)
     try:
         return known_places(clause_from_json(published(item), 'clause'), places)
-    except spec.SpecificationError:
+    except SpecificationError:
         return None
 
 
@@ -236,7 +249,7 @@ def in_order(pair: list[object]) -> list[object]:
     return pair
 
 
-def known_places(clause: spec.Clause, places: Places) -> spec.Clause:
+def known_places(clause: Clause, places: Places) -> Clause:
     """Return a clause with the places' own names for aliases.
 
     Raises SpecificationError where it has a place or a tag that the map has not.
@@ -244,30 +257,30 @@ def known_places(clause: spec.Clause, places: Places) -> spec.Clause:
     known: dict[str, Any] = {
         name: known_region(value, places)
         for name, value in vars(clause).items()
-        if isinstance(value, spec.Region)
+        if isinstance(value, Region)
     }
-    if isinstance(clause, spec.Visit):
+    if isinstance(clause, Visit):
         known['regions'] = tuple(known_region(region, places) for region in clause.regions)
     return replace(clause, **known)
 
 
-def known_region(region: spec.Region, places: Places) -> spec.Region:
+def known_region(region: Region, places: Places) -> Region:
     """Return a region with the places' own names. Raises SpecificationError for unknown ones."""
     match region:
-        case spec.NamedPlace(name):
+        case NamedPlace(name):
             # Models write a tag where a name is asked for.
             if places.get(name) is None and places.with_tag(name):
-                return spec.Tagged(name)
-            return spec.NamedPlace(known_name(name, places))
-        case spec.Tagged(tag):
+                return Tagged(name)
+            return NamedPlace(known_name(name, places))
+        case Tagged(tag):
             if not places.with_tag(tag):
-                raise spec.SpecificationError(f'tag: no place has {tag!r}')
-        case spec.Half(side, of) if of:
-            return spec.Half(side, known_name(of, places))
-        case spec.Between(first, second):
-            return spec.Between(known_name(first, places), known_name(second, places))
-        case spec.Along(place, width) if place != spec.WALLS:
-            return spec.Along(known_name(place, places), width)
+                raise SpecificationError(f'tag: no place has {tag!r}')
+        case Half(side, of) if of:
+            return Half(side, known_name(of, places))
+        case Between(first, second):
+            return Between(known_name(first, places), known_name(second, places))
+        case Along(place, width) if place != WALLS:
+            return Along(known_name(place, places), width)
     return region
 
 
@@ -275,5 +288,5 @@ def known_name(name: str, places: Places) -> str:
     """Return a place's own name for a name or alias. Raises SpecificationError without one."""
     place = places.get(name)
     if place is None:
-        raise spec.SpecificationError(f'place: the map has no {name!r}')
+        raise SpecificationError(f'place: the map has no {name!r}')
     return place.name

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.grammar.words import word_set
 from llm_astar_planner.instructions.model.structure import STOP, Structure
 from llm_astar_planner.instructions.model.vocabulary import Token, vocabulary
+from llm_astar_planner.instructions.regions import Along, Between, Box, Disc, Half, Tagged
 
 MAX_PARTS = 4
 MAX_PART_CHARS = 80
@@ -19,23 +25,21 @@ _AREAS = _COMPARING | word_set('regions.half regions.box')
 _ROUTE = word_set('verb shun negator regions.walls')
 # The classes of words that a clause of a kind, or a region of a form, accounts for.
 _ACCOUNTED: dict[type[object], frozenset[str]] = {
-    spec.Avoid: _REFUSING | _COMPARING,
-    spec.Pass: _REFUSING | _COMPARING,
-    spec.KeepDistance: _REFUSING,
-    spec.StayIn: _REFUSING,
-    spec.Before: _REFUSING,
-    spec.Disc: word_set('regions.point'),
-    spec.Box: _AREAS,
-    spec.Half: _AREAS,
-    spec.Between: word_set('regions.between'),
-    spec.Along: word_set('regions.along regions.walls'),
-    spec.Tagged: word_set('regions.all'),
+    Avoid: _REFUSING | _COMPARING,
+    Pass: _REFUSING | _COMPARING,
+    KeepDistance: _REFUSING,
+    StayIn: _REFUSING,
+    Before: _REFUSING,
+    Disc: word_set('regions.point'),
+    Box: _AREAS,
+    Half: _AREAS,
+    Between: word_set('regions.between'),
+    Along: word_set('regions.along regions.walls'),
+    Tagged: word_set('regions.all'),
 }
 
 
-def unread_parts(
-    clauses: Sequence[spec.Clause], used: set[int], structure: Structure
-) -> list[str]:
+def unread_parts(clauses: Sequence[Clause], used: set[int], structure: Structure) -> list[str]:
     """Return the parts of the sentence that no clause accounts for, as they are written.
 
     `used` are the words that the clauses account for by name, number or direction.
@@ -64,14 +68,14 @@ def unread_parts(
     return parts_of(unread, structure)
 
 
-def accounted_labels(clauses: Iterable[spec.Clause]) -> set[str]:
+def accounted_labels(clauses: Iterable[Clause]) -> set[str]:
     """Return the classes of words that clauses account for."""
     known = set(_IDLE)
     for clause in clauses:
         known.add(f'kinds.{clause.kind}')
-        for one in (clause, *spec.regions_of(clause)):
+        for one in (clause, *clause.regions):
             known |= _ACCOUNTED.get(type(one), frozenset())
-        if isinstance(clause, spec.KeepDistance) and clause.region is None:
+        if isinstance(clause, KeepDistance) and clause.region is None:
             known.add('regions.walls')
     return known
 

@@ -9,11 +9,27 @@ from itertools import pairwise
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.model.kinds import kind_problem
 from llm_astar_planner.instructions.model.mentions import Sentence
 from llm_astar_planner.instructions.model.names import Mention
 from llm_astar_planner.instructions.model.structure import Structure
+from llm_astar_planner.instructions.regions import (
+    ALONG_WIDTH,
+    ROUTE_SIDES,
+    WALLS,
+    Along,
+    Between,
+    Box,
+    Disc,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
 
 # Numbers that differ by less are the same: a model may round what it converts.
 TOLERANCE = 1e-3
@@ -54,52 +70,52 @@ class Witness:
         self.places = places
         self.used: set[int] = set()
 
-    def evidence_of(self, clause: spec.Clause) -> Evidence:
+    def evidence_of(self, clause: Clause) -> Evidence:
         """Return the evidence for a clause."""
         found = Evidence()
-        for region in spec.regions_of(clause):
+        for region in clause.regions:
             before = len(found.anchors)
             self._region(region, found)
             found.parts.append(found.anchors[before:])
         match clause:
-            case spec.KeepDistance(metres=metres):
+            case KeepDistance(metres=metres):
                 if clause.region is None:
                     self._words('regions.walls', 'walls', found)
                 self._number(metres, found, with_unit=True)
-            case spec.Avoid(margin=margin) if margin:
+            case Avoid(margin=margin) if margin:
                 self._number(margin, found, with_unit=True)
-            case spec.Pass(side=side):
+            case Pass(side=side):
                 self._side(self._said_side(side, found), found, near=True)
         problem = kind_problem(clause, found.parts or [found.anchors], self.structure)
         if problem:
             found.problems.append(problem)
         return found
 
-    def _region(self, region: spec.Region, found: Evidence) -> None:
+    def _region(self, region: Region, found: Evidence) -> None:
         match region:
-            case spec.NamedPlace(name):
+            case NamedPlace(name):
                 self._place(name, found)
-            case spec.Tagged(tag):
+            case Tagged(tag):
                 self._tag(tag, found)
-            case spec.Disc():
+            case Disc():
                 self._disc(region, found)
-            case spec.Box():
+            case Box():
                 self._box(region, found)
-            case spec.Half(side, of):
+            case Half(side, of):
                 if of:
                     self._place(of, found)
                 self._side(side, found, anchor=not of)
-            case spec.Between(first, second):
+            case Between(first, second):
                 self._place(first, found)
                 self._place(second, found)
                 self._words('regions.between', 'between', found)
-            case spec.Along(place, width):
-                if place == spec.WALLS:
+            case Along(place, width):
+                if place == WALLS:
                     self._words('regions.walls', 'walls', found)
                 else:
                     self._place(place, found)
                 self._words('regions.along', 'along', found)
-                if not math.isclose(width, spec.ALONG_WIDTH):
+                if not math.isclose(width, ALONG_WIDTH):
                     self._number(width, found)
 
     def _take(
@@ -152,7 +168,7 @@ class Witness:
             home.predicate not in predicates and any(p.predicate in predicates for p in near)
         )
 
-    def _disc(self, disc: spec.Disc, found: Evidence) -> None:
+    def _disc(self, disc: Disc, found: Evidence) -> None:
         """Find x and y next to each other, in this order, and the radius."""
         numbers = [m for m in self.sentence.mentions if m.numbers]
         pairs = [
@@ -171,7 +187,7 @@ class Witness:
         if disc.radius:
             self._number(disc.radius, found, with_unit=True)
 
-    def _box(self, box: spec.Box, found: Evidence) -> None:
+    def _box(self, box: Box, found: Evidence) -> None:
         """Find the limits; a half-open box also needs the word for its side."""
         limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
         for limit in limits:
@@ -181,7 +197,7 @@ class Witness:
         if len(limits) == 1:
             self._box_side(box, found)
 
-    def _box_side(self, box: spec.Box, found: Evidence) -> None:
+    def _box_side(self, box: Box, found: Evidence) -> None:
         """Check the side of a box with one limit by 'north of', 'above', 'less than'."""
         of_x = math.isfinite(box.x0) or math.isfinite(box.x1)
         is_low = math.isfinite(box.x0) or math.isfinite(box.y0)
@@ -227,9 +243,9 @@ class Witness:
     def _said_side(self, side: str, found: Evidence) -> str:
         """Return how a sentence says a side: to leave an object on the left is to pass right."""
         predicates = self.structure.predicates_of(found.anchors)
-        if side not in spec.ROUTE_SIDES or not self._words_of(predicates, {'strong.left_behind'}):
+        if side not in ROUTE_SIDES or not self._words_of(predicates, {'strong.left_behind'}):
             return side
-        return spec.ROUTE_SIDES[1 - spec.ROUTE_SIDES.index(side)]
+        return ROUTE_SIDES[1 - ROUTE_SIDES.index(side)]
 
     def _words(self, name: str, shown: str, found: Evidence) -> None:
         """Find a word of a class of the vocabulary."""

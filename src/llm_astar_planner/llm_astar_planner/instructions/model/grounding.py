@@ -14,24 +14,49 @@ from dataclasses import replace
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import MUST, SHOULD, Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import MAX_METRES
 from llm_astar_planner.instructions.model.coverage import says_of_route, unread_parts
 from llm_astar_planner.instructions.model.evidence import Evidence, Witness, holds
 from llm_astar_planner.instructions.model.kinds import is_said_first, polarity
 from llm_astar_planner.instructions.model.mentions import Sentence, read_sentence
 from llm_astar_planner.instructions.model.names import Mention
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
-from llm_astar_planner.instructions.sentence import clause_sentence
+from llm_astar_planner.instructions.regions import (
+    ALONG_WIDTH,
+    COMPASS,
+    ROUTE_SIDES,
+    SIDES,
+    Along,
+    Disc,
+    Half,
+    NamedPlace,
+    Region,
+)
+from llm_astar_planner.instructions.specification import (
+    GUESSED,
+    MAX_CLAUSES,
+    MAX_VISITS,
+    Specification,
+)
 
-Weighed = list[tuple[spec.Clause, Evidence]]
+Weighed = list[tuple[Clause, Evidence]]
 
 
-def repaired(clause: spec.Clause, witness: Witness) -> tuple[spec.Clause, Evidence] | None:
+def repaired(clause: Clause, witness: Witness) -> tuple[Clause, Evidence] | None:
     """Return the only variant of a clause that stands by words that no other clause uses.
 
     One that accounts for more of the sentence goes before one that accounts for less.
     """
-    found: dict[spec.Clause, Evidence] = {}
+    found: dict[Clause, Evidence] = {}
     for variant in variants(clause, witness):
         evidence = witness.evidence_of(variant)
         if not evidence.problems and not evidence.tokens <= witness.used:
@@ -45,73 +70,69 @@ def repaired(clause: spec.Clause, witness: Witness) -> tuple[spec.Clause, Eviden
     return fullest[0] if len(fullest) == 1 else None
 
 
-def turned(clause: spec.Clause, evidence: Evidence, witness: Witness) -> spec.Clause:
+def turned(clause: Clause, evidence: Evidence, witness: Witness) -> Clause:
     """Return what is to be avoided for a visit of what the sentence refuses.
 
     It stays a guess; but a robot sent where it must not go is worse than one kept out.
     """
-    if not (isinstance(clause, spec.Visit) and evidence.problems and evidence.anchors):
+    if not (isinstance(clause, Visit) and evidence.problems and evidence.anchors):
         return clause
     if polarity(evidence.anchors, witness.structure) is not Polarity.REFUSED:
         return clause
-    return spec.Avoid(clause.strength, region=clause.regions[0])
+    return Avoid(clause.strength, region=clause.regions[0])
 
 
-def variants(clause: spec.Clause, witness: Witness) -> Iterator[spec.Clause]:
+def variants(clause: Clause, witness: Witness) -> Iterator[Clause]:
     """Yield the clauses of other kinds, places or sides that a clause may stand for."""
-    regions = spec.regions_of(clause)
+    regions = clause.regions
     if len(regions) != 1:
         return
     for region in [regions[0], *other_regions(regions[0], witness)]:
         yield from of_each_kind(clause, region, witness)
 
 
-def of_each_kind(
-    clause: spec.Clause, region: spec.Region, witness: Witness
-) -> Iterator[spec.Clause]:
+def of_each_kind(clause: Clause, region: Region, witness: Witness) -> Iterator[Clause]:
     """Yield what may be asked of a region."""
     strength = clause.strength
-    yield spec.Avoid(strength, region=region)
-    yield spec.Visit(strength, regions=(region,))
-    yield spec.StayIn(strength, region=region)
-    yield spec.EndAt(strength, region=region)
+    yield Avoid(strength, region=region)
+    yield Visit(strength, regions=(region,))
+    yield StayIn(strength, region=region)
+    yield EndAt(strength, region=region)
     for metres in unused_lengths(witness):
-        yield spec.KeepDistance(strength, region=region, metres=metres)
-    if isinstance(clause, spec.Pass) or isinstance(region, spec.Half):
+        yield KeepDistance(strength, region=region, metres=metres)
+    if isinstance(clause, Pass) or isinstance(region, Half):
         sides = witness.sentence.sides
-        for side in spec.SIDES if set(sides) & set(spec.ROUTE_SIDES) else sides:
-            yield spec.Pass(strength, region=region, side=side)
+        for side in SIDES if set(sides) & set(ROUTE_SIDES) else sides:
+            yield Pass(strength, region=region, side=side)
 
 
 def unused_lengths(witness: Witness) -> list[float]:
     """Return the lengths in metres that no clause uses yet."""
     unused = [m for m in witness.sentence.mentions if not witness.used.issuperset(m.tokens)]
     lengths = (m.numbers[-1] for m in unused if m.has_unit)
-    return [metres for metres in dict.fromkeys(lengths) if 0.0 < metres <= spec.MAX_METRES]
+    return [metres for metres in dict.fromkeys(lengths) if 0.0 < metres <= MAX_METRES]
 
 
-def other_regions(region: spec.Region, witness: Witness) -> Iterator[spec.Region]:
+def other_regions(region: Region, witness: Witness) -> Iterator[Region]:
     """Yield what a region may stand for: the place or the side that no clause uses yet."""
     unused = [m for m in witness.sentence.mentions if not witness.used.issuperset(m.tokens)]
     named = {name for mention in unused for name in mention.names if len(mention.names) == 1}
-    if isinstance(region, spec.NamedPlace) and len(named) == 1:
-        yield spec.NamedPlace(named.pop())
-    if isinstance(region, spec.Half):
+    if isinstance(region, NamedPlace) and len(named) == 1:
+        yield NamedPlace(named.pop())
+    if isinstance(region, Half):
         for side in witness.sentence.sides:
-            if not region.of or side in spec.COMPASS:
+            if not region.of or side in COMPASS:
                 yield replace(region, side=side)
 
 
-def grounded(
-    clauses: Sequence[spec.Clause], text: str, places: Places
-) -> tuple[spec.Specification, str]:
+def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
     """Return the specification of a model's clauses, and what does not stand in the sentence.
 
     Clauses that do not stand are repaired only where all of the sentence is then accounted for:
     of a sentence that is read in parts, the model knows more than these checks.
     """
     structure = Structure(read_sentence(text, places))
-    wanted = [usual_form(clause) for clause in clauses if not isinstance(clause, spec.Unknown)]
+    wanted = [usual_form(clause) for clause in clauses if not isinstance(clause, Unknown)]
     asked = said_orders(list(dict.fromkeys(wanted)), structure)
     first = checked(weigh(asked, Witness(structure, places)), structure)
     if is_sure(first[0]):
@@ -121,13 +142,13 @@ def grounded(
     return second if is_sure(second[0]) else first
 
 
-def is_sure(specification: spec.Specification) -> bool:
+def is_sure(specification: Specification) -> bool:
     """Return whether all of a sentence is accounted for by clauses that stand in it."""
     clauses = specification.clauses
-    return not any(clause.guessed or isinstance(clause, spec.Unknown) for clause in clauses)
+    return not any(clause.unsure or isinstance(clause, Unknown) for clause in clauses)
 
 
-def checked(weighed: Weighed, structure: Structure) -> tuple[spec.Specification, str]:
+def checked(weighed: Weighed, structure: Structure) -> tuple[Specification, str]:
     """Return the specification of weighed clauses and what the sentence says besides."""
     kept = without_extras(weighed)
     used = {n for _, evidence in kept for n in evidence.tokens}
@@ -141,19 +162,19 @@ def checked(weighed: Weighed, structure: Structure) -> tuple[spec.Specification,
     return assembled(joined_visits(kept, structure), unread, structure)
 
 
-def usual_form(clause: spec.Clause) -> spec.Clause:
+def usual_form(clause: Clause) -> Clause:
     """Return a clause in the form that the grammar gives: a distance from a point is a disc."""
     match clause:
-        case spec.KeepDistance(metres=metres, region=spec.Disc(x, y, radius)):
-            return spec.Avoid(clause.strength, clause.guessed, spec.Disc(x, y, metres + radius))
-        case spec.Avoid(region=spec.Disc(x, y, radius), margin=margin) if margin:
-            return spec.Avoid(clause.strength, clause.guessed, spec.Disc(x, y, radius + margin))
+        case KeepDistance(metres=metres, region=Disc(x, y, radius)):
+            return Avoid(clause.strength, clause.unsure, Disc(x, y, metres + radius))
+        case Avoid(region=Disc(x, y, radius), margin=margin) if margin:
+            return Avoid(clause.strength, clause.unsure, Disc(x, y, radius + margin))
     return clause
 
 
-def said_orders(clauses: Sequence[spec.Clause], structure: Structure) -> list[spec.Clause]:
+def said_orders(clauses: Sequence[Clause], structure: Structure) -> list[Clause]:
     """Return the clauses with two visits as one clause where 'before' puts one first."""
-    joined: list[spec.Clause] = []
+    joined: list[Clause] = []
     for clause in clauses:
         order = said_order(joined[-1], clause, structure) if joined else None
         joined[-1:] = [order] if order else [*joined[-1:], clause]
@@ -168,12 +189,7 @@ def joined_visits(weighed: Weighed, structure: Structure) -> Weighed:
     for clause, evidence in weighed:
         last, before = joined[-1] if joined else (None, Evidence())
         alike = bool(before.problems) == bool(evidence.problems)
-        if (
-            isinstance(clause, spec.Visit)
-            and isinstance(last, spec.Visit)
-            and alike
-            and not ordered
-        ):
+        if isinstance(clause, Visit) and isinstance(last, Visit) and alike and not ordered:
             regions = tuple(dict.fromkeys(last.regions + clause.regions))
             joined[-1] = replace(last, regions=regions), both(before, evidence)
         else:
@@ -191,29 +207,27 @@ def both(first: Evidence, second: Evidence) -> Evidence:
     )
 
 
-def said_order(
-    first: spec.Clause, second: spec.Clause, structure: Structure
-) -> spec.Before | None:
+def said_order(first: Clause, second: Clause, structure: Structure) -> Before | None:
     """Return the clause of two visits between which 'before' puts the first one first."""
-    if not (isinstance(first, spec.Visit) and isinstance(second, spec.Visit)):
+    if not (isinstance(first, Visit) and isinstance(second, Visit)):
         return None
     if not structure.sentence.has('strong.before') or len(first.regions) > 1:
         return None
     earlier, later = (mention_of(visit.regions[0], structure) for visit in (first, second))
     if earlier is None or later is None or not is_said_first(earlier, later, structure):
         return None
-    return spec.Before(first=first.regions[0], second=second.regions[0])
+    return Before(first=first.regions[0], second=second.regions[0])
 
 
-def mention_of(region: spec.Region, structure: Structure) -> Mention | None:
+def mention_of(region: Region, structure: Structure) -> Mention | None:
     """Return the first mention of a named place, None for another region or without one."""
-    if not isinstance(region, spec.NamedPlace):
+    if not isinstance(region, NamedPlace):
         return None
     found = (m for m in structure.sentence.mentions if region.place in m.names)
     return next(found, None)
 
 
-def weigh(clauses: Sequence[spec.Clause], witness: Witness) -> Weighed:
+def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
     """Return the clauses with their evidence; those that stand use up their words first."""
     found: dict[int, Evidence] = {}
     for n, clause in enumerate(clauses):
@@ -255,23 +269,23 @@ def lengths_left(evidence: Evidence, witness: Witness) -> list[str]:
     return [f'{metres:g} m is left over' for metres in left if not evidence.problems]
 
 
-def read_back_problems(clause: spec.Clause, sentence: Sentence) -> list[str]:
+def read_back_problems(clause: Clause, sentence: Sentence) -> list[str]:
     """Return what the canonical sentence of a clause says and the sentence does not.
 
     The sentence that people are shown is read as theirs was: its places and its numbers must be
     among those of the sentence.
     """
-    shown = read_sentence(clause_sentence(clause), sentence.places)
+    shown = read_sentence(clause.sentence(), sentence.places)
     names = {name for mention in sentence.mentions for name in mention.names}
     said = {mention.names[0] for mention in shown.mentions if len(mention.names) == 1}
     problems = [f'the sentence does not name {name!r}' for name in sorted(said - names)]
     numbers = [mention for mention in sentence.mentions if mention.numbers]
-    strip = any(isinstance(region, spec.Along) for region in spec.regions_of(clause))
+    strip = any(isinstance(region, Along) for region in clause.regions)
     values = [mention.numbers[0] for mention in shown.mentions if mention.numbers]
     return problems + [
         f'the sentence does not say {value:g}'
         for value in values
-        if not (strip and value == spec.ALONG_WIDTH)
+        if not (strip and value == ALONG_WIDTH)
         and not any(holds(mention, value) for mention in numbers)
     ]
 
@@ -292,10 +306,10 @@ def without_extras(weighed: Weighed) -> Weighed:
     return [(clause, evidence) for clause, evidence in weighed if not is_extra(evidence)]
 
 
-def words_half_read(clauses: Sequence[spec.Clause], sentence: Sentence) -> set[int]:
+def words_half_read(clauses: Sequence[Clause], sentence: Sentence) -> set[int]:
     """Return the words for several places of which clauses name some and not all."""
-    regions = [region for clause in clauses for region in spec.regions_of(clause)]
-    named = {region.place for region in regions if isinstance(region, spec.NamedPlace)}
+    regions = [region for clause in clauses for region in clause.regions]
+    named = {region.place for region in regions if isinstance(region, NamedPlace)}
     return {
         n
         for mention in sentence.mentions
@@ -314,7 +328,7 @@ def without_inventions(kept: Weighed, unread: int) -> Weighed:
     result: Weighed = []
     for clause, evidence in kept:
         if not evidence.anchors:
-            if left == 0 or isinstance(clause, spec.EndAt):
+            if left == 0 or isinstance(clause, EndAt):
                 continue
             left -= 1
         result.append((clause, evidence))
@@ -323,20 +337,22 @@ def without_inventions(kept: Weighed, unread: int) -> Weighed:
 
 def assembled(
     kept: Weighed, unread: Sequence[str], structure: Structure
-) -> tuple[spec.Specification, str]:
+) -> tuple[Specification, str]:
     """Return the specification, in the bounds of one, and the problems as one text."""
-    clauses: list[spec.Clause] = []
+    clauses: list[Clause] = []
     problems: list[str] = []
     visits = 0
     for clause, evidence in kept:
-        visits += len(clause.regions) if isinstance(clause, spec.Visit) else 0
-        if visits > spec.MAX_VISITS or len(clauses) >= spec.MAX_CLAUSES - len(unread):
+        visits += len(clause.regions) if isinstance(clause, Visit) else 0
+        if visits > MAX_VISITS or len(clauses) >= MAX_CLAUSES - len(unread):
             problems.append('more is asked than fits')
             break
         # 'if possible' or the like belongs to its verb.
         is_soft = 'soft' in structure.labels_of(structure.predicates_of(evidence.anchors))
-        strength = spec.SHOULD if is_soft else spec.MUST
-        clauses.append(replace(clause, strength=strength, guessed=bool(evidence.problems)))
-        problems += [f'{clause_sentence(clause)}: {problem}' for problem in evidence.problems[:1]]
-    clauses += [spec.Unknown(text=part) for part in unread]
-    return spec.Specification(tuple(clauses)), '; '.join(problems)
+        strength = SHOULD if is_soft else MUST
+        clauses.append(
+            replace(clause, strength=strength, unsure=GUESSED * bool(evidence.problems))
+        )
+        problems += [f'{clause.sentence()}: {problem}' for problem in evidence.problems[:1]]
+    clauses += [Unknown(text=part) for part in unread]
+    return Specification(tuple(clauses)), '; '.join(problems)

@@ -5,10 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.model.mentions import Sentence
 from llm_astar_planner.instructions.model.names import Mention, orientation
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
+from llm_astar_planner.instructions.regions import (
+    ROUTE_SIDES,
+    Along,
+    Between,
+    Box,
+    Half,
+    NamedPlace,
+    Region,
+)
 
 Parts = Sequence[Sequence[Mention]]
 
@@ -19,25 +35,25 @@ class Said(NamedTuple):
     `polarity` is that of all of them, `labels` are the classes of the words beside them.
     """
 
-    clause: spec.Clause
+    clause: Clause
     polarity: Polarity
     labels: set[str]
     sentence: Sentence
 
-    def is_about(self, *forms: type[spec.Region]) -> bool:
+    def is_about(self, *forms: type[Region]) -> bool:
         """Tell whether a region of the clause is of one of some forms."""
-        return any(isinstance(region, forms) for region in spec.regions_of(self.clause))
+        return any(isinstance(region, forms) for region in self.clause.regions)
 
     @property
     def is_long(self) -> bool:
         """Whether a place of it is long and narrow: taking an aisle is staying in it."""
-        regions = spec.regions_of(self.clause)
-        names = [region.place for region in regions if isinstance(region, spec.NamedPlace)]
+        regions = self.clause.regions
+        names = [region.place for region in regions if isinstance(region, NamedPlace)]
         found = [self.sentence.places.get(name) for name in names]
         return any(place is not None and orientation(place) for place in found)
 
 
-def kind_problem(clause: spec.Clause, parts: Parts, structure: Structure) -> str | None:
+def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | None:
     """Return why the sentence does not say this kind of clause of its regions, None if it does.
 
     `parts` are the mentions of each region.
@@ -45,7 +61,7 @@ def kind_problem(clause: spec.Clause, parts: Parts, structure: Structure) -> str
     anchors = [mention for part in parts for mention in part]
     if not anchors:
         return None
-    if isinstance(clause, spec.Before):
+    if isinstance(clause, Before):
         return before_problem(parts, structure)
     labels = structure.labels_of(structure.predicates_of(anchors))
     said = Said(clause, polarity(anchors, structure), labels, structure.sentence)
@@ -77,7 +93,7 @@ def visit_problem(said: Said) -> str | None:
         return 'it may be one to end in'
     if may_be_to_stay_in(said):
         return 'it may be one to stay in'
-    between = said.is_about(spec.Between, spec.Along)
+    between = said.is_about(Between, Along)
     if said.labels & {'strong.before', 'strong.until'} and not between:
         return 'it may be one of before and after'
     is_said = said.labels & {'kinds.visit', 'verb', 'order'}
@@ -88,7 +104,7 @@ def may_be_to_stay_in(said: Said) -> bool:
     """Return whether a region may be meant as one to stay in, not only to go through."""
     if 'strong.stay' in said.labels:
         return True
-    held = 'strong.stay_in' in said.labels and said.is_about(spec.Half, spec.Box)
+    held = 'strong.stay_in' in said.labels and said.is_about(Half, Box)
     taken = 'strong.take' in said.labels and said.is_long
     return (held or taken) and 'strong.way' not in said.labels
 
@@ -109,7 +125,7 @@ def end_problem(said: Said) -> str | None:
     """Check that the region is wanted and that there is a word for ending."""
     if said.polarity is not Polarity.WANTED:
         return 'it is refused, or may be'
-    wanted = 'strong.finish' if said.is_about(spec.Half, spec.Box) else 'strong.end_at'
+    wanted = 'strong.finish' if said.is_about(Half, Box) else 'strong.end_at'
     return None if wanted in said.labels else 'nothing says to end there'
 
 
@@ -149,7 +165,7 @@ def pass_problem(said: Said) -> str | None:
     if not said.labels & {'verb', 'kinds.pass'}:
         return 'nothing says to pass it'
     of_robot = 'strong.at_hand' in said.labels and 'strong.left_behind' not in said.labels
-    if getattr(said.clause, 'side', '') in spec.ROUTE_SIDES and of_robot:
+    if getattr(said.clause, 'side', '') in ROUTE_SIDES and of_robot:
         return 'the side may be that of the robot'
     return None
 
@@ -164,11 +180,11 @@ def distance_problem(said: Said) -> str | None:
     return None if refused or 'apart' in said.labels else 'nothing says away from it'
 
 
-PROBLEMS: dict[type[spec.Clause], Callable[[Said], str | None]] = {
-    spec.Avoid: avoid_problem,
-    spec.Visit: visit_problem,
-    spec.StayIn: stay_problem,
-    spec.EndAt: end_problem,
-    spec.Pass: pass_problem,
-    spec.KeepDistance: distance_problem,
+PROBLEMS: dict[type[Clause], Callable[[Said], str | None]] = {
+    Avoid: avoid_problem,
+    Visit: visit_problem,
+    StayIn: stay_problem,
+    EndAt: end_problem,
+    Pass: pass_problem,
+    KeepDistance: distance_problem,
 }

@@ -9,6 +9,7 @@ from functools import partial
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions.fields import FAR
 from llm_astar_planner.instructions.model.names import Mention, NameFinder
 from llm_astar_planner.instructions.model.vocabulary import (
     Token,
@@ -17,8 +18,7 @@ from llm_astar_planner.instructions.model.vocabulary import (
     tokens_of,
     vocabulary,
 )
-from llm_astar_planner.instructions.specification import SIDES
-from llm_astar_planner.instructions.specification_json import FAR
+from llm_astar_planner.instructions.regions import SIDES
 
 
 @dataclass(frozen=True, eq=False)

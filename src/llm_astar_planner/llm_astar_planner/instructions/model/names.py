@@ -14,7 +14,7 @@ from llm_astar_planner.instructions.grammar.lexicon import lexicon, translated
 from llm_astar_planner.instructions.grammar.vocabulary import nouns
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, squeezed
 from llm_astar_planner.instructions.model.vocabulary import Token, is_known, tokens_of, words_of
-from llm_astar_planner.instructions.specification import COMPASS
+from llm_astar_planner.instructions.regions import COMPASS
 
 ENDINGS = ('es', 'en', 's', 'n', 'e')
 MIN_STEM = 4

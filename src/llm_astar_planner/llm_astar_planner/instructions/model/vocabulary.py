@@ -14,7 +14,7 @@ from pathlib import Path
 from rapidfuzz.distance import OSA
 
 from llm_astar_planner.instructions.grammar.words import Phrases
-from llm_astar_planner.instructions.specification import SIDES
+from llm_astar_planner.instructions.regions import SIDES
 
 WORDS_FILE = Path(__file__).with_name('words.json')
 # Words that end a part of a sentence, besides punctuation.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial, reduce
 
 import numpy as np
 import shapely
@@ -13,7 +14,26 @@ from llm_astar_msgs_adapter.maps.places import Place
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.regions import (
+    AVOID_RADIUS,
+    OBJECT_REACH,
+    ROUTE_SIDES,
+    VISIT_DEPTH,
+    VISIT_RADIUS,
+    WALLS,
+    AllOf,
+    Along,
+    AnyOf,
+    Between,
+    Box,
+    Disc,
+    End,
+    Except,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+)
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
@@ -35,6 +55,7 @@ COMPASS_DIRECTIONS = {
     'east': (1.0, 0.0),
     'west': (-1.0, 0.0),
 }
+Cut = Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
 
 
 class RegionError(LlmAstarError, ValueError):
@@ -62,13 +83,18 @@ class RegionPart:
             return self.area.grown(self.reach + EDGE)
         if len(self.area.discs):
             return Area(self.cell, self.area.discs + (0.0, 0.0, EDGE))
-        depth = min(spec.VISIT_DEPTH, self.width / 4.0)
+        depth = min(VISIT_DEPTH, self.width / 4.0)
         deep = self.area.shrunk(max(0.0, depth - EDGE))
         # A thin part of a wide rectangle, a ring for instance, may be nowhere so deep.
         while not deep.has_size and depth > EDGE:
             depth /= 2.0
             deep = self.area.shrunk(depth)
         return deep
+
+    @cached_property
+    def entered(self) -> Area:
+        """Where a path has entered the part: inside of it, near to what one cannot stand in."""
+        return self.visited if self.reach else self.area.shrunk(EDGE)
 
     @cached_property
     def ends(self) -> Area:
@@ -97,6 +123,11 @@ class Resolved:
         return together(part.visited for part in self.parts)
 
     @cached_property
+    def entered(self) -> Area:
+        """Where a path has entered the region."""
+        return together(part.entered for part in self.parts)
+
+    @cached_property
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the region."""
         return together(part.ends for part in self.parts)
@@ -120,34 +151,66 @@ class Regions:
         # The outline of the whole grid in the map's frame.
         self.map_outline = shapely.Polygon(grid_map.grid_to_world(corners))
 
-    def resolve(self, region: spec.Region, radius: float = spec.VISIT_RADIUS) -> Resolved:
+    def resolve(self, region: Region, radius: float = VISIT_RADIUS) -> Resolved:
         """Return where a region lies. `radius` is that of a point without one.
 
         Raises RegionError where a name or a tag does not exist, or the region has no meaning.
         """
         match region:
-            case spec.NamedPlace(name):
+            case NamedPlace(name):
                 return Resolved((self.place_part(self.place(name)),))
-            case spec.Tagged(tag):
+            case Tagged(tag):
                 places = self._route.places.with_tag(tag)
                 if not places:
                     raise RegionError(f'there is no place of the kind or tag {tag!r}')
                 return Resolved(tuple(self.place_part(place) for place in places))
-            case spec.Disc(x, y, given):
+            case Disc(x, y, given):
                 return Resolved((self.disc_part(x, y, given or radius),))
-            case spec.Box():
+            case Box():
                 return Resolved((self.open_part(self.box_polygon(region)),))
-            case spec.Half():
+            case Half():
                 return Resolved((self.half_part(region),))
-            case spec.Between(first, second):
+            case Between(first, second):
                 return Resolved((self.between_part(first, second),))
-            case spec.Along(place, width):
+            case Along(place, width):
                 return Resolved((self.along_part(place, width),))
+            case End(end):
+                at_start, goal = end == 'start', self._route.position(self._route.goal)
+                x, y = self._route.begin if at_start else goal
+                return Resolved((self.disc_part(x, y, VISIT_RADIUS),))
+            case AnyOf(regions):
+                found = self.joinable(regions, radius)
+                return Resolved(tuple(part for one in found for part in one.parts))
+            case AllOf(regions):
+                found = sorted(self.joinable(regions, radius), key=lambda one: not one.is_object)
+                return reduce(partial(self.cut, shapely.intersection), found)
+            case Except(inner, others):
+                found = self.joinable((inner, *others), radius)
+                return reduce(partial(self.cut, shapely.difference), found)
         raise TypeError(type(region).__name__)
 
-    def resolve_avoided(self, region: spec.Region) -> Resolved:
+    def resolve_avoided(self, region: Region) -> Resolved:
         """Return where a region to keep out of lies."""
-        return self.resolve(region, spec.AVOID_RADIUS)
+        return self.resolve(region, AVOID_RADIUS)
+
+    def joinable(self, regions: Iterable[Region], radius: float) -> list[Resolved]:
+        """Return where regions lie that others are made of. Raises RegionError."""
+        found = [self.resolve(region, radius) for region in regions]
+        if any(part.area.wall_distance > 0.0 for one in found for part in one.parts):
+            raise RegionError('the strip along all walls is not joined with other regions')
+        return found
+
+    def cut(self, operation: Cut, one: Resolved, other: Resolved) -> Resolved:
+        """Return what an operation with another region leaves of the parts of one.
+
+        A part of which all is left stays as exact as it is.
+        """
+        parts = []
+        for part in one.parts:
+            left = polygons_of(operation(part.area.outline, other.area.outline))
+            whole = left.equals(part.area.outline)
+            parts.append(part if whole else replace(self.open_part(left), reach=part.reach))
+        return Resolved(tuple(part for part in parts if part.area.has_size) or (parts[0],))
 
     def place(self, name: str) -> Place:
         """Return the place of a name. Raises RegionError if there is none."""
@@ -160,14 +223,12 @@ class Regions:
         """Return a place; a point is a disc of VISIT_RADIUS."""
         shape = shapely.force_2d(place.geometry)
         if shape.geom_type == 'Point' and not shape.is_empty:
-            part = self.disc_part(shape.x, shape.y, spec.VISIT_RADIUS)
+            part = self.disc_part(shape.x, shape.y, VISIT_RADIUS)
             if place.is_object:
-                return RegionPart(part.area, reach=spec.OBJECT_REACH - spec.VISIT_RADIUS)
+                return RegionPart(part.area, reach=OBJECT_REACH - VISIT_RADIUS)
             return part
         area = polygon_area(shape)
-        return RegionPart(
-            area, width_of(area.polygon), spec.OBJECT_REACH if place.is_object else 0.0
-        )
+        return RegionPart(area, width_of(area.polygon), OBJECT_REACH if place.is_object else 0.0)
 
     def disc_part(self, x: float, y: float, radius: float) -> RegionPart:
         """Return a disc, and the inside of the cell that holds its centre."""
@@ -185,7 +246,7 @@ class Regions:
         on_map = polygons_of(shapely.intersection(polygon, self.map_outline))
         return RegionPart(polygon_area(polygon), width_of(on_map))
 
-    def box_polygon(self, box: spec.Box) -> BaseGeometry:
+    def box_polygon(self, box: Box) -> BaseGeometry:
         """Return a box with its open sides beyond the map; empty if its sides are in no order."""
         low_x, low_y, high_x, high_y = shapely.bounds(self.map_outline)
         finite = [side for side in (box.x0, box.x1, box.y0, box.y1) if math.isfinite(side)]
@@ -195,15 +256,15 @@ class Regions:
         y0, y1 = max(box.y0, low), min(box.y1, high)
         return shapely.box(x0, y0, x1, y1) if x0 < x1 and y0 < y1 else NOTHING
 
-    def half_part(self, half: spec.Half) -> RegionPart:
+    def half_part(self, half: Half) -> RegionPart:
         """Return a half of the map or of a place."""
         whole = self.place_part(self.place(half.of)).area.outline if half.of else self.map_outline
         if whole.is_empty:
             return RegionPart(polygon_area(NOTHING))
         x0, y0, x1, y1 = shapely.bounds(whole)
         middle = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0])
-        if half.side in spec.ROUTE_SIDES and not half.of:
-            middle = np.array(self._route.position(self._route.start))
+        if half.side in ROUTE_SIDES and not half.of:
+            middle = np.array(self._route.begin)
         plane = self.half_plane(middle, self.direction(half.side))
         if not half.of:
             return self.open_part(plane)
@@ -215,9 +276,9 @@ class Regions:
 
         Raises RegionError for left and right where start and goal are one cell.
         """
-        if side not in spec.ROUTE_SIDES:
+        if side not in ROUTE_SIDES:
             return np.array(COMPASS_DIRECTIONS[side])
-        start = np.array(self._route.position(self._route.start))
+        start = np.array(self._route.begin)
         way = np.array(self._route.position(self._route.goal)) - start
         if not way.any():
             raise RegionError(f'start and goal are one cell, which has no {side} side')
@@ -244,7 +305,7 @@ class Regions:
 
     def along_part(self, place: str, width: float) -> RegionPart:
         """Return the strip around a place, or all that is near a wall."""
-        if place == spec.WALLS:
+        if place == WALLS:
             if not self._walls.exist:
                 raise RegionError('the map has no walls')
             return RegionPart(self._walls.zone(width), width)

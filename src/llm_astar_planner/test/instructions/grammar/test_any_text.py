@@ -9,15 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from instructions.grammar.hospital import HOSPITAL, read
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
+from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
-from llm_astar_planner.instructions.interpretation import (
-    MAX_INSTRUCTION_CHARS,
-    Interpretation,
-    Understanding,
-)
-from llm_astar_planner.instructions.specification import MAX_CLAUSES, Unknown
-from llm_astar_planner.instructions.specification_json import from_json, to_json
+from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
+from llm_astar_planner.instructions.specification import MAX_CLAUSES, from_json
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 
 WORDS = sorted(
     {word for language in LANGUAGES for word in vocabulary(language).phrases.words}
@@ -32,7 +29,7 @@ def assert_sound(text, interpretation):
     assert isinstance(interpretation, Interpretation)
     clauses = interpretation.specification.clauses
     assert len(clauses) <= MAX_CLAUSES
-    assert from_json(to_json(interpretation.specification)) == interpretation.specification
+    assert from_json(interpretation.specification.to_json()) == interpretation.specification
     unknown = [clause for clause in clauses if isinstance(clause, Unknown)]
     assert (interpretation.status is Understanding.WHOLE) == (bool(clauses) and not unknown)
     assert all(clause.text and clause.text in interpretation.text for clause in unknown)

@@ -7,32 +7,30 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import MUST, SHOULD
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import Understanding
-from llm_astar_planner.instructions.sentence import canonical_sentence
-from llm_astar_planner.instructions.specification import (
+from llm_astar_planner.instructions.regions import (
     COMPASS,
-    MUST,
-    SHOULD,
     SIDES,
     WALLS,
     Along,
-    Avoid,
-    Before,
     Between,
     Box,
     Disc,
-    EndAt,
     Half,
-    KeepDistance,
     NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
     Tagged,
-    Unknown,
-    Visit,
 )
+from llm_astar_planner.instructions.specification import Specification
 
 NAMES = (
     'kitchen',
@@ -112,14 +110,14 @@ def read(sentence):
 @given(clauses)
 @settings(max_examples=200, deadline=None)
 def test_a_clause_is_read_back(clause):
-    sentence = canonical_sentence(Specification((clause,)))
+    sentence = Specification((clause,)).sentence
     assert read(sentence).specification == Specification((clause,)), sentence
 
 
 @given(st.lists(clauses, min_size=2, max_size=4).map(lambda some: Specification(tuple(some))))
 @settings(max_examples=100, deadline=None)
 def test_a_specification_is_read_back(specification):
-    sentence = canonical_sentence(specification)
+    sentence = specification.sentence
     if len(sentence) > 500:
         return
     interpretation = read(sentence)
@@ -130,7 +128,7 @@ def test_a_specification_is_read_back(specification):
 
 def test_everything_that_is_not_understood_stays_so():
     specification = Specification((Avoid(region=NamedPlace('lab')), Unknown(text='the rest')))
-    interpretation = read(canonical_sentence(specification))
+    interpretation = read(specification.sentence)
     assert interpretation.specification == specification
     assert interpretation.status is Understanding.PARTLY
 

@@ -1,7 +1,7 @@
 import pytest
 from instructions.grammar.hospital import read
+from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.interpretation import Understanding
-from llm_astar_planner.instructions.specification import Unknown
 
 AVOID = {
     'Please stay out of the pharmacy.': 'avoid the pharmacy',

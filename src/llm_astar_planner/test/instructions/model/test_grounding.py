@@ -5,7 +5,6 @@ from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
 from llm_astar_planner.instructions.model.answer import read_answer
 from llm_astar_planner.instructions.model.grounding import grounded
-from llm_astar_planner.instructions.sentence import clause_sentence
 
 
 def ground(text, *clauses):
@@ -21,7 +20,7 @@ def clauses_of(answer):
 
 def shown(specification):
     """Each clause as a sentence, '?' before those that are guessed."""
-    return [('?' if c.guessed else '') + clause_sentence(c) for c in specification.clauses]
+    return [('?' if c.unsure else '') + c.sentence() for c in specification.clauses]
 
 
 def avoid(where):
@@ -148,7 +147,7 @@ WRONG = [
 def test_a_clause_that_the_sentence_does_not_say_is_never_claimed(text, answer):
     wrong = clauses_of(answer)
     specification = ground(text, *answer)
-    claimed = {clause for clause in specification.enforceable if not clause.guessed}
+    claimed = {clause for clause in specification.enforceable if not clause.unsure}
     assert not claimed & wrong
     assert specification.clauses
 
@@ -174,7 +173,7 @@ def test_the_only_variant_of_a_clause_that_stands_takes_its_place(text, answer, 
 
 def test_a_place_is_not_taken_for_another_where_two_are_left():
     specification = ground('visit ward 1 and avoid the lobby', visit('kitchen'))
-    assert all(clause.guessed for clause in specification.enforceable)
+    assert all(clause.unsure for clause in specification.enforceable)
     assert status_of(specification) in (Understanding.PARTLY, Understanding.NONE)
 
 

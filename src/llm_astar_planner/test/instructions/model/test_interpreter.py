@@ -156,7 +156,7 @@ def test_an_injection_changes_nothing_but_clauses(chat_server, text):
     asked = chat_server.requests[0]['messages']
     assert len(asked) == 2 * len(shipped_examples().turns) + 2
     assert asked[-1]['content'].endswith(f'Instruction: {json.dumps(text)}')
-    assert all(clause.guessed for clause in found.specification.enforceable)
+    assert all(clause.unsure for clause in found.specification.enforceable)
     assert found.status in (Understanding.PARTLY, Understanding.NONE)
 
 

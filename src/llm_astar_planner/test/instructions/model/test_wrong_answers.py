@@ -10,23 +10,17 @@ from pathlib import Path
 
 from llm_astar_lab.instruct_bench.comparison import same_specification
 from llm_astar_lab.instruct_bench.suite import load_suite
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.instructions.clauses.clause import MUST
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
 from llm_astar_planner.instructions.model.grounding import grounded
-from llm_astar_planner.instructions.sentence import canonical_sentence
-from llm_astar_planner.instructions.specification import (
-    COMPASS,
-    MUST,
-    Avoid,
-    Before,
-    EndAt,
-    Half,
-    NamedPlace,
-    Pass,
-    Specification,
-    StayIn,
-    Visit,
-    regions_of,
-)
+from llm_astar_planner.instructions.regions import COMPASS, Half, NamedPlace
+from llm_astar_planner.instructions.specification import Specification
 
 SUITE = Path(__file__).resolve().parents[5] / 'maps' / 'instructions' / 'suite.json'
 # One instruction of so many; all of them take a minute.
@@ -40,7 +34,7 @@ def instructions():
 
 def wrong_clauses(clause, places):
     """Clauses that ask something else than `clause`."""
-    regions = regions_of(clause)
+    regions = clause.regions
     if isinstance(clause, Before):
         return [replace(clause, first=clause.second, second=clause.first)]
     if len(regions) != 1:
@@ -73,7 +67,7 @@ def must(specification):
 
 
 def claimed(specification):
-    guessed = any(clause.guessed for clause in specification.clauses)
+    guessed = any(clause.unsure for clause in specification.clauses)
     return status_of(specification) is Understanding.WHOLE and not guessed
 
 
@@ -85,7 +79,7 @@ def test_no_wrong_answer_is_claimed():
             found, _ = grounded(answer, entry.text, entry.suite_map.places)
             right = same_specification(must(found), accepted, entry.suite_map)
             if claimed(found) and not right:
-                false.append((entry.text, canonical_sentence(found)))
+                false.append((entry.text, found.sentence))
     assert false == []
 
 

@@ -1,0 +1,52 @@
+"""avoid: no part of the path lies in a region."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.fields import MAX_METRES, Fields, as_number
+from llm_astar_planner.instructions.regions import (
+    NOWHERE,
+    Region,
+    metres,
+    region_from_json,
+)
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class Avoid(Clause):
+    """No part of the path lies in the region or within `margin` metres of it."""
+
+    kind: ClassVar[str] = 'avoid'
+    is_closed: ClassVar[bool] = True
+    region: Region = NOWHERE
+    margin: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        margin = {'margin': self.margin} if self.margin else {}
+        return {'region': self.region.to_json(), **margin}
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own."""
+        margin = as_number(fields.get('margin', 0.0), f'{where}: margin', 0.0, MAX_METRES)
+        return {
+            'margin': margin,
+            'region': region_from_json(fields.get('region'), f'{where}: region'),
+        }
+
+    def phrase(self) -> str:
+        """Return 'avoid the lab by 2 m'."""
+        if self.margin:
+            return f'avoid {self.region.from_phrase()} by {metres(self.margin)}'
+        return f'avoid {self.region.phrase()}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """Forbid the region and its margin."""
+        return Ask(forbidden=ground.avoided(self.region, self.margin))

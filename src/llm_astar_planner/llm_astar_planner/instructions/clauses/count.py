@@ -1,0 +1,66 @@
+"""count: a region is entered at least or at most so many times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
+from llm_astar_planner.instructions.fields import Fields, SpecificationError, as_count
+from llm_astar_planner.instructions.regions import NOWHERE, Region, region_from_json
+from llm_astar_planner.search import automata
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+MAX_ENTRIES = 8
+
+
+@dataclass(frozen=True)
+class Count(Clause):
+    """The path enters the region `at_least` and `at_most` so many times; None is no limit.
+
+    It enters when it is as deep in it as a visit has to be, for the first time or after it was
+    outside, by more than a cell and a half.
+    """
+
+    kind: ClassVar[str] = 'count'
+    region: Region = NOWHERE
+    at_least: int = 0
+    at_most: int | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        limits = {'at_least': self.at_least, 'at_most': self.at_most}
+        return {'region': self.region.to_json(), **limits}
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own."""
+        most = fields.get('at_most')
+        most = None if most is None else as_count(most, f'{where}: at_most', MAX_ENTRIES)
+        least = as_count(fields.get('at_least', 0), f'{where}: at_least', MAX_ENTRIES)
+        if most is not None and most < least:
+            raise SpecificationError(f'{where}: at_most: {most} is below at_least')
+        region = region_from_json(fields.get('region'), f'{where}: region')
+        return {'region': region, 'at_least': least, 'at_most': most}
+
+    def phrase(self) -> str:
+        """Return 'enter the lab at most 2 times'."""
+        limits = [f'at least {self.at_least}'] if self.at_least else []
+        limits += [] if self.at_most is None else [f'at most {self.at_most}']
+        if self.at_least == self.at_most:
+            limits = [f'exactly {self.at_most}']
+        how_often = f' {" and ".join(limits)} times' if limits else ' as often as needed'
+        return f'enter {self.region.phrase(any_one=True)}{how_often}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """Count the entries: at least by the surest of them, at most by all that may be one."""
+        rules = []
+        if self.at_least:
+            zones = ground.visited(self.region), ground.around(self.region)
+            rules.append(Rule(zones, lambda _: automata.entries(0, 1, self.at_least)))
+        if self.at_most is not None:
+            zones = ground.touching(self.region), ground.entered(self.region)
+            rules.append(Rule(zones, lambda _: automata.entries(0, 1, 0, self.at_most)))
+        return Ask(rules=tuple(rules))

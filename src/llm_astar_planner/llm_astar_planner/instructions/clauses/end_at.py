@@ -1,0 +1,27 @@
+"""end_at: the path ends in a region."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Ask
+from llm_astar_planner.instructions.clauses.stay_in import OfOne
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class EndAt(OfOne):
+    """The path ends in the region, at the cell that suits the other clauses best."""
+
+    kind: ClassVar[str] = 'end_at'
+
+    def phrase(self) -> str:
+        """Return 'end in the dock'."""
+        return f'end in {self.region.phrase(any_one=True)}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """End in the region."""
+        return Ask(goals=ground.visited(self.region).cells)

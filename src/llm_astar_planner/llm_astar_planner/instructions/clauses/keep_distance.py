@@ -1,0 +1,54 @@
+"""keep_distance: the path keeps away from a region, or from all walls."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.fields import (
+    MAX_METRES,
+    Fields,
+    SpecificationError,
+    as_number,
+)
+from llm_astar_planner.instructions.regions import WALLS, Region, metres, region_from_json
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class KeepDistance(Clause):
+    """The path keeps at least `metres` from a region, or from all walls where it is None."""
+
+    kind: ClassVar[str] = 'keep_distance'
+    is_closed: ClassVar[bool] = True
+    metres: float = 0.0
+    region: Region | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        other = WALLS if self.region is None else self.region.to_json()
+        return {'from': other, 'metres': self.metres}
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own."""
+        length = as_number(fields.get('metres'), f'{where}: metres', 0.0, MAX_METRES)
+        if length == 0.0:
+            raise SpecificationError(f'{where}: metres: must be above 0')
+        other = fields.get('from')
+        region = None if other == WALLS else region_from_json(other, f'{where}: from')
+        return {'metres': length, 'region': region}
+
+    def phrase(self) -> str:
+        """Return 'keep 2 m away from the walls'."""
+        other = 'the walls' if self.region is None else self.region.from_phrase()
+        return f'keep {metres(self.metres)} away from {other}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """Forbid what is too near to the walls or the region."""
+        if self.region is None:
+            return Ask(ground.near_walls(self.metres), ends_within=self.metres)
+        return Ask(ground.avoided(self.region, self.metres), ends_within=self.metres)

@@ -1,0 +1,31 @@
+"""never_after: who has entered one region never enters another one again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, ClassVar
+
+from llm_astar_planner.instructions.clauses.before import OfTwo
+from llm_astar_planner.instructions.clauses.clause import Ask, Rule
+from llm_astar_planner.search import automata
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class NeverAfter(OfTwo):
+    """Once the path has entered `first` it is never in `second`: G(first -> G !second)."""
+
+    kind: ClassVar[str] = 'never_after'
+
+    def phrase(self) -> str:
+        """Return 'do not enter the dock after the lab'."""
+        first, second = (region.phrase(any_one=True) for region in self.regions)
+        return f'do not enter {second} after {first}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """Forbid the second region from the first entry of the first one on."""
+        zones = ground.entered(self.first), ground.entered(self.second)
+        return Ask(rules=(Rule(zones, partial(automata.never_after, 0, 1)),))

@@ -1,0 +1,58 @@
+"""pass: an object is passed on a side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
+from llm_astar_planner.instructions.fields import Fields, as_choice
+from llm_astar_planner.instructions.regions import (
+    NOWHERE,
+    ROUTE_SIDES,
+    SIDES,
+    Along,
+    Region,
+    Tagged,
+    region_from_json,
+)
+from llm_astar_planner.search import automata
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class Pass(Clause):
+    """The path passes the object on a side: it crosses the ray from it to that side of the map.
+
+    It crosses neither the object nor the ray to the opposite side.
+    """
+
+    kind: ClassVar[str] = 'pass'
+    region: Region = NOWHERE
+    side: str = 'north'
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        return {'region': self.region.to_json(), 'side': self.side}
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own."""
+        side = as_choice(fields.get('side'), f'{where}: side', SIDES)
+        region = fields.get('region', fields.get('object'))
+        return {'side': side, 'region': region_from_json(region, f'{where}: region')}
+
+    def phrase(self) -> str:
+        """Return 'pass the rack on the north side'."""
+        of_way = self.side in ROUTE_SIDES
+        where = f'{self.side} of the direct way' if of_way else f'{self.side} side'
+        # 'all blue places on the north side' would be those that lie there, walls likewise.
+        how = 'by' if isinstance(self.region, (Tagged, Along)) else 'on'
+        return f'pass {self.region.phrase()} {how} the {where}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """Forbid the object and the ray to the wrong side; cross the ray to the right side."""
+        forbidden, crossing = ground.sides(self.region, self.side)
+        return Ask(forbidden, rules=(Rule((crossing,), lambda _: automata.visits(((0,),))),))

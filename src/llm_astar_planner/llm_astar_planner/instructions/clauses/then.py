@@ -1,0 +1,33 @@
+"""then: who enters one region visits another one later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from llm_astar_planner.instructions.clauses.before import OfTwo
+from llm_astar_planner.instructions.clauses.clause import Ask, Rule
+from llm_astar_planner.search import automata
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class Then(OfTwo):
+    """Whenever the path has entered `first` it visits `second` afterwards: G(first -> F second).
+
+    A path that does not enter `first` owes nothing.
+    """
+
+    kind: ClassVar[str] = 'then'
+
+    def phrase(self) -> str:
+        """Return 'after every entry of the lab visit the dock'."""
+        first, second = (region.phrase(any_one=True) for region in self.regions)
+        return f'after every entry of {first} visit {second}'
+
+    def ask(self, ground: Ground) -> Ask:
+        """Owe a visit of the second region from each entry of the first one on."""
+        zones = ground.entered(self.first), ground.visited(self.second)
+        return Ask(rules=(Rule(zones, lambda _: automata.then(0, 1)),))

@@ -1,0 +1,36 @@
+"""unknown: words that were not understood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.fields import Fields, as_text
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class Unknown(Clause):
+    """Words that were not understood; nothing is enforced and nothing is claimed of them."""
+
+    kind: ClassVar[str] = 'unknown'
+    text: str = ''
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        return {'text': self.text}
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own."""
+        return {'text': as_text(fields.get('text'), f'{where}: text')}
+
+    def phrase(self) -> str:
+        """Return 'not understood: "hm"'."""
+        return f'not understood: "{self.text}"'
+
+    def ask(self, ground: Ground) -> None:
+        """Ask for nothing."""

@@ -1,0 +1,47 @@
+"""visit: the path enters regions, in any order; visits follow each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.fields import Fields, as_list
+from llm_astar_planner.instructions.regions import Region, region_from_json
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.ground import Ground
+
+
+@dataclass(frozen=True)
+class Visit(Clause):
+    """The path enters each of the regions, in any order; visit clauses follow each other in order.
+
+    "the dock, then the lab and the kitchen" is two clauses, the second one with two regions.
+    """
+
+    kind: ClassVar[str] = 'visit'
+    regions: tuple[Region, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields of its own in JSON."""
+        return {'regions': [region.to_json() for region in self.regions]}
+
+    @classmethod
+    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own."""
+        regions = as_list(fields.get('regions', [fields.get('region')]), f'{where}: regions')
+        return {'regions': tuple(region_from_json(item, f'{where}: regions') for item in regions)}
+
+    def phrase(self) -> str:
+        """Return 'visit the lab and the dock in any order'."""
+        return f'visit {self.regions_phrase()}'
+
+    def regions_phrase(self) -> str:
+        """Return 'the lab and the dock in any order'."""
+        *others, last = (region.phrase(any_one=True) for region in self.regions)
+        return f'{", ".join(others)} and {last} in any order' if others else last
+
+    def ask(self, ground: Ground) -> Ask:
+        """Visit the regions."""
+        return Ask(visits=tuple(ground.visited(region) for region in self.regions))

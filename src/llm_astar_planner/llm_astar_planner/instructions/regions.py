@@ -1,0 +1,390 @@
+"""Regions: the parts of a map that clauses are about, with their JSON form and their words.
+
+Lengths are metres and points lie in the map's frame. Where a region lies is found twice: in
+`polygons` for the search, in `verification/regions` for the check.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import short_repr
+
+from llm_astar_planner.instructions.fields import (
+    FAR,
+    MAX_METRES,
+    Fields,
+    SpecificationError,
+    as_choice,
+    as_list,
+    as_mapping,
+    as_number,
+    as_numbers,
+    as_text,
+)
+
+COMPASS = ('north', 'south', 'east', 'west')
+# Of the direct way from start to goal; everything that shows them says so.
+ROUTE_SIDES = ('left', 'right')
+SIDES = (*COMPASS, *ROUTE_SIDES)
+WALLS = 'walls'
+ENDS = ('start', 'goal')
+# Metres. What an instruction means where it gives no number.
+AVOID_RADIUS = 1.0
+VISIT_RADIUS = 0.5
+ALONG_WIDTH = 1.0
+# Metres. How near 'near' and 'past' are.
+NEAR_WIDTH = 3.0
+# An object (nobody can stand in it) is visited within this many metres.
+OBJECT_REACH = 1.0
+# An area is visited at least so deep, or a quarter of its width if that is less.
+VISIT_DEPTH = 0.5
+# Regions within one another, as in the rooms except the lab, and those that one joins.
+MAX_NESTED, MAX_JOINED = 3, 16
+
+
+@dataclass(frozen=True)
+class Region:
+    """A part of the map; the subclasses are its forms."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        raise NotImplementedError
+
+    def phrase(self, any_one: bool = False) -> str:
+        """Return the words for it; with `any_one`, one of the places of a tag is meant."""
+        raise NotImplementedError
+
+    def from_phrase(self) -> str:
+        """Return the words for what a distance is measured from."""
+        return self.phrase()
+
+
+@dataclass(frozen=True)
+class NamedPlace(Region):
+    """The region of one place: `{"place": NAME}`."""
+
+    place: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'place': self.place}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return its name."""
+        return f'the {self.place}'
+
+
+NOWHERE = NamedPlace('')
+
+
+@dataclass(frozen=True)
+class Tagged(Region):
+    """All places of a kind or with a tag, together: `{"tag": TAG}`. A visit takes one of them."""
+
+    tag: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'tag': self.tag}
+
+    def phrase(self, any_one: bool = False) -> str:
+        """Return 'all blue places', or one of them."""
+        return f'{"one of the" if any_one else "all"} {self.tag} places'
+
+
+@dataclass(frozen=True)
+class Disc(Region):
+    """A point with a radius: `{"point": [X, Y], "radius": R}`. Radius 0 means the default."""
+
+    x: float
+    y: float
+    radius: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        radius = {'radius': self.radius} if self.radius else {}
+        return {'point': [self.x, self.y], **radius}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the 2 m around the point 1, 2'."""
+        within = f'the {metres(self.radius)} around ' if self.radius else ''
+        return f'{within}the point {number(self.x)}, {number(self.y)}'
+
+    def from_phrase(self) -> str:
+        """Return the words for the disc: 'avoid the point 1, 2 by 3 m' is one of 3 m."""
+        return self.phrase() if self.radius else f'the surroundings of {self.phrase()}'
+
+
+@dataclass(frozen=True)
+class Box(Region):
+    """A box, `{"box": [X0, Y0, X1, Y1]}`; infinite sides, null in JSON, are open.
+
+    `Box(-inf, 22.5, inf, inf)` is everything north of y = 22.5.
+    """
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        sides = (self.x0, self.y0, self.x1, self.y1)
+        return {'box': [side if math.isfinite(side) else None for side in sides]}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the area with x from 2 to 5 and y above 3'."""
+        ranges = []
+        for axis, low, high in (('x', self.x0, self.x1), ('y', self.y0, self.y1)):
+            if math.isfinite(low) and math.isfinite(high):
+                ranges.append(f'{axis} from {number(low)} to {number(high)}')
+            elif math.isfinite(low):
+                ranges.append(f'{axis} above {number(low)}')
+            elif math.isfinite(high):
+                ranges.append(f'{axis} below {number(high)}')
+        return f'the area with {" and ".join(ranges)}' if ranges else 'the whole map'
+
+
+@dataclass(frozen=True)
+class Half(Region):
+    """A half of the map, or of the place `of`: `{"half": "north", "of": NAME}`.
+
+    The halves are of equal width. Of the map, `left` and `right` are the sides of the straight
+    line from start to goal, seen in the direction of travel.
+    """
+
+    side: str
+    of: str = ''
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'half': self.side, **({'of': self.of} if self.of else {})}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the north half of the lab'."""
+        if self.of:
+            return f'the {self.side} half of the {self.of}'
+        if self.side in ROUTE_SIDES:
+            return f'the {self.side} side of the direct way'
+        return f'the {self.side} half'
+
+
+@dataclass(frozen=True)
+class Between(Region):
+    """The gap between two places, their convex hull without them: `{"between": [A, B]}`."""
+
+    first: str
+    second: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'between': [self.first, self.second]}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the gap between the lab and the dock'."""
+        return f'the gap between the {self.first} and the {self.second}'
+
+
+@dataclass(frozen=True)
+class Along(Region):
+    """A strip around a place, or around all walls: `{"along": NAME or "walls", "width": W}`."""
+
+    place: str
+    width: float = ALONG_WIDTH
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'along': self.place, 'width': self.width}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the 1 m along the walls'."""
+        name = 'the walls' if self.place == WALLS else f'the {self.place}'
+        return f'the {metres(self.width)} along {name}'
+
+
+@dataclass(frozen=True)
+class AnyOf(Region):
+    """Regions joined: `{"any_of": [...]}`. A visit takes one of them."""
+
+    regions: tuple[Region, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'any_of': [region.to_json() for region in self.regions]}
+
+    def phrase(self, any_one: bool = False) -> str:
+        """Return 'either the lab or the dock', or both of them."""
+        words = [region.phrase(any_one) for region in self.regions]
+        return f'either {" or ".join(words)}' if any_one else f'both {" and ".join(words)}'
+
+
+@dataclass(frozen=True)
+class AllOf(Region):
+    """What regions have in common: `{"all_of": [...]}`."""
+
+    regions: tuple[Region, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'all_of': [region.to_json() for region in self.regions]}
+
+    def phrase(self, any_one: bool = False) -> str:
+        """Return 'the part of the hall that lies in the north half'."""
+        first, *others = (region.phrase(any_one) for region in self.regions)
+        return f'the part of {first} that lies in {" and in ".join(others)}'
+
+
+@dataclass(frozen=True)
+class Except(Region):
+    """A region without others: `{"region": R, "except": [...]}`."""
+
+    region: Region
+    others: tuple[Region, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        others = [region.to_json() for region in self.others]
+        return {'region': self.region.to_json(), 'except': others}
+
+    def phrase(self, any_one: bool = False) -> str:
+        """Return 'all room places except the lab'."""
+        others = ' and '.join(region.phrase() for region in self.others)
+        return f'{self.region.phrase(any_one)} except {others}'
+
+
+@dataclass(frozen=True)
+class End(Region):
+    """The start or the goal of the request: `{"end": "start"}`."""
+
+    end: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {'end': self.end}
+
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the start'."""
+        return f'the {self.end}'
+
+
+def leaves(region: Region) -> tuple[Region, ...]:
+    """Return the regions that a region is put together from, itself if it is simple."""
+    match region:
+        case AnyOf(regions) | AllOf(regions):
+            return tuple(leaf for part in regions for leaf in leaves(part))
+        case Except(inner, others):
+            return tuple(leaf for part in (inner, *others) for leaf in leaves(part))
+    return (region,)
+
+
+def region_from_json(value: object, where: str, nested: int = 0) -> Region:
+    """Read a region; `where` names it in errors. Raises SpecificationError.
+
+    A text is the name of a place and a list of two numbers a point, as models write them.
+    """
+    if isinstance(value, str):
+        return NamedPlace(as_text(value, where))
+    fields = {'point': value} if isinstance(value, list) else as_mapping(value, where)
+    form = next((form for form in (*JOINS, *FORMS) if form in fields), None)
+    if form is None:
+        raise SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
+    if form in JOINS:
+        if nested == MAX_NESTED:
+            raise SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
+        return JOINS[form](fields, where, nested + 1)
+    return FORMS[form](fields, where)
+
+
+def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ...]:
+    """Read a list of regions. Raises SpecificationError."""
+    parts = as_list(value, where)
+    if len(parts) > MAX_JOINED:
+        raise SpecificationError(f'{where}: {len(parts)} regions are over {MAX_JOINED}')
+    return tuple(region_from_json(part, where, nested) for part in parts)
+
+
+def except_from_json(fields: Fields, where: str, nested: int) -> Except:
+    """Read a region without others."""
+    inner = region_from_json(fields.get('region'), f'{where}: region', nested)
+    return Except(inner, joined_from_json(fields['except'], f'{where}: except', nested))
+
+
+def disc_from_json(fields: Fields, where: str) -> Disc:
+    """Read a point with a radius."""
+    x, y = as_numbers(fields['point'], f'{where}: point', 2)
+    return Disc(x, y, as_number(fields.get('radius', 0.0), f'{where}: radius', 0.0, MAX_METRES))
+
+
+def half_from_json(fields: Fields, where: str) -> Half:
+    """Read a half of the map, or of a place."""
+    of = as_text(fields['of'], f'{where}: of') if fields.get('of') else ''
+    sides = COMPASS if of else SIDES
+    return Half(as_choice(fields['half'], f'{where}: half', sides), of)
+
+
+def between_from_json(fields: Fields, where: str) -> Between:
+    """Read the gap between two places."""
+    pair = fields['between']
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise SpecificationError(f'{where}: between: is not a list of two places')
+    return Between(*(as_text(name, f'{where}: between') for name in pair))
+
+
+def along_from_json(fields: Fields, where: str) -> Along:
+    """Read a strip along a place or the walls."""
+    width = as_number(fields.get('width', ALONG_WIDTH), f'{where}: width', 0.0, MAX_METRES)
+    return Along(as_text(fields['along'], f'{where}: along'), width)
+
+
+def box_from_json(value: object, where: str) -> Box:
+    """Read a box, whose open sides are null. Raises SpecificationError where it is empty."""
+    if not isinstance(value, list) or len(value) != 4:
+        raise SpecificationError(f'{where}: is not a list of four numbers')
+    limits = (-math.inf, -math.inf, math.inf, math.inf)
+    x0, y0, x1, y1 = (
+        limit if side is None else as_number(side, where, -FAR, FAR)
+        for side, limit in zip(value, limits)
+    )
+    if not (x0 < x1 and y0 < y1):
+        raise SpecificationError(
+            f'{where}: {short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
+        )
+    return Box(x0, y0, x1, y1)
+
+
+# What reads a region of several, by the field that gives its form.
+JOINS: dict[str, Callable[[Fields, str, int], Region]] = {
+    'any_of': lambda fields, where, nested: AnyOf(
+        joined_from_json(fields['any_of'], f'{where}: any_of', nested)
+    ),
+    'all_of': lambda fields, where, nested: AllOf(
+        joined_from_json(fields['all_of'], f'{where}: all_of', nested)
+    ),
+    'except': except_from_json,
+}
+# And the others; the first field that is there decides.
+FORMS: dict[str, Callable[[Fields, str], Region]] = {
+    'place': lambda fields, where: NamedPlace(as_text(fields['place'], f'{where}: place')),
+    'tag': lambda fields, where: Tagged(as_text(fields['tag'], f'{where}: tag')),
+    'point': disc_from_json,
+    'box': lambda fields, where: box_from_json(fields['box'], f'{where}: box'),
+    'half': half_from_json,
+    'between': between_from_json,
+    'along': along_from_json,
+    'end': lambda fields, where: End(as_choice(fields['end'], f'{where}: end', ENDS)),
+}
+
+
+def metres(length: float) -> str:
+    """Return a length in words: '3 m'."""
+    return f'{number(length)} m'
+
+
+def number(value: float) -> str:
+    """Return a number to the millimetre, without an exponent and trailing zeros."""
+    text = f'{value:.3f}'.rstrip('0').rstrip('.')
+    return '0' if text == '-0' else text
