@@ -34,7 +34,7 @@ LIMITS = {
         'bags': 1_070,
         'evaluation': 750,
         'datasets': 540,
-        'runner': 880,
+        'runner': 860,
         'results': 650,
         'analysis': 860,
         'report': 1_380,

@@ -11,13 +11,12 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
-from llm_astar_lab.results.folder import ResultsFolder, describe_run, run_differences
+from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.engine import (
@@ -51,12 +50,9 @@ class BenchmarkConfig:
     """What a run covers.
 
     Scale 1 runs all `samples`. To compare scales, `scale_samples` drawn samples are run at every
-    scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata;
-    `coverage` says which samples replays lack. `identity` is what the metadata says of a dataset
-    that is not the one file `dataset`.
+    scale, 1 included. `coverage` says which samples replays lack.
     """
 
-    dataset: Path
     samples: Sequence[BenchmarkSample]
     methods: Sequence[str]
     sources: Sequence[SourceSpec]
@@ -64,9 +60,7 @@ class BenchmarkConfig:
     scales: Sequence[int] = (1,)
     scale_samples: int = 10
     seed: int = 0
-    files: Sequence[Path] = ()
     coverage: Sequence[Coverage] = ()
-    identity: Mapping[str, str] | None = None
 
     @property
     def row_count(self) -> int:
@@ -107,31 +101,6 @@ def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFold
                 break
             folder, following = following, ResultsFolder(f'{default}-{number}')
     return folder if resume else following
-
-
-def start_run(
-    folder: ResultsFolder,
-    config: BenchmarkConfig,
-    parameters: dict[str, Any],
-    *,
-    resume: bool,
-    overwrite: bool = False,
-    file_format: str | None = None,
-) -> tuple[list[Task], dict[str, Any]]:
-    """Start or resume a results folder; return the tasks left and the run's metadata.
-
-    Raises ResultsError where the folder holds rows of another dataset, version or seed.
-    """
-    if config.identity is None:
-        metadata = describe_run([config.dataset], parameters, config.files)
-    else:
-        metadata = describe_run([], parameters, config.files) | {'dataset': dict(config.identity)}
-    if config.coverage:
-        metadata['replays'] = [item.to_json() for item in config.coverage]
-        metadata['notes'] = [item.sentence() for item in config.coverage]
-    parquet = is_parquet_run(file_format, config.row_count)
-    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite, parquet=parquet)
-    return config.tasks(done), metadata
 
 
 def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
