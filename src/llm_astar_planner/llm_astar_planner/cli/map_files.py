@@ -37,6 +37,8 @@ MAP_KINDS = (
 # Decimals of metres in listings.
 DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
+PLACES_TEXT = """GeoJSON with the named places of the map (default: NAME.places.geojson or
+places.geojson beside the map)"""
 
 
 @dataclass(frozen=True)
@@ -102,13 +104,10 @@ def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa:
     group.add_argument('--map-id', type=int, metavar='ID', help=text)
 
 
-def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+def add_places_option(group: Any, text: str = PLACES_TEXT) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--places`, the flag of the parameter `places_file`."""
-    group.add_argument(
-        '--places', '--places-file', dest=PLACES_FILE.name, metavar='FILE',
-        help='GeoJSON with the named places of the map (default: NAME.places.geojson or '
-        'places.geojson beside the map)',
-    )  # fmt: skip
+    flags = '--places', '--places-file'
+    group.add_argument(*flags, dest=PLACES_FILE.name, metavar='FILE', help=text)
 
 
 def add_unit_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
