@@ -343,7 +343,8 @@ def test_the_call_command_asks_a_running_planner(graph):
     assert code == 0, errors
     assert output.startswith('path found: ')
     assert '\nstart      (39, 18) m\n' in output
-    assert 'instruction understood by grammar: visit the dock\n  kept           visit' in output
+    said = 'instruction "visit the dock"\nunderstood as: visit the dock\nunderstood by grammar\n'
+    assert f'{said}clause 1   visit the dock: kept (' in output
     assert graph.interpretation().sentence == 'visit the dock'
 
 

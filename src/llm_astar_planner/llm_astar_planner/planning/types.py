@@ -15,6 +15,8 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from numpy.typing import NDArray
 
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.unsupported import Unsupported
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.footprint import Footprint
@@ -365,14 +367,40 @@ def report_lines(
     ).format(*parts)
 
 
+# Kinds of clauses that ask nothing of a path.
+NOTHING_ASKED = {Unknown.kind, Unsupported.kind}
+
+
 def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what became of an instruction, as `PlanReport.instruction_report` has it."""
-    yield f'instruction {interpretation_line(outcome["interpretation"])}'
-    for clause in outcome['clauses']:
-        detail = f' ({clause["detail"]})' if clause['detail'] else ''
-        yield f'  {clause["status"]:<14} {clause["clause"]}{detail}'
+    """Yield what became of an instruction, as `InstructionOutcome.to_json` has it."""
+    interpretation = outcome['interpretation']
+    yield f'instruction "{interpretation["text"]}"'
+    if {clause['kind'] for clause in outcome['clauses']} - NOTHING_ASKED:
+        yield f'understood as: {interpretation["sentence"]}'
+    yield interpretation_line({**interpretation, 'sentence': ''})
+    for number, clause in enumerate(outcome['clauses'], start=1):
+        yield f'clause {number:<3} {clause_line(clause)}'
+    yield from (f'question   {question}' for question in interpretation.get('questions', ()))
     if outcome['note']:
-        yield f'  {outcome["note"]}'
+        yield f'note       {outcome["note"]}'
+    if outcome.get('sentence'):
+        yield f'verdict    {outcome["sentence"]}'
+
+
+def clause_line(clause: Mapping[str, Any]) -> str:
+    """Return what became of a clause: 'avoid the lab: kept (0.0 m inside), costs 4.2 m'."""
+    if clause['kind'] == Unknown.kind:
+        return str(clause['clause'])
+    if clause['kind'] == Unsupported.kind:
+        return f'{clause["status"]}: {clause["clause"]}'
+    return f'{clause["clause"]}: {clause["status"]}{clause_facts(clause)}'
+
+
+def clause_facts(clause: Mapping[str, Any]) -> str:
+    """Return what was measured of a clause and what it costs: ' (0.0 m inside), costs 4.2 m'."""
+    detail = f' ({clause["detail"]})' if clause['detail'] else ''
+    price = clause.get('price')
+    return detail if price is None else f'{detail}, costs {price:.1f} m'
 
 
 def interpretation_line(interpretation: Mapping[str, Any]) -> str:
