@@ -28,7 +28,7 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
-from llm_astar_lab.bags.files import Channel, unzstd
+from llm_astar_lab.bags.storage import Channel, unzstd
 
 GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
 GET_PLAN = """\
@@ -39,17 +39,6 @@ float32 tolerance
 nav_msgs/Path plan
 """
 EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
-# rosidl reads `char` as uint8, also for the type's hash, but rosbags does not: so uint8 here.
-EVENT_INFO = """\
-uint8 REQUEST_SENT=0
-uint8 REQUEST_RECEIVED=1
-uint8 RESPONSE_SENT=2
-uint8 RESPONSE_RECEIVED=3
-uint8 event_type
-builtin_interfaces/Time stamp
-uint8[16] client_gid
-int64 sequence_number
-"""
 # What service introspection publishes. rosidl generates this type; no file defines it.
 EVENT = """\
 service_msgs/ServiceEventInfo info
@@ -100,7 +89,11 @@ class TypeDefinition(NamedTuple):
 def bag_types() -> Typestore:
     """Return Jazzy's message types and the events of nav_msgs/srv/GetPlan."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    store.fielddefs.update(get_types_from_msg(EVENT_INFO, EVENT_INFO_TYPE))
+    constants, fields = store.fielddefs[EVENT_INFO_TYPE]
+    # rosidl reads `char` as uint8, also for the type's hash, but rosbags does not.
+    as_bytes: Any = (Nodetype.ARRAY, ((Nodetype.BASE, ('uint8', 0)), 16))
+    known = [(name, as_bytes if name == 'client_gid' else tree) for name, tree in fields]
+    store.fielddefs[EVENT_INFO_TYPE] = constants, known
     register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)
     return store
 

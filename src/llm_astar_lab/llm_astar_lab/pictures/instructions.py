@@ -23,7 +23,7 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification.geometry import Area, polyline
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
+from llm_astar_planner.instructions.verification.visit import attempts
 from llm_astar_planner.planning.types import clause_line
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -93,8 +93,8 @@ class InstructedPath:
         """Yield the points at which the path visits regions, in the order of the clauses."""
         for group in attempts(self.measurement):
             for attempt in group:
-                if attempt.done and attempt.place > BEFORE_THE_PATH:
-                    yield self.measurement.path.point(attempt.place)
+                if attempt.done and attempt.place >= self.measurement.begin:
+                    yield self.measurement.drive.point(attempt.place)
 
 
 def reach_of(clause: Clause) -> float:

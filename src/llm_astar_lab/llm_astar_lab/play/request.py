@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
-from llm_astar_planner.instructions.interpretation import clean_instruction
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.search.result import Cell
@@ -31,7 +31,6 @@ MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
 FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', *SETTINGS}
-EDITED = 'the walls are edited, and a command plans on the map as it is'
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -189,7 +188,7 @@ def command_of(request: PlayRequest) -> str | None:
     words = ['llm-astar', 'plan', '--map', request.play_map.file]
     if request.play_map.map_id is not None:
         words += ['--map-id', str(request.play_map.map_id)]
-    x_min, y_min = request.play_map.offset
+    x_min, y_min = request.play_map.problem.offset
     cells = [('--start', request.start), ('--goal', request.goal)]
     for flag, (x, y) in (*cells, *(('--via', cell) for cell in request.via)):
         words += [flag, str(x + x_min), str(y + y_min)]

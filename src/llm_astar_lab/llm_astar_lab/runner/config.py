@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -81,6 +81,19 @@ class BenchmarkConfig:
         return make_tasks(pairs, variants, self.sources, self.settings, done)
 
 
+def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options of the results folder of a run; `out` is the default one."""
+    group.set_defaults(default_out=out)
+    text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
+    group.add_argument('--out', metavar='DIR', help=text)
+    again = group.add_mutually_exclusive_group()
+    for flag, text in (
+        ('--resume', 'continue an interrupted run: that in --out, or the last one'),
+        ('--overwrite', 'replace the results in --out by those of this run'),
+    ):
+        again.add_argument(flag, action='store_true', help=text)
+
+
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
     """Return the results folder of a run.
 
@@ -153,16 +166,13 @@ def open_folder(
         folder.start(parquet=parquet)
         return {}
     before = folder.read_metadata()
-    changed = run_differences(before, metadata)
-    if changed:
+    if changed := run_differences(before, metadata):
         message = f'{folder.path}: cannot be resumed, because these differ: {", ".join(changed)}'
         raise ResultsError(message)
-    changed = changed_inputs(before, metadata)
-    if changed:
+    if changed := changed_inputs(before, metadata):
         metadata['notes'] = [*metadata.get('notes', []), *changed]
-    finished = folder.keep_answered()
     metadata['seconds'] = float(before.get('seconds') or 0.0)
-    return finished
+    return folder.keep_answered()
 
 
 def changed_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
@@ -174,6 +184,16 @@ def changed_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[st
         if files.get(name, digest) != digest
     ]
     return list(dict.fromkeys([*(note for note in notes if ANOTHER_INPUT in note), *changed]))
+
+
+@contextmanager
+def timing(metadata: dict[str, Any]) -> Iterator[None]:
+    """Add the seconds of the block to the metadata of a run, also where it is interrupted."""
+    begun = time.monotonic()
+    try:
+        yield
+    finally:
+        metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
 
 
 def run_into_folder(
@@ -194,29 +214,24 @@ def run_into_folder(
         folder.append(outcome.row for outcome in outcomes)
         step(task, outcomes)
 
-    begun = time.monotonic()
-    try:
+    with timing(metadata):
         run_tasks(tasks, executor, max_pending, keep)
-    finally:
-        metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
 
 
 def describe_unanswered(rows: Iterable[Row]) -> list[str]:
     """Return one line per variant whose source left samples unanswered; read rows once."""
-    counts: dict[Variant, Counter[str]] = {}
+    counts: dict[Variant, Counter[str]] = defaultdict(Counter)
     firsts: dict[Variant, str] = {}
     for row in rows:
         if not row.answered:
-            counts.setdefault(row.variant, Counter())[row.source_status] += 1
+            counts[row.variant][row.source_status] += 1
             firsts.setdefault(row.variant, f'map {row.map}, pair {row.pair}, scale {row.scale}')
-    lines = []
-    for variant, found in counts.items():
-        how = ', '.join(f'{status} {count}' for status, count in found.items())
-        lines.append(
-            f'{variant}: {found.total()} samples without an answer ({how}), '
-            f'the first {firsts[variant]}'
-        )
-    return lines
+    return [
+        f'{variant}: {found.total()} samples without an answer '
+        f'({", ".join(f"{status} {count}" for status, count in found.items())}), '
+        f'the first {firsts[variant]}'
+        for variant, found in counts.items()
+    ]
 
 
 def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task]]:
@@ -262,18 +277,16 @@ def connect(address: str, sources: Sequence[SourceSpec]) -> Iterator[tuple[Execu
         pickle.dumps(sources)
     except (TypeError, AttributeError, pickle.PicklingError):
         names = ', '.join(spec.name for spec in sources)
-        message = (
+        raise ValueError(
             f'--dask: some of the sources {names} cannot be sent to another machine; '
             'record a transcript and replay it'
-        )
-        raise ValueError(message) from None
+        ) from None
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
-    except ImportError:
-        message = "--dask needs Dask: pip install 'dask[distributed]'"
-        raise ValueError(message) from None
-    try:
+
         client = Client(address, timeout=CONNECT_TIMEOUT_S)
+    except ImportError:
+        raise ValueError("--dask needs Dask: pip install 'dask[distributed]'") from None
     except (OSError, ValueError) as error:
         raise ValueError(f'--dask {address}: {error}') from None
     with client:
@@ -294,16 +307,11 @@ def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], o
         with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
             yield lambda: bool(bar.update())
         return
-    done = 0
+    of_total, steps = '' if total is None else f' of {total}', count(1)
 
     def step() -> None:
-        nonlocal done
-        done += 1
-        if total is None:
-            is_due, of_total = done % UNKNOWN_STRIDE == 0, ''
-        else:
-            is_due, of_total = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
-        if is_due:
+        done, parts = next(steps), (1, UNKNOWN_STRIDE) if total is None else (10, total)
+        if done * parts[0] // parts[1] > (done - 1) * parts[0] // parts[1]:
             sys.stderr.write(f'{done}{of_total} {unit}s\n')
             sys.stderr.flush()
 

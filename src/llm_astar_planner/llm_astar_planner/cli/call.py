@@ -1,4 +1,14 @@
-"""Ask a running planner_node for a plan, as another stack would, or what an instruction means."""
+"""Ask a running planner_node for a plan, as another stack would, or what an instruction means.
+
+examples:
+  llm-astar call --start 2 3 --goal 20 5 --png plan.png
+  llm-astar call --from dock --to kitchen --instruction "avoid the lab"
+  llm-astar call --interpret "visit the dock, then the workshop"
+
+exit codes: 0 a path (or what was understood), 1 no path, 2 bad usage, or no answer in time, 3 a
+path that does not keep the instruction. After 1 and 2 the planner's instruction and places are
+what they were.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +28,6 @@ from llm_astar_planner.resources import find_file
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.planner_client import PlannerCaller
 
-EPILOG = """\
-examples:
-  llm-astar call --start 2 3 --goal 20 5 --png plan.png
-  llm-astar call --from dock --to kitchen --instruction "avoid the lab"
-  llm-astar call --interpret "visit the dock, then the workshop"
-
-exit codes: 0 a path (or what was understood), 1 no path, 2 bad usage, or no answer in time, 3 a
-path that does not keep the instruction. After 1 and 2 the planner's instruction and places are
-what they were.
-"""
 # A point in metres, or the name of a place.
 Where = str | list[float]
 # Seconds in which the planner discovers the subscriber of its expanded cells.
@@ -37,31 +37,25 @@ DISCOVERY_SECONDS = 0.5
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     start = parser.add_mutually_exclusive_group()
-    start.add_argument(
-        '--start', **flags.POINT, help='start here, in metres of the frame of --frame'
-    )
-    start.add_argument(
-        '--from', dest='start_place', metavar='NAME|X,Y', help='start at a place or a point'
-    )
+    text = 'start here, in metres of the frame of --frame'
+    flags.option(start, '--start', text, **flags.POINT)
+    text = 'start at a place or a point'
+    flags.option(start, '--from NAME|X,Y', text, dest='start_place')
     goal = parser.add_mutually_exclusive_group()
-    goal.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
-    goal.add_argument(
-        '--to', metavar='NAME|X,Y', help='go to a place, one of those that the planner knows'
-    )
-    goal.add_argument(
-        '--interpret', metavar='TEXT', help='only print what an instruction means to the planner'
-    )
+    flags.option(goal, '--goal', 'go here, in the same unit', **flags.POINT)
+    flags.option(goal, '--to NAME|X,Y', 'go to a place, one of those that the planner knows')
+    flags.option(goal, '--interpret TEXT', 'only print what an instruction means to the planner')
     text = 'set the instruction of the planner, if there is a path; empty: none any more'
-    parser.add_argument('--instruction', metavar='TEXT', help=text)
+    flags.option(parser, '--instruction TEXT', text)
     text = 'set the places of the planner, if there is a path: a GeoJSON file that it can read'
     map_files.add_places_option(parser, text)
-    parser.add_argument('--frame', default='map', help='frame of the poses (default: %(default)s)')
+    flags.option(parser, '--frame', 'frame of the poses (default: %(default)s)', default='map')
     flags.add_graph_options(parser)
     flags.add_time_limit(parser, 30.0)
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    flags.option(parser, '--json', 'print one JSON object')
     flags.add_picture_option(parser, 'draw map and path')
     text = "the map of the picture, such as /global_costmap/costmap (default: 'map')"
-    parser.add_argument('--map-topic', default='map', metavar='NAME', help=text)
+    flags.option(parser, '--map-topic NAME', text, default='map')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import printable
 
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.extensions import LAB
 from llm_astar_planner.plugins import PluginError, Plugins
 from llm_astar_planner.resources import find_file
@@ -85,7 +86,7 @@ OPTIONAL = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    option(parser, '--json', 'print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:

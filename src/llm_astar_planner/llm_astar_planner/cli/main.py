@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
@@ -19,9 +19,9 @@ from llm_astar_planner import __version__
 from llm_astar_planner.extensions import LAB_COMMANDS, extensions, not_installed
 from llm_astar_planner.parameter import ParameterError, nearest_name
 
-# Each command is a module of its name (with _ for -), with its description as docstring,
-# `add_arguments`, `run` and optionally an EPILOG. It is imported only for that command: `doctor`
-# must run where what the others need is missing.
+# Each command is a module of its name (with _ for -), with its help as docstring, `add_arguments`
+# and `run`. It is imported only for that command: `doctor` must run where what the others need is
+# missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
     'places': 'check, list and draw the named places of a map',
@@ -138,9 +138,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             module = importlib.import_module(f'{package}.{name.replace("-", "_")}')
             command = commands.add_parser(
                 name,
-                description=module.__doc__,
-                usage=getattr(module, 'USAGE', None),
-                epilog=epilog_of(getattr(module, 'EPILOG', '')),
+                **help_texts(module.__doc__ or ''),
                 formatter_class=argparse.RawDescriptionHelpFormatter,
             )
             command.set_defaults(run=module.run, command=name)
@@ -156,9 +154,16 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     return arguments
 
 
-def epilog_of(text: str) -> str:
-    """Return the end of a command's help, which always says what its exit codes mean."""
-    return text if 'exit codes:' in text else f'{text}\n{EXIT_CODES}'.lstrip()
+def help_texts(doc: str) -> dict[str, Any]:
+    """Return the texts of a command's help by their names in argparse; `doc` is its docstring.
+
+    After the description that may have a paragraph `usage: ...`, and then what ends the help,
+    from the first line that is a heading with a colon; it always says what exit codes mean.
+    """
+    match = re.fullmatch(r'(?s)(.*?)(?:\nusage: (.*?)\n)?(?:\n(\w+:\n.*))?', doc)
+    description, usage, end = match.groups(default='') if match else (doc, '', '')
+    end = end if 'exit codes:' in end else f'{end}\n{EXIT_CODES}'.lstrip()
+    return {'description': description, 'epilog': end} | ({'usage': usage} if usage else {})
 
 
 def installed_commands(wanted: str) -> dict[str, tuple[str, str]]:

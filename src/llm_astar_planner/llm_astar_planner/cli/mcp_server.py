@@ -14,7 +14,7 @@ from pydantic import Field
 
 from llm_astar_planner import __version__
 from llm_astar_planner.cli.route_tools import MAX_POINTS, RouteTools
-from llm_astar_planner.instructions.interpretation import MAX_INSTRUCTION_CHARS, POLICIES
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS, POLICIES
 
 ABOUT = """\
 Plans routes for a robot on one map and holds paths against instructions in plain language.

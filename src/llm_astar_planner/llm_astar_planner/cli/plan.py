@@ -4,31 +4,10 @@ Without options it plans the first start-goal pair of the demo map. Start and go
 (metres on a robot's map, cells on other maps) or names of places. The first line says whether a
 path was found, the others how long it is, what became of the waypoints, and how much was searched.
 The parameters of the nodes are flags; with the nodes' own --params-file it plans as they do.
-"""
 
-from __future__ import annotations
+usage: llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
+                      [--source NAME] [--png FILE] [--json] [options]
 
-import argparse
-import json
-import math
-import sys
-from typing import Any
-
-from llm_astar_msgs_adapter.maps.barrier_map import Point
-
-from llm_astar_planner.cli.flags import add_picture_option, add_switches
-from llm_astar_planner.cli.map_files import Coordinates
-from llm_astar_planner.cli.planning_options import add_query_options, read_problem
-from llm_astar_planner.extensions import find_drawing
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.segment import guiding_points
-from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
-
-USAGE = """\
-llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
-                      [--source NAME] [--png FILE] [--json] [options]"""
-EPILOG = """\
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
@@ -47,15 +26,34 @@ exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path that does not ke
 or, with --require-waypoints, no usable waypoint
 """
 
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.barrier_map import Point
+
+from llm_astar_planner.cli.flags import add_picture_option, option
+from llm_astar_planner.cli.map_files import Coordinates
+from llm_astar_planner.cli.planning_options import add_query_options, read_problem
+from llm_astar_planner.extensions import find_drawing
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning.segment import guiding_points
+from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_query_options(parser, 'demo.json')
     output = parser.add_argument_group('output')
     text = 'exit with 3 if no waypoint came that the search could use'
-    add_switches(output, require_waypoints=text)
+    option(output, '--require-waypoints', text)
     add_picture_option(output, 'draw the plan')
-    add_switches(output, json='print one JSON object, with its points in cells')
+    option(output, '--json', 'print one JSON object, with its points in cells')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -20,16 +20,15 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions
-from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.interpretation import (
-    POLICIES,
     Interpretation,
     Interpreter,
     RouteInstruction,
-    clean_instruction,
 )
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route, find_place
+from llm_astar_planner.instructions.text import POLICIES, clean_instruction
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner

@@ -2,6 +2,16 @@
 
 It prints one for each exchange of its llm_client_node with its source and for each change of
 their state, too.
+
+The last plans from before the watch come first, at most ten. Ctrl-C ends it.
+Lengths are in metres.
+
+examples:
+  llm-astar watch
+  llm-astar watch --namespace /robot1
+  llm-astar watch --json --count 1 | jq .length
+
+exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
 """
 
 from __future__ import annotations
@@ -18,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
-from llm_astar_planner.cli.flags import add_graph_options
+from llm_astar_planner.cli.flags import add_graph_options, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -34,24 +44,12 @@ STATUS_COLOURS = {'kept': GREEN, 'not kept': RED, 'impossible': RED}
 # Clauses stand below the words of their plan, behind the time.
 CLAUSE_INDENT = ' ' * 10
 
-EPILOG = """\
-The last plans from before the watch come first, at most ten. Ctrl-C ends it.
-Lengths are in metres.
-
-examples:
-  llm-astar watch
-  llm-astar watch --namespace /robot1
-  llm-astar watch --json --count 1 | jq .length
-
-exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
-"""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_graph_options(parser, client=True)
-    parser.add_argument('--count', type=int, metavar='N', help='end after N plans')
-    parser.add_argument('--json', action='store_true', help='print one JSON object per line')
+    option(parser, '--count N', 'end after N plans')
+    option(parser, '--json', 'print one JSON object per line')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import changes as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflation_reach
-from llm_astar_planner.search.coarse import CoarseGraph
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.search.visibility import LineOfSightChecker
+
+if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+
+    from llm_astar_planner.search.coarse import CoarseGraph
 
 
 class Costmap:
@@ -136,6 +140,9 @@ class Costmap:
     @cached_property
     def coarse_graph(self) -> CoarseGraph:
         """The tiles of `components` as a graph for rough routes."""
+        # Kernels that no search takes.
+        from llm_astar_planner.search.coarse import CoarseGraph  # noqa: PLC0415
+
         return CoarseGraph(self.components, self.grid_graph)
 
     @cached_property

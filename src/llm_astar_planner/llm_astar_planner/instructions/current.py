@@ -19,8 +19,8 @@ from llm_astar_planner.instructions.interpretation import (
     Interpreter,
     RouteInstruction,
     Understanding,
-    clean_instruction,
 )
+from llm_astar_planner.instructions.text import clean_instruction
 
 # Seconds after which a model that did not answer is asked again: more than its missing answer is
 # remembered, and each time twice as long, as many times as this.

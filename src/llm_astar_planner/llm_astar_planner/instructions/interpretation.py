@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+import numpy as np
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
-
-MAX_INSTRUCTION_CHARS = 500
-PREFER, REQUIRE = 'prefer', 'require'
-POLICIES = (PREFER, REQUIRE)
-
-
-class InstructionError(LlmAstarError, ValueError):
-    """An instruction cannot be used; the message says why."""
+from llm_astar_planner.instructions.text import PREFER
 
 
 class Understanding(Enum):
@@ -89,14 +84,15 @@ class RouteInstruction:
 
     - `policy`: `prefer` takes the path that violates the clauses least, `require` gives no path
       unless every `must` clause is satisfied.
-    - `visited`: the regions already visited on the way, as (index of the clause, index of the
-      region in it).
+    - `driven`: float64 [n, 2] metres, the way driven since the goal and the instruction were
+      given. `want_prices`: whether the outcome says what each clause costs.
     """
 
     interpretation: Interpretation
     places: Places = NO_PLACES
     policy: str = PREFER
-    visited: frozenset[tuple[int, int]] = frozenset()
+    driven: NDArray[np.float64] = field(default_factory=not_driven)
+    want_prices: bool = True
 
 
 class Interpreter(Protocol):
@@ -122,16 +118,3 @@ def not_understood(text: str, detail: str, understood_by: str = '') -> Interpret
     """Return the interpretation of a text of which nothing was understood."""
     clauses = (Unknown(text=text[:80]),) if text else ()
     return Interpretation(text, Specification(clauses), understood_by, detail=detail)
-
-
-def clean_instruction(text: str) -> str:
-    """Return an instruction as one line: unprintable characters become spaces.
-
-    Raises InstructionError where it is longer than MAX_INSTRUCTION_CHARS.
-    """
-    if len(text) > MAX_INSTRUCTION_CHARS:
-        raise InstructionError(
-            f'instruction: {len(text)} characters are more than {MAX_INSTRUCTION_CHARS}'
-        )
-    printable = ''.join(letter if letter.isprintable() else ' ' for letter in text)
-    return ' '.join(printable.split())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,22 +22,40 @@ STRENGTHS = (MUST, SHOULD)
 Mask = NDArray[np.bool_]
 
 
+class Zone(NamedTuple):
+    """A region of the search: its cells, bool [height, width], and which driven points are in it.
+
+    The points are those of `Ground.driven`.
+    """
+
+    cells: Mask
+    driven: Mask
+
+
+class Rule(NamedTuple):
+    """An automaton over zones, made for the price per cell of what it forbids; inf forbids it."""
+
+    zones: tuple[Zone, ...]
+    automaton: Callable[[float], Automaton]
+
+
 @dataclass(frozen=True, eq=False)
 class Ask:
-    """What one clause asks of the cells of a path; masks are bool [height, width].
+    """What one clause asks of the cells of a path.
 
     - `forbidden`: cells that no move may begin or end in; None for none.
-    - `visits`: cells of each region to visit, after those of the clauses before, in any order.
-    - `regions`, `automaton`: an automaton over these regions, made for the price in cells per
-      cell of what it forbids, inf to forbid it; None for none.
-    - `goals`: cells to end in.
+    - `visits`: regions to visit, after those of the clauses before, in any order.
+    - `rules`: automata.
+    - `goals`: cells to end in, bool [height, width].
+    - `ends_within`: metres around start and goal in which nothing is forbidden to a path that
+      begins or ends in what is; 0: it is nowhere forbidden to that.
     """
 
     forbidden: Cover | None = None
-    visits: tuple[Mask, ...] = ()
-    regions: tuple[Mask, ...] = ()
-    automaton: Callable[[float], Automaton] | None = None
+    visits: tuple[Zone, ...] = ()
+    rules: tuple[Rule, ...] = ()
     goals: Mask | None = None
+    ends_within: float = 0.0
 
 
 @dataclass(frozen=True)

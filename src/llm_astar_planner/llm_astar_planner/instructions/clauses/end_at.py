@@ -24,4 +24,4 @@ class EndAt(OfOne):
 
     def ask(self, ground: Ground) -> Ask:
         """End in the region."""
-        return Ask(goals=ground.visited(self.region))
+        return Ask(goals=ground.visited(self.region).cells)

@@ -50,5 +50,5 @@ class KeepDistance(Clause):
     def ask(self, ground: Ground) -> Ask:
         """Forbid what is too near to the walls or the region."""
         if self.region is None:
-            return Ask(forbidden=ground.near_walls(self.metres))
-        return Ask(forbidden=ground.avoided(self.region, self.metres))
+            return Ask(ground.near_walls(self.metres), ends_within=self.metres)
+        return Ask(ground.avoided(self.region, self.metres), ends_within=self.metres)

@@ -5,15 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeGuard
+
+import numpy as np
 
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
+from llm_astar_planner.instructions.regions import WALLS, Along, Region
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification.geometry import Area, Polyline, Spans
+from llm_astar_planner.instructions.verification.geometry import Area, Polyline, Spans, polyline
 from llm_astar_planner.instructions.verification.reference import Reference
-from llm_astar_planner.instructions.verification.regions import RegionError, Regions
+from llm_astar_planner.instructions.verification.regions import RegionError, Regions, Resolved
 from llm_astar_planner.instructions.verification.walls import Walls
 
 # Metres in a region that are no more than rounding.
@@ -31,6 +35,16 @@ class Measurement:
     path: Polyline
     route: Route
     deadline: float = math.inf
+
+    @cached_property
+    def drive(self) -> Polyline:
+        """The way driven so far and then the path: what order and number are judged on."""
+        return polyline(np.concatenate((self.route.driven, self.path.corners)))
+
+    @cached_property
+    def begin(self) -> float:
+        """Where on the drive the path begins."""
+        return polyline(np.concatenate((self.route.driven, self.path.corners[:1]))).length
 
     @cached_property
     def walls(self) -> Walls:
@@ -52,7 +66,7 @@ class Measurement:
         """Where a clause asks the path to end, None without such a clause."""
         end: Area | None = None
         for clause in self.specification.clauses:
-            if isinstance(clause, EndAt) and not clause.unsure:
+            if isinstance(clause, EndAt):
                 try:
                     end = self.regions.resolve(clause.region).ends
                 except RegionError:
@@ -74,11 +88,28 @@ class Measurement:
         """The ends that every path has: the first point, and the last unless a clause sets it."""
         return [self.start, self.goal] if self.end is None else [self.start]
 
+    def sized(self, region: Region) -> Resolved:
+        """Return where a region lies. Raises RegionError if it does not exist or has no area."""
+        found = self.regions.resolve(region)
+        if not found.area.has_size:
+            raise RegionError(NO_AREA)
+        return found
+
     def on_map(self, area: Area) -> bool:
         """Tell whether any of an area lies on the map."""
         if area.wall_distance > 0.0:
             return True
         return area.distance(self.regions.map_outline) <= 0.0
+
+    def unreachable_reason(self, area: Area) -> str:
+        """Say why no path can touch an area, '' if one can."""
+        if not area.has_size:
+            return NO_AREA
+        if not self.on_map(area):
+            return 'the region lies off the map'
+        if not self.reference.can_touch(area, self.reference.reachable):
+            return 'no free cell of it can be reached'
+        return ''
 
     def allowed(self, least: float) -> float:
         """Return the metres a path may have in a region where `least` are needed; 0 for NaN.
@@ -90,18 +121,32 @@ class Measurement:
         return EXCESS * least + self.route.costmap.grid_map.resolution
 
     def first_point(self, spans: Spans) -> Point:
-        """Return the point at which spans begin."""
+        """Return the point of the path at which spans begin."""
         return self.path.point(float(spans[0, 0]))
 
+    def place_text(self, place: float) -> str:
+        """Return a place of the drive as details show it: '4.1, 3.0', and if it was driven."""
+        driven = ' on the way driven' if place < self.begin else ''
+        return point_text(self.drive.point(place)) + driven
 
-def satisfied(
-    clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0
-) -> ClauseOutcome:
-    """Return the outcome of a clause that a path satisfies."""
+
+NO_AREA = 'the region has no area'
+
+
+def kept(clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0) -> ClauseOutcome:
+    """Return the outcome of a clause that a path keeps."""
     return ClauseOutcome(clause, ClauseStatus.KEPT, detail, measured, least)
 
 
-def violated(
+def as_far(
+    clause: Clause, detail: str, measured: float, where: Point, least: float
+) -> ClauseOutcome:
+    """Return the outcome of a clause that a path violates by the least that any path can."""
+    status = ClauseStatus.AS_FAR_AS_POSSIBLE
+    return ClauseOutcome(clause, status, detail, measured, least, where)
+
+
+def broken(
     clause: Clause,
     detail: str,
     measured: float,
@@ -115,9 +160,9 @@ def violated(
     return ClauseOutcome(clause, status, detail, measured, least, where)
 
 
-def no_size(clause: Clause) -> ClauseOutcome:
-    """Return the outcome of a clause about a region that holds nothing."""
-    return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, 'the region has no area')
+def is_walls(region: Region | None) -> TypeGuard[Along]:
+    """Tell whether a region is a strip along the walls."""
+    return isinstance(region, Along) and region.place == WALLS
 
 
 def length_text(metres: float) -> str:
@@ -129,3 +174,12 @@ def length_text(metres: float) -> str:
 def point_text(point: Point) -> str:
     """Return a point as details show it: '4.1, 3.0'."""
     return f'{point[0]:.1f}, {point[1]:.1f}'
+
+
+def metres_text(metres: float, where_to: str, least: float, where: Point) -> str:
+    """Say how many metres of a path violate a clause: '2.3 m inside, the least possible, ...'."""
+    possible = ''
+    if least > 0.0:
+        is_least = length_text(metres) == length_text(least)
+        possible = ', the least possible' + ('' if is_least else f' is {length_text(least)}')
+    return f'{length_text(metres)} {where_to}{possible}, from {point_text(where)}'

@@ -21,6 +21,7 @@ from llm_astar_planner.instructions.verification.geometry import EDGE, Area
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search._kernels import reference as kernels
+from llm_astar_planner.search.result import Cell
 
 # No reference search runs on a larger map: 12 s and 2 GB. Nothing is proven or allowed there.
 MAX_CELLS = 16_000_000
@@ -67,8 +68,16 @@ class Reference:
             mask = self.cells_in(self._end) & self.reachable
             if mask.any():
                 return mask
+        return self._mask_of(self._route.goal)
+
+    @cached_property
+    def start_mask(self) -> Mask:
+        """The start alone: bool [height, width]."""
+        return self._mask_of(self._route.start)
+
+    def _mask_of(self, cell: Cell) -> Mask:
         mask = np.zeros(self.blocked.shape, dtype=np.bool_)
-        mask[self._route.goal[1], self._route.goal[0]] = True
+        mask[cell[1], cell[0]] = True
         return mask
 
     @cached_property
@@ -81,10 +90,13 @@ class Reference:
         """Cells that a robot at the start can reach: bool [height, width]."""
         return self.reach(self.nothing_removed) > 0
 
-    def reach(self, removed: Mask, line: NDArray[np.float64] = NO_LINE) -> NDArray[np.uint8]:
-        """Return what can be reached from the start; see the kernel."""
-        cutting, start = self._route.costmap.config.corner_cutting, self._route.start
-        reached: NDArray[np.uint8] = kernels.reach(self.blocked, cutting, removed, line, *start)
+    def reach(
+        self, removed: Mask, line: NDArray[np.float64] = NO_LINE, starts: Mask | None = None
+    ) -> NDArray[np.uint8]:
+        """Return what can be reached from the start, or from `starts`; see the kernel."""
+        starts = self.start_mask if starts is None else starts
+        cutting = self._route.costmap.config.corner_cutting
+        reached: NDArray[np.uint8] = kernels.reach(self.blocked, cutting, removed, line, starts)
         return reached
 
     def separates(self, removed: Mask) -> bool:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property, partial, reduce
 
 import numpy as np
 import shapely
@@ -20,10 +21,14 @@ from llm_astar_planner.instructions.regions import (
     VISIT_DEPTH,
     VISIT_RADIUS,
     WALLS,
+    AllOf,
     Along,
+    AnyOf,
     Between,
     Box,
     Disc,
+    End,
+    Except,
     Half,
     NamedPlace,
     Region,
@@ -50,6 +55,7 @@ COMPASS_DIRECTIONS = {
     'east': (1.0, 0.0),
     'west': (-1.0, 0.0),
 }
+Cut = Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
 
 
 class RegionError(LlmAstarError, ValueError):
@@ -86,6 +92,11 @@ class RegionPart:
         return deep
 
     @cached_property
+    def entered(self) -> Area:
+        """Where a path has entered the part: inside of it, near to what one cannot stand in."""
+        return self.visited if self.reach else self.area.shrunk(EDGE)
+
+    @cached_property
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the part."""
         if self.reach:
@@ -110,6 +121,11 @@ class Resolved:
     def visited(self) -> Area:
         """What a path has to touch to have visited the region."""
         return together(part.visited for part in self.parts)
+
+    @cached_property
+    def entered(self) -> Area:
+        """Where a path has entered the region."""
+        return together(part.entered for part in self.parts)
 
     @cached_property
     def ends(self) -> Area:
@@ -158,11 +174,43 @@ class Regions:
                 return Resolved((self.between_part(first, second),))
             case Along(place, width):
                 return Resolved((self.along_part(place, width),))
+            case End(end):
+                at_start, goal = end == 'start', self._route.position(self._route.goal)
+                x, y = self._route.begin if at_start else goal
+                return Resolved((self.disc_part(x, y, VISIT_RADIUS),))
+            case AnyOf(regions):
+                found = self.joinable(regions, radius)
+                return Resolved(tuple(part for one in found for part in one.parts))
+            case AllOf(regions):
+                found = sorted(self.joinable(regions, radius), key=lambda one: not one.is_object)
+                return reduce(partial(self.cut, shapely.intersection), found)
+            case Except(inner, others):
+                found = self.joinable((inner, *others), radius)
+                return reduce(partial(self.cut, shapely.difference), found)
         raise TypeError(type(region).__name__)
 
     def resolve_avoided(self, region: Region) -> Resolved:
         """Return where a region to keep out of lies."""
         return self.resolve(region, AVOID_RADIUS)
+
+    def joinable(self, regions: Iterable[Region], radius: float) -> list[Resolved]:
+        """Return where regions lie that others are made of. Raises RegionError."""
+        found = [self.resolve(region, radius) for region in regions]
+        if any(part.area.wall_distance > 0.0 for one in found for part in one.parts):
+            raise RegionError('the strip along all walls is not joined with other regions')
+        return found
+
+    def cut(self, operation: Cut, one: Resolved, other: Resolved) -> Resolved:
+        """Return what an operation with another region leaves of the parts of one.
+
+        A part of which all is left stays as exact as it is.
+        """
+        parts = []
+        for part in one.parts:
+            left = polygons_of(operation(part.area.outline, other.area.outline))
+            whole = left.equals(part.area.outline)
+            parts.append(part if whole else replace(self.open_part(left), reach=part.reach))
+        return Resolved(tuple(part for part in parts if part.area.has_size) or (parts[0],))
 
     def place(self, name: str) -> Place:
         """Return the place of a name. Raises RegionError if there is none."""
@@ -216,7 +264,7 @@ class Regions:
         x0, y0, x1, y1 = shapely.bounds(whole)
         middle = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0])
         if half.side in ROUTE_SIDES and not half.of:
-            middle = np.array(self._route.position(self._route.start))
+            middle = np.array(self._route.begin)
         plane = self.half_plane(middle, self.direction(half.side))
         if not half.of:
             return self.open_part(plane)
@@ -230,7 +278,7 @@ class Regions:
         """
         if side not in ROUTE_SIDES:
             return np.array(COMPASS_DIRECTIONS[side])
-        start = np.array(self._route.position(self._route.start))
+        start = np.array(self._route.begin)
         way = np.array(self._route.position(self._route.goal)) - start
         if not way.any():
             raise RegionError(f'start and goal are one cell, which has no {side} side')

@@ -29,8 +29,6 @@ from llm_astar_planner.lazy import ndimage
 PIECE = 48.0
 # A square is at most half its diagonal nearer than its centre, and at least half its side.
 SPREAD = math.sqrt(0.5) - 0.5
-# Metres. No map is larger.
-FAR = 1e6
 
 
 class Walls:
@@ -255,13 +253,21 @@ class WallZone(Area):
         return np.array([self.walls.nearest(polyline(point), reach)[0] for point in xy])
 
     def distance(self, shape: BaseGeometry) -> float:
-        """Return the metres from a point or a line to it."""
-        path = polyline(shapely.get_coordinates(shape))
-        return max(0.0, self.walls.nearest(path, FAR)[0] - self.metres)
+        """Return the metres from a point or a line to it, inf without walls."""
+        return max(0.0, self._nearest(shape)[0] - self.metres)
 
     def nearest_point(self, shape: BaseGeometry) -> tuple[float, float]:
         """Return the point (x, y) of a point or a line that is nearest to it."""
-        return self.walls.nearest(polyline(shapely.get_coordinates(shape)), FAR)[1]
+        return self._nearest(shape)[1]
+
+    def _nearest(self, shape: BaseGeometry) -> tuple[float, tuple[float, float]]:
+        """Look farther and farther for the wall that is nearest to a point or a line."""
+        path, reach = polyline(shapely.get_coordinates(shape)), self.metres + 1.0
+        found = self.walls.nearest(path, reach)
+        while math.isinf(found[0]) and self.walls.exist:
+            reach *= 2.0
+            found = self.walls.nearest(path, reach)
+        return found
 
 
 def pieces_of(

@@ -20,7 +20,7 @@ from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
