@@ -22,8 +22,8 @@ examples:
     horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
     [[25, 10, 22]]."
 
-exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path but, with --require-waypoints, no
-usable waypoint
+exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path that does not keep the instruction
+or, with --require-waypoints, no usable waypoint
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterator
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
@@ -41,12 +40,10 @@ from llm_astar_planner.cli.flags import add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
-from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,13 +90,17 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
 
 
 def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
-    """Return 0 for a path, 1 for none, 3 where waypoints were required and none could be used."""
+    """Return 0 for a path, 1 for none, 3 where it is not what was asked.
+
+    That is where it does not keep the instruction, and where waypoints were required and none
+    could be used.
+    """
     if plan.code:
         return 1
     if arguments.require_waypoints and not guiding_points(plan.checked_waypoints):
         sys.stderr.write('llm-astar: --require-waypoints: no waypoint came that can be used\n')
         return 3
-    return 0
+    return 3 if plan.instruction is not None and plan.instruction.satisfied is False else 0
 
 
 def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
@@ -138,7 +139,7 @@ def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: st
         status = point.status.value.replace('_', ' ')
         lines.append(f'waypoint {number} {coordinates.describe(point.x, point.y)}: {status}')
     if plan.instruction is not None:
-        lines += instruction_lines(plan.instruction)
+        lines += instruction_lines(plan.instruction.to_json())
     if plan.code == 0:
         lines += path_lines(plan, coordinates)
     milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
@@ -165,21 +166,3 @@ def path_lines(plan: Plan, coordinates: Coordinates) -> list[str]:
         length = coordinates.describe_length(plan.any_angle.length)
         lines.append(f'any angle  {length}, in {segments} straight segments')
     return lines
-
-
-def instruction_lines(outcome: InstructionOutcome) -> Iterator[str]:
-    """Yield what was understood of an instruction, and a line for each of its clauses."""
-    interpretation = outcome.interpretation
-    yield f'instruction "{interpretation.text}"'
-    if interpretation.specification.enforceable:
-        yield f'understood as: {interpretation.sentence}'
-    by = f' by {interpretation.understood_by}' if interpretation.understood_by else ''
-    reason = f': {interpretation.detail}' if interpretation.detail else ''
-    yield f'{interpretation.status.value}{by}{reason}'
-    for number, clause in enumerate(outcome.clauses, start=1):
-        entry = clause.to_json()
-        detail = f' ({entry["detail"]})' if entry['detail'] else ''
-        verdict = '' if isinstance(clause.clause, Unknown) else f': {entry["status"]}{detail}'
-        yield f'clause {number:<3} {entry["clause"]}{verdict}'
-    if outcome.note:
-        yield f'note       {outcome.note}'
