@@ -117,7 +117,7 @@ REPLY_COLUMNS = (
 )
 RECORDED_COLUMN, *INSTRUCTION_COLUMNS = percents({
     'Length / recorded plan (%)': 'recorded.mean',
-    'Instruction satisfied (%)': 'instruction',
+    'Instruction kept (%)': 'instruction',
     'by the recorded plan (%)': 'recorded_instruction',
 })  # fmt: skip
 PATH_COLUMNS = (
