@@ -119,7 +119,7 @@ REPLY_COLUMNS = (
 GROWTH_COLUMNS = (*texts({'Quantity': 'quantity'}), *counts({'Samples': 'samples'}))
 RECORDED_COLUMN, *INSTRUCTION_COLUMNS = percents({
     'Length / recorded plan (%)': 'recorded.mean',
-    'Instruction satisfied (%)': 'instruction',
+    'Instruction kept (%)': 'instruction',
     'by the recorded plan (%)': 'recorded_instruction',
 })  # fmt: skip
 PATH_COLUMNS = (

@@ -16,6 +16,7 @@ examples:
   llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
   llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --params-file robot.yaml
   llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
+  llm-astar plan --map house.yaml --from kitchen --to sofa --instruction "avoid the hal" --confirm
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
@@ -81,6 +82,8 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
     else:
         names = (arguments.start_place or '', arguments.goal_place or '')
         print(plan_to_text(plan, coordinates, *names))
+    if plan.instruction is not None and plan.instruction.interpretation.questions:
+        sys.stderr.write('llm-astar: hint: if that is meant, add --confirm\n')
     if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
         points = [*filter(None, (arguments.start, arguments.goal)), *arguments.via]
         if coordinates.metres and all(map(coordinates.could_be_cell, points)):

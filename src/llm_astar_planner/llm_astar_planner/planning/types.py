@@ -375,11 +375,12 @@ def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     yield interpretation_line({**interpretation, 'sentence': ''})
     for number, clause in enumerate(outcome['clauses'], start=1):
         yield f'clause {number:<3} {clause_line(clause)}'
-    yield from (f'question   {question}' for question in interpretation.get('questions', ()))
-    if outcome['note']:
-        yield f'note       {outcome["note"]}'
-    if outcome.get('sentence'):
-        yield f'verdict    {outcome["sentence"]}'
+    said = str(outcome.get('sentence', ''))
+    more = [('question', question) for question in interpretation.get('questions', ())]
+    more.append(('note', outcome['note']))
+    yield from (f'{name:<10} {words}' for name, words in more if words not in said)
+    if said:
+        yield f'verdict    {said}'
 
 
 def clause_line(clause: Mapping[str, Any]) -> str:
@@ -393,9 +394,13 @@ def clause_line(clause: Mapping[str, Any]) -> str:
 
 def clause_facts(clause: Mapping[str, Any]) -> str:
     """Return what was measured of a clause and what it costs: ' (0.0 m inside), costs 4.2 m'."""
-    detail = f' ({clause["detail"]})' if clause['detail'] else ''
+    return (f' ({clause["detail"]})' if clause['detail'] else '') + clause_price(clause)
+
+
+def clause_price(clause: Mapping[str, Any]) -> str:
+    """Return what a clause costs: ', costs 4.2 m'; '' where that was not measured."""
     price = clause.get('price')
-    return detail if price is None else f'{detail}, costs {price:.1f} m'
+    return '' if price is None else f', costs {price:.1f} m'
 
 
 def interpretation_line(interpretation: Mapping[str, Any]) -> str:
