@@ -6,6 +6,7 @@ against it on random traces, and a planned path by its points.
 
 import itertools
 import json
+import sys
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -102,7 +103,7 @@ def unique(regions):
 
 @dataclass(frozen=True)
 class Reading:
-    """What was read of a sentence: clauses in JSON, whether all of it, whether it is a question."""
+    """What was read of a sentence: clauses in JSON, and how much of it was understood."""
 
     text: str
     clauses: tuple
@@ -423,3 +424,8 @@ def table(rows, columns=COLUMNS):
     lines = ['| ' + ' | '.join(map(str, line)) + ' |' for line in (columns, *rows)]
     lines.insert(1, '|' + '---|' * len(columns))
     return '\n'.join(lines)
+
+
+def say(text):
+    """Print a line for `pytest -s`."""
+    sys.stdout.write(f'{text}\n')

@@ -7,7 +7,7 @@ import os
 
 import pytest
 from language import corpora
-from language.judge import Court, Driver, judge, row, table
+from language.judge import Court, Driver, judge, row, say, table
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 
 EVERY = 1 if os.environ.get('LLM_ASTAR_JUDGE_ALL') else 4
@@ -35,14 +35,12 @@ def summarize(corpus, found):
     rows = [row(name, [v for other, v in found if other == name]) for name in names]
     verdicts = [verdict for _, verdict in found]
     rows += [row(f'{corpus}, all', verdicts)] if len(names) > 1 else []
-    print('\n' + table(rows))
+    say('\n' + table(rows))
     for name, verdict in found:
         if verdict.is_false or verdict.clause_false:
             kind = verdict.relation if verdict.is_false else 'a clause'
             on_path = '' if verdict.met else ', not on the path'
-            print(
-                f'{name}: {kind}{on_path}: {verdict.reading.text!r} -> {verdict.reading.words()}'
-            )
+            say(f'{name}: {kind}{on_path}: {verdict.reading.text!r} -> {verdict.reading.words()}')
     return sum(v.claimed for v in verdicts), sum(v.is_false for v in verdicts)
 
 
