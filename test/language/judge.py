@@ -368,28 +368,51 @@ class Verdict:
         return self.claimed and (wrong or not self.met)
 
 
-def judge(interpreter, driver, text, truth, court, seed=0):
-    """Read a sentence, plan, and judge what is claimed."""
+# From the best to the worst; where a sentence has several meanings, the best one counts.
+ORDER = (SAME, STRONGER, UNCLEAR, WEAKER, CONTRADICTS)
+
+
+def best_relation(truths, clauses, court, seed=0):
+    """Return how a reading stands to the meaning that suits it best; WEAKER where there is none.
+
+    A sentence without a meaning that clauses can say has no reading that may be claimed.
+    """
+    found = [
+        WEAKER if not truth.says and how == SAME else how
+        for truth in truths
+        for how in [relation(truth, clauses, court, seed)]
+    ]
+    return min(found, key=ORDER.index, default=WEAKER)
+
+
+def judge(interpreter, driver, text, truths, court, seed=0):
+    """Read a sentence that means one of some truths, plan, and judge what is claimed."""
     reading = read(interpreter, text, court.world.places)
     plan = driver.plan(reading.interpretation, court.start, court.goal)
     met = False
     if len(plan.path):
-        met = bool(truth.of(driver.trace(plan, court.start, court.goal))[0])
+        driven = driver.trace(plan, court.start, court.goal)
+        met = any(bool(truth.of(driven)[0]) for truth in truths)
     outcome = plan.instruction
-    claimed = outcome is not None and outcome.satisfied is True
-    wrong = relation(truth, reading.enforced, court, seed) if reading.enforced else UNCLEAR
-    if claimed and not truth.says and wrong == SAME:
-        wrong = WEAKER
     kept = [
         clause
         for clause, one in zip(reading.clauses, outcome.clauses if outcome else ())
         if one.status.value == 'kept' and not is_unsure(clause)
     ]
-    relations = [clause_relation(truth, clause, court, seed) for clause in kept]
-    false = tuple(c for c, how in zip(kept, relations) if how == CONTRADICTS)
-    feasible = truth.says and can_be_met(truth, court, seed)
+    relations = [
+        min((clause_relation(truth, clause, court, seed) for truth in truths), key=ORDER.index)
+        for clause in kept
+        if truths
+    ]
     return Verdict(
-        reading, feasible, met, claimed, wrong, len(kept), false, relations.count(STRONGER)
+        reading,
+        any(truth.says and can_be_met(truth, court, seed) for truth in truths),
+        met,
+        outcome is not None and outcome.satisfied is True,
+        best_relation(truths, reading.enforced, court, seed) if reading.enforced else UNCLEAR,
+        len(kept),
+        tuple(c for c, how in zip(kept, relations) if how == CONTRADICTS),
+        relations.count(STRONGER),
     )
 
 

@@ -25,7 +25,7 @@ def verdicts_of(world, sentences):
     for index, (name, text, truth) in enumerate(sentences):
         if index % EVERY == 0:
             court = courts[index // EVERY % len(courts)]
-            found.append((name, judge(interpreter, driver, text, truth, court)))
+            found.append((name, judge(interpreter, driver, text, (truth,), court)))
     return found
 
 

@@ -140,14 +140,14 @@ def driver():
 
 def test_a_true_claim_is_met_on_the_path(driver):
     truth = Truth(clauses=(visit(KITCHEN), avoid(LAB)))
-    verdict = judge(Oracle(*truth.clauses), driver, 'a sentence', truth, COURT)
+    verdict = judge(Oracle(*truth.clauses), driver, 'a sentence', (truth,), COURT)
     assert (verdict.met, verdict.claimed, verdict.relation) == (True, True, SAME)
     assert not verdict.is_false
 
 
 def test_a_claim_that_holds_only_by_luck_is_false(driver):
     truth = Truth(clauses=(visit(KITCHEN), avoid(LAB)))
-    verdict = judge(Oracle(visit(KITCHEN)), driver, 'a sentence', truth, COURT)
+    verdict = judge(Oracle(visit(KITCHEN)), driver, 'a sentence', (truth,), COURT)
     assert verdict.met
     assert verdict.claimed
     assert verdict.is_false

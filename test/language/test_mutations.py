@@ -12,20 +12,16 @@ from language import mutations
 from language.judge import (
     CONTRADICTS,
     SAME,
-    STRONGER,
-    UNCLEAR,
     WEAKER,
     Court,
+    best_relation,
     read,
-    relation,
     say,
     table,
 )
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 
 NUMBER = 2000 if os.environ.get('LLM_ASTAR_JUDGE_ALL') else 300
-# From the best to the worst; where a sentence has two meanings, the better one counts.
-ORDER = (SAME, STRONGER, UNCLEAR, WEAKER, CONTRADICTS)
 RIGHT, FALSE, NOT_THE_MEANING = 'right', 'false', 'not the meaning'
 ASKED, PARTLY, NOT_UNDERSTOOD = 'asked', 'partly', 'not understood'
 RESULTS = (RIGHT, FALSE, NOT_THE_MEANING, ASKED, PARTLY, NOT_UNDERSTOOD)
@@ -38,13 +34,8 @@ def judged(interpreter, court, case):
         if reading.asks and reading.status == 'understood':
             return ASKED, reading
         return (PARTLY if reading.enforced else NOT_UNDERSTOOD), reading
-    if not case.truths:
-        return FALSE, reading
-    found = [relation(truth, reading.enforced, court) for truth in case.truths]
-    best = min(found, key=ORDER.index)
-    return {SAME: RIGHT, STRONGER: NOT_THE_MEANING, UNCLEAR: NOT_THE_MEANING}.get(
-        best, FALSE
-    ), reading
+    best = best_relation(case.truths, reading.enforced, court)
+    return {SAME: RIGHT, WEAKER: FALSE, CONTRADICTS: FALSE}.get(best, NOT_THE_MEANING), reading
 
 
 def judge_all(number):
