@@ -362,10 +362,14 @@ class Verdict:
     clause_extra: int = 0
 
     @property
+    def is_wrong(self):
+        """Whether the whole was read for certain, with another meaning."""
+        return self.reading.is_certain and self.relation in (WEAKER, CONTRADICTS)
+
+    @property
     def is_false(self):
         """Whether something false is claimed of the whole."""
-        wrong = self.relation in (WEAKER, CONTRADICTS)
-        return self.claimed and (wrong or not self.met)
+        return self.claimed and (self.relation in (WEAKER, CONTRADICTS) or not self.met)
 
 
 # From the best to the worst; where a sentence has several meanings, the best one counts.
@@ -385,6 +389,12 @@ def best_relation(truths, clauses, court, seed=0):
     return min(found, key=ORDER.index, default=WEAKER)
 
 
+def best_clause_relation(truths, clause, court, seed=0):
+    """Return how a clause stands to the meaning that suits it best; SAME where there is none."""
+    found = [clause_relation(truth, clause, court, seed) for truth in truths]
+    return min(found, key=ORDER.index, default=SAME)
+
+
 def judge(interpreter, driver, text, truths, court, seed=0):
     """Read a sentence that means one of some truths, plan, and judge what is claimed."""
     reading = read(interpreter, text, court.world.places)
@@ -399,11 +409,7 @@ def judge(interpreter, driver, text, truths, court, seed=0):
         for clause, one in zip(reading.clauses, outcome.clauses if outcome else ())
         if one.status.value == 'kept' and not is_unsure(clause)
     ]
-    relations = [
-        min((clause_relation(truth, clause, court, seed) for truth in truths), key=ORDER.index)
-        for clause in kept
-        if truths
-    ]
+    relations = [best_clause_relation(truths, clause, court, seed) for clause in kept]
     return Verdict(
         reading,
         any(truth.says and can_be_met(truth, court, seed) for truth in truths),
@@ -417,8 +423,9 @@ def judge(interpreter, driver, text, truths, court, seed=0):
 
 
 COLUMNS = (
-    'corpus', 'sentences', 'can be met', 'met', 'claimed', 'false', 'stronger', 'questions',
-    'partly', 'not understood', 'clause claims', 'false clauses', 'clauses not asked for',
+    'corpus', 'sentences', 'can be met', 'met', 'claimed', 'false', 'stronger', 'sure', 'wrong',
+    'questions', 'partly', 'not understood', 'clause claims', 'false clauses',
+    'clauses not asked for',
 )  # fmt: skip
 
 
@@ -433,6 +440,8 @@ def row(name, verdicts):
         sum(v.claimed for v in verdicts),
         sum(v.is_false for v in verdicts),
         sum(v.claimed and not v.is_false and v.relation == STRONGER for v in verdicts),
+        sum(v.reading.is_certain for v in verdicts),
+        sum(v.is_wrong for v in verdicts),
         sum(v.reading.asks for v in verdicts),
         status.count('partly understood'),
         len(status) - status.count('understood') - status.count('partly understood'),

@@ -37,8 +37,8 @@ def summarize(corpus, found):
     rows += [row(f'{corpus}, all', verdicts)] if len(names) > 1 else []
     say('\n' + table(rows))
     for name, verdict in found:
-        if verdict.is_false or verdict.clause_false:
-            kind = verdict.relation if verdict.is_false else 'a clause'
+        if verdict.is_false or verdict.is_wrong or verdict.clause_false:
+            kind = 'a clause' if verdict.clause_false else verdict.relation
             on_path = '' if verdict.met else ', not on the path'
             say(f'{name}: {kind}{on_path}: {verdict.reading.text!r} -> {verdict.reading.words()}')
     return sum(v.claimed for v in verdicts), sum(v.is_false for v in verdicts)

@@ -12,9 +12,12 @@ from language import mutations
 from language.judge import (
     CONTRADICTS,
     SAME,
+    STRONGER,
     WEAKER,
     Court,
+    best_clause_relation,
     best_relation,
+    is_unsure,
     read,
     say,
     table,
@@ -24,18 +27,33 @@ from llm_astar_planner.instructions.grammar.interpreter import GrammarInterprete
 NUMBER = 2000 if os.environ.get('LLM_ASTAR_JUDGE_ALL') else 300
 RIGHT, FALSE, NOT_THE_MEANING = 'right', 'false', 'not the meaning'
 ASKED, PARTLY, NOT_UNDERSTOOD = 'asked', 'partly', 'not understood'
-RESULTS = (RIGHT, FALSE, NOT_THE_MEANING, ASKED, PARTLY, NOT_UNDERSTOOD)
+# Of a sentence that is not wholly understood: a clause that it forbids, or does not ask for.
+FALSE_CLAUSE, NEEDLESS_CLAUSE = 'false clause', 'needless clause'
+RESULTS = (
+    RIGHT, FALSE, FALSE_CLAUSE, NOT_THE_MEANING, NEEDLESS_CLAUSE, ASKED, PARTLY, NOT_UNDERSTOOD,
+)  # fmt: skip
 
 
 def judged(interpreter, court, case):
     """Return (the result, the reading) of one sentence."""
     reading = read(interpreter, case.text, court.world.places)
     if not reading.is_certain:
-        if reading.asks and reading.status == 'understood':
-            return ASKED, reading
-        return (PARTLY if reading.enforced else NOT_UNDERSTOOD), reading
+        return uncertain(court, case, reading), reading
     best = best_relation(case.truths, reading.enforced, court)
     return {SAME: RIGHT, WEAKER: FALSE, CONTRADICTS: FALSE}.get(best, NOT_THE_MEANING), reading
+
+
+def uncertain(court, case, reading):
+    """Return the result for a sentence that was read in part or as a question."""
+    sure = [clause for clause in reading.enforced if not is_unsure(clause)]
+    found = [best_clause_relation(case.truths, clause, court) for clause in sure]
+    if CONTRADICTS in found:
+        return FALSE_CLAUSE
+    if STRONGER in found:
+        return NEEDLESS_CLAUSE
+    if reading.asks and reading.status == 'understood':
+        return ASKED
+    return PARTLY if reading.enforced else NOT_UNDERSTOOD
 
 
 def judge_all(number):
@@ -61,7 +79,7 @@ def test_at_most_one_mutated_sentence_in_a_hundred_is_claimed_falsely():
     ]
     say(table(rows, ('kind', 'sentences', *RESULTS)))
     for case, result, reading in found:
-        if result in (FALSE, NOT_THE_MEANING):
+        if result in (FALSE, FALSE_CLAUSE, NOT_THE_MEANING, NEEDLESS_CLAUSE):
             say(f'{case.language} {case.kind}: {result}: {case.text!r} -> {reading.words()}')
-    false = [case for case, result, _ in found if result == FALSE]
+    false = [case for case, result, _ in found if result in (FALSE, FALSE_CLAUSE)]
     assert len(false) <= 0.01 * len(found)
