@@ -181,7 +181,7 @@ class Court:
     def traces(self, truth, clauses, seed):
         """Return random traces near what the truth and a reading are about.
 
-        The first half begin at the start and end at the goal.
+        The first half begin at the start, and every second one ends at the goal.
         """
         orders = [truth.named_regions(), regions_of(clauses)]
         regions = unique(itertools.chain(*orders))
@@ -207,7 +207,7 @@ class Court:
             if draw.random() < 0.5 or not row:
                 row.append(draw.choice(elsewhere))
             if index < TRACES // 2:
-                row = [0, *row, 1]
+                row = [0, *row, *([1] if index % 2 else [])]
             rows.append(row[:LONGEST])
         steps = np.zeros((len(rows), LONGEST), dtype=int)
         alive = np.zeros((len(rows), LONGEST), dtype=bool)
@@ -290,9 +290,10 @@ def clause_relation(truth, clause, court, seed=0):
 
 
 def can_be_met(truth, court, seed=0):
-    """Tell whether a trace from the start to the goal keeps the truth."""
+    """Tell whether a trace from the start to the goal keeps the truth; it may say where to end."""
     traces = court.traces(truth, truth.clauses, seed)
-    return bool(truth.of(traces)[: TRACES // 2].any())
+    ends = any(clause['kind'] == 'end_at' for clause in truth.clauses)
+    return bool(truth.of(traces)[(not ends) : TRACES // 2 : 1 if ends else 2].any())
 
 
 # --- Planned paths

@@ -45,6 +45,7 @@ class Case:
 
     kind: str
     language: str
+    template: str
     text: str
     truths: tuple
 
@@ -445,6 +446,146 @@ TEMPLATES = {
         ('manner', 've despacio a la {a}', None),
     ],
 }  # fmt: skip
+# More of the same kinds, in other words.
+MORE = [
+    ('negated', 'you must not set foot in {a}', lambda a, b, c: [avoid(a)]),
+    ('negated', 'entering {a} is forbidden', lambda a, b, c: [avoid(a)]),
+    ('negated', 'I do not want you in {a}', lambda a, b, c: [avoid(a)]),
+    ('negated', 'visit {a}, {b} is out of bounds', lambda a, b, c: [visit(a), avoid(b)]),
+    ('negated', 'no {a} and no {b}', lambda a, b, c: [avoid(a), avoid(b)]),
+    ('negated', 'pass through {a} but keep out of {b} and {c}',
+     lambda a, b, c: [visit(a), avoid(b), avoid(c)]),
+    ('negated', "don't go near {a}", lambda a, b, c: ([distance(a, 1.0)], [distance(a, 3.0)],
+                                                        [avoid(a)])),
+    ('negated', '{a} is not to be avoided', lambda a, b, c: ([], [visit(a)])),
+    ('negated', 'do anything but avoid {a}', lambda a, b, c: ([], [visit(a)])),
+    ('negated', 'rather than {a}, visit {b}', lambda a, b, c: ([visit(b)],
+                                                                [visit(b), avoid(a)])),
+    ('order', 'by the time you reach {a} you must have been in {b}',
+     lambda a, b, c: ([before(b, a)], in_turn(b, a))),
+    ('order', '{a} comes after {b}', lambda a, b, c: ([before(b, a)], in_turn(b, a))),
+    ('order', 'go to {a}; prior to that, {b}', lambda a, b, c: in_turn(b, a)),
+    ('order', 'having visited {a}, go to {b}', lambda a, b, c: in_turn(a, b)),
+    ('order', 'the order is {c}, {a}, {b}', lambda a, b, c: in_turn(c, a, b)),
+    ('order', 'visit {a} second and {b} first', lambda a, b, c: in_turn(b, a)),
+    ('order', 'from {a} go on to {b}', lambda a, b, c: in_turn(a, b)),
+    ('order', 'reach {a} from {b}', lambda a, b, c: in_turn(b, a)),
+    ('order', 'visit {b} between {a} and {c}', lambda a, b, c: (in_turn(a, b, c),
+                                                                 in_turn(c, b, a))),
+    ('order', 'leave {a} until after {b}',
+     lambda a, b, c: ([before(b, a)], in_turn(b, a))),
+    ('order', 'postpone {a}: first {b}, then {c}', lambda a, b, c: in_turn(b, c, a)),
+    ('condition', 'a visit to {a} must be followed by a visit to {b}',
+     lambda a, b, c: ([then(a, b)], [visit(a), then(a, b)])),
+    ('condition', 'provided that you enter {a}, visit {b} afterwards',
+     lambda a, b, c: [then(a, b)]),
+    ('condition', 'those who go into {a} have to go to {b} later',
+     lambda a, b, c: [then(a, b)]),
+    ('condition', 'having entered {a} rules out {b}', lambda a, b, c: [never_after(a, b)]),
+    ('condition', 'from {a} you may no longer go to {b}',
+     lambda a, b, c: [never_after(a, b)]),
+    ('condition', '{a} is only allowed once {b} has been visited',
+     lambda a, b, c: [before(b, a)]),
+    ('condition', 'you can enter {a} as soon as you have seen {b}',
+     lambda a, b, c: [before(b, a)]),
+    ('condition', 'if {a} is empty, go there', None),
+    ('condition', 'go to {a} when I call you', None),
+    ('condition', 'depending on the time, visit {a} or {b}', None),
+    ('condition', 'avoid {a} between noon and one', None),
+    ('condition', 'suppose {a} is locked: take {b}', None),
+    ('condition', 'visit {a}, and if that fails {b}', None),
+    ('condition', 'go to {a} or, if it is crowded, to {b}', None),
+    ('condition', 'if you do not visit {a}, visit {b}', None),
+    ('exception', 'no room may be entered, with the exception of {a}',
+     lambda a, b, c: [avoid(but(ROOM, a))]),
+    ('exception', 'visit the blue rooms, but not the office',
+     lambda a, b, c: ([visit('kitchen', 'lab')],
+                      [visit('kitchen', 'lab'), avoid('office')])),
+    ('exception', 'visit all rooms, leaving out {a}', lambda a, b, c: [visit(*others(a))]),
+    ('exception', 'avoid the blue rooms, the kitchen excepted',
+     lambda a, b, c: [avoid(but(BLUE, 'kitchen'))]),
+    ('exception', 'avoid everything green save the workshop',
+     lambda a, b, c: [avoid(but({'tag': 'green'}, 'workshop'))]),
+    ('name', 'pop into {x}', None),
+    ('name', 'visit {x} first, then {b}', None),
+    ('name', 'anything but {x}', None),
+    ('name', 'visit {a} or {x}', None),
+    ('name', 'once you have been in {x}, avoid {a}', None),
+    ('number', 'stay two metres clear of the printer',
+     lambda a, b, c: [distance('printer', 2.0)]),
+    ('number', 'keep away from the bench, at least 1.2 m',
+     lambda a, b, c: [distance('bench', 1.2)]),
+    ('number', 'leave 80 centimetres between you and the printer',
+     lambda a, b, c: [distance('printer', 0.8)]),
+    ('number', 'up to two visits to {a} are fine', lambda a, b, c: [count(a, 0, 2)]),
+    ('number', 'not once may you enter {a}', lambda a, b, c: [avoid(a)]),
+    ('number', 'visit {a} a second time', None),
+    ('number', 'visit {a} once more than {b}', None),
+    ('number', 'enter {a} an even number of times', None),
+    ('number', 'visit {a} three times in all', lambda a, b, c: ([count(a, 3, 3)],
+                                                                 [count(a, 3)])),
+    ('number', 'three rooms must be visited', None),
+    ('only', '{a}, and nothing before it', None),
+    ('only', 'go to {a} straight after {b}', None),
+    ('only', 'the last room must be {a}', lambda a, b, c: ([visit(a)], [end_at(a)])),
+    ('only', 'visit {a} exclusively', lambda a, b, c: [visit(a), avoid(but(ROOM, a))]),
+    ('only', 'visit {a}, thereafter only {b}', None),
+    ('only', 'do nothing but visit {a}', lambda a, b, c: ([visit(a)],
+                                                           [visit(a), avoid(but(ROOM, a))])),
+    ('only', 'first and foremost visit {a}, then {b}', lambda a, b, c: in_turn(a, b)),
+    ('quantifier', 'visit at least one of {a}, {b} and {c}',
+     lambda a, b, c: [visit(any_of(a, b, c))]),
+    ('quantifier', 'visit all three of {a}, {b} and {c}',
+     lambda a, b, c: [visit(a, b, c)]),
+    ('quantifier', 'not all of {a}, {b} and {c} may be visited', None),
+    ('quantifier', 'visit none of {a}, {b} and {c}',
+     lambda a, b, c: [avoid(a), avoid(b), avoid(c)]),
+    ('quantifier', 'enter at most one of {a} and {b}',
+     lambda a, b, c: [never_after(a, b), never_after(b, a)]),
+    ('quantifier', 'go to {a} and to {b} or {c}',
+     lambda a, b, c: ([visit(a, any_of(b, c))], [visit(a), visit(any_of(b, c))])),
+    ('quantifier', 'some blue room has to be visited', lambda a, b, c: [visit(BLUE)]),
+    ('quantifier', 'half of the rooms are to be avoided', None),
+    ('reason', '{b} is noisy today, go to {a}', lambda a, b, c: ([visit(a)],
+                                                                  [visit(a), avoid(b)])),
+    ('reason', 'avoid {a}: it leads to {b}', lambda a, b, c: [avoid(a)]),
+    ('reason', 'my keys from {b} are in {a}, so visit it', lambda a, b, c: [visit(a)]),
+    ('reason', 'go to {a}, which used to be {b}', lambda a, b, c: [visit(a)]),
+    ('reason', 'Tom, who works in {b}, says to avoid {a}', lambda a, b, c: [avoid(a)]),
+    ('need not', 'nobody says that you have to visit {a}', lambda a, b, c: []),
+    ('need not', '{a} is not required', lambda a, b, c: []),
+    ('need not', 'avoid {a} if you like', lambda a, b, c: ([], [avoid(a)])),
+    ('need not', 'whether you avoid {a} is up to you', lambda a, b, c: []),
+    ('need not', 'going through {a} is fine', lambda a, b, c: []),
+    ('need not', 'visit {a}; {b} is not necessary', lambda a, b, c: [visit(a)]),
+    ('double', 'by no means leave {a} unvisited', lambda a, b, c: [visit(a)]),
+    ('double', 'you cannot not visit {a}', lambda a, b, c: [visit(a)]),
+    ('double', 'not visiting {a} is not an option', lambda a, b, c: [visit(a)]),
+    ('double', 'never enter {b} unless you have been to {a}',
+     lambda a, b, c: [before(a, b)]),
+    ('double', 'I would not mind if you avoided {a}', lambda a, b, c: ([], [avoid(a)])),
+    ('double', 'nowhere except {a} is forbidden', lambda a, b, c: [avoid(a)]),
+    ('withdrawn', 'go to {a}... actually {b}', lambda a, b, c: [visit(b)]),
+    ('withdrawn', 'avoid {a}, just kidding', lambda a, b, c: []),
+    ('withdrawn', 'visit {a} - correction: {b}', lambda a, b, c: [visit(b)]),
+    ('withdrawn', 'I said {a}, but I meant {b}: go there', lambda a, b, c: [visit(b)]),
+    ('withdrawn', 'do not avoid {a} after all, avoid {b}', lambda a, b, c: [avoid(b)]),
+    ('withdrawn', 'visit {a}, er, no, do not visit {a}', lambda a, b, c: ([], [avoid(a)])),
+    ('manner', 'visit {a} quickly and quietly', None),
+    ('manner', 'go to {a} within two minutes', None),
+    ('manner', 'bring a chair to {a}', lambda a, b, c: [visit(a)]),
+    ('manner', 'avoid {a} and anybody who looks angry', None),
+    ('manner', 'go through {a} with your lights on', None),
+    ('manner', 'stay in {a} for a while', None),
+    ('manner', 'visit {a} and say hello', None),
+    ('manner', 'go to {a} at half speed', None),
+    ('part', 'avoid the area in front of {a}', None),
+    ('part', 'keep to the wall in {a}', None),
+    ('part', 'go to the window of {a}', None),
+    ('part', 'avoid everything behind the bench', None),
+    ('part', 'enter {a} from the north', None),
+    ('part', 'visit what is left of {a}', None),
+]  # fmt: skip
 # How names come to differ from those on the map.
 UNKNOWN_NAMES = {
     'en': (
@@ -480,14 +621,15 @@ def with_article(name, language):
     return name if language != 'en' or name[-1].isdigit() else f'the {name}'
 
 
-def cases(number):
+def cases(number, seed=SEED):
     """Yield mutated sentences, always the same ones: the languages by their shares."""
-    draw = np.random.default_rng(SEED)
+    draw = np.random.default_rng(seed)
+    english = TEMPLATES['en'] + MORE
     for index in range(number):
         language = str(draw.choice(list(SHARES), p=list(SHARES.values())))
-        templates = TEMPLATES[language]
+        templates = english if language == 'en' else TEMPLATES[language]
         # English in turn, so that every template comes up as often.
-        at = index * 7919 % len(templates) if language == 'en' else draw.integers(len(templates))
+        at = index * 7919 % len(english) if language == 'en' else draw.integers(len(templates))
         yield made(draw, language, *templates[int(at)])
 
 
@@ -508,7 +650,7 @@ def made(draw, language, kind, template, meaning):
             frame = '{s}'
             truths = tuple(truth[:-1] for truth in truths)
     text = frame.format(s=text, S=text[0].upper() + text[1:], d=names['d'])
-    return Case(kind, language, text, tuple(Truth(clauses=truth) for truth in truths))
+    return Case(kind, language, template, text, tuple(Truth(clauses=truth) for truth in truths))
 
 
 def named(clauses):
