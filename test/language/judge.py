@@ -17,6 +17,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
 TRACES, LONGEST = 480, 30
+AT_GOAL, ANYWHERE, FREE = 'at the goal', 'anywhere', 'free'
 NOT_ENFORCED = ('unknown', 'unsupported')
 # Metres between the points of a planned path that are looked at.
 STEP = 0.04
@@ -181,7 +182,7 @@ class Court:
     def traces(self, truth, clauses, seed):
         """Return random traces near what the truth and a reading are about.
 
-        The first half begin at the start, and every second one ends at the goal.
+        Half of them begin at the start and end at the goal, a quarter begin at the start.
         """
         orders = [truth.named_regions(), regions_of(clauses)]
         regions = unique(itertools.chain(*orders))
@@ -206,8 +207,8 @@ class Court:
                     row.append(draw.choice(pools[step]))
             if draw.random() < 0.5 or not row:
                 row.append(draw.choice(elsewhere))
-            if index < TRACES // 2:
-                row = [0, *row, *([1] if index % 2 else [])]
+            if ending(index) != FREE:
+                row = [0, *row, *([1] if ending(index) == AT_GOAL else [])]
             rows.append(row[:LONGEST])
         steps = np.zeros((len(rows), LONGEST), dtype=int)
         alive = np.zeros((len(rows), LONGEST), dtype=bool)
@@ -215,6 +216,11 @@ class Court:
             steps[index, : len(row)] = row
             alive[index, : len(row)] = True
         return Traces(ground, steps, alive, seed)
+
+
+def ending(index):
+    """Return where a trace ends: at the goal, anywhere, or anywhere without a start."""
+    return (AT_GOAL, AT_GOAL, ANYWHERE, FREE)[index // 8 % 4]
 
 
 def visit_order(clauses, regions):
@@ -292,8 +298,9 @@ def clause_relation(truth, clause, court, seed=0):
 def can_be_met(truth, court, seed=0):
     """Tell whether a trace from the start to the goal keeps the truth; it may say where to end."""
     traces = court.traces(truth, truth.clauses, seed)
-    ends = any(clause['kind'] == 'end_at' for clause in truth.clauses)
-    return bool(truth.of(traces)[(not ends) : TRACES // 2 : 1 if ends else 2].any())
+    wanted = {AT_GOAL, *(ANYWHERE for clause in truth.clauses if clause['kind'] == 'end_at')}
+    fits = [ending(index) in wanted for index in range(TRACES)]
+    return bool((truth.of(traces) & fits).any())
 
 
 # --- Planned paths
