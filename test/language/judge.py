@@ -17,6 +17,8 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
 TRACES, LONGEST = 480, 30
+# What readings of a whole sentence say of themselves.
+READ = ('understood', 'unsure')
 AT_GOAL, ANYWHERE, FREE = 'at the goal', 'anywhere', 'free'
 NOT_ENFORCED = ('unknown', 'unsupported')
 # Metres between the points of a planned path that are looked at.
@@ -437,6 +439,12 @@ COLUMNS = (
 )  # fmt: skip
 
 
+def unread(status):
+    """Return how many sentences were read in part, and how many not at all."""
+    partly = status.count('partly understood')
+    return partly, len(status) - partly - sum(text in READ for text in status)
+
+
 def row(name, verdicts):
     """Return one row of the table: counts of verdicts."""
     status = [verdict.reading.status for verdict in verdicts]
@@ -451,8 +459,7 @@ def row(name, verdicts):
         sum(v.reading.is_certain for v in verdicts),
         sum(v.is_wrong for v in verdicts),
         sum(v.reading.asks for v in verdicts),
-        status.count('partly understood'),
-        len(status) - status.count('understood') - status.count('partly understood'),
+        *unread(status),
         sum(v.clause_claims for v in verdicts),
         sum(len(v.clause_false) for v in verdicts),
         sum(v.clause_extra for v in verdicts),

@@ -7,7 +7,7 @@ import os
 
 import pytest
 from language import free
-from language.judge import SAME, Court, Driver, judge, say, table
+from language.judge import READ, SAME, Court, Driver, judge, say, table, unread
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 
 COLUMNS = (
@@ -45,14 +45,13 @@ def shares(name, found):
         name,
         len(found),
         len(sayable),
-        sum(v.relation == SAME and v.reading.status == 'understood' for v in sayable),
+        sum(v.relation == SAME and v.reading.status in READ for v in sayable),
         sum(v.claimed for _, v in found),
         sum(v.is_false for _, v in found),
         sum(v.reading.is_certain for _, v in found),
         sum(v.is_wrong for _, v in found),
         sum(v.reading.asks for _, v in found),
-        status.count('partly understood'),
-        len(status) - status.count('understood') - status.count('partly understood'),
+        *unread(status),
         sum(v.clause_claims for _, v in found),
         sum(len(v.clause_false) for _, v in found),
     )

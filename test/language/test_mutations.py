@@ -11,6 +11,7 @@ import pytest
 from language import mutations
 from language.judge import (
     CONTRADICTS,
+    READ,
     SAME,
     STRONGER,
     WEAKER,
@@ -51,7 +52,7 @@ def uncertain(court, case, reading):
         return FALSE_CLAUSE
     if STRONGER in found:
         return NEEDLESS_CLAUSE
-    if reading.asks and reading.status == 'understood':
+    if reading.asks and reading.status in READ:
         return ASKED
     return PARTLY if reading.enforced else NOT_UNDERSTOOD
 
