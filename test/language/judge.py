@@ -44,7 +44,7 @@ class Truth:
             return keeps(self.clauses, traces)
         letters = {name: traces.visits(region) for name, region in self.regions.items()}
         alive = traces.alive
-        if 'X' in str(self.formula):
+        if {'X', 'N'} & set(str(self.formula)):
             letters, alive = without_repeats(letters, alive)
         return ltlf.holds(self.formula, letters, alive)
 

@@ -1,9 +1,9 @@
 """Linear temporal logic on finite traces, by its textbook definition.
 
 A formula is a text in prefix notation, as 'F & a F b', or what `parse` makes of it. Operators:
-! & | i (implies) e (equivalent) X (next) F (eventually) G (always) U (until) W (weak until)
-R (release) M (strong release); all else is an atom. The next position exists in `X`, not at the
-end of a trace.
+! & | i (implies) e (equivalent) X (next) N (weak next) F (eventually) G (always) U (until)
+W (weak until) R (release) M (strong release); all else is an atom. At the end of a trace nothing
+holds next, and everything holds weakly next.
 
 Many traces are evaluated together: an atom is a table, bool [traces, positions], and `alive` of
 the same shape says which positions a trace has, the first ones of its row.
@@ -11,7 +11,7 @@ the same shape says which positions a trace has, the first ones of its row.
 
 import numpy as np
 
-UNARY = {'!', 'X', 'F', 'G'}
+UNARY = {'!', 'X', 'N', 'F', 'G'}
 BINARY = {'&', '|', 'i', 'e', 'U', 'W', 'R', 'M'}
 
 
@@ -48,7 +48,8 @@ def atoms(formula):
 def weakened(formula):
     """Return a formula whose until is weak where both sides are an atom or its negation.
 
-    'stay away from b until you have been at a' does not say that a is visited.
+    'stay away from b until you have been at a' does not say that a is visited. What always holds
+    from the next position on holds where there is none.
     """
     if isinstance(formula, str):
         return formula
@@ -56,6 +57,8 @@ def weakened(formula):
     parts = [weakened(part) for part in parts]
     if head == 'U' and all(_is_literal(part) for part in parts):
         head = 'W'
+    if head == 'X' and parts[0][0] == 'G':
+        head = 'N'
     return (head, *parts)
 
 
@@ -88,6 +91,8 @@ def everywhere(formula, letters, alive):
             return (one == two) & alive
         case 'X':
             return np.pad(one[:, 1:], ((0, 0), (0, 1)))
+        case 'N':
+            return (np.pad(one[:, 1:], ((0, 0), (0, 1))) | is_last(alive)) & alive
         case 'F':
             return _backwards(one, alive, alive, weak=False)
         case 'G':
@@ -110,3 +115,8 @@ def _backwards(goal, meanwhile, alive, *, weak):
         result[:, position] = here & alive[:, position]
         after = np.where(alive[:, position], here, weak)
     return result
+
+
+def is_last(alive):
+    """Tell which positions are the last ones of their traces."""
+    return alive & ~np.pad(alive[:, 1:], ((0, 0), (0, 1)))

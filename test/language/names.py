@@ -44,9 +44,14 @@ LETTERS = 'abcdefghijklmnopqrstuvwxyz'
 
 
 def known_names():
-    """Return all names on the map, folded, and their plurals."""
+    """Return all names on the map and their plurals, folded."""
     names = {name for place in ENGLISH.places for name in (place.name, *place.aliases)}
-    return {name.casefold() for name in names} | {f'{name}s'.casefold() for name in names}
+    return {folded(name + end) for name in names for end in ('', 's')}
+
+
+def folded(name):
+    """Return a name without case and spaces: 'room102' is 'room 102'."""
+    return ''.join(name.casefold().split())
 
 
 def invented(draw):
@@ -87,7 +92,7 @@ def cases(number):
     made = 0
     while made < number:
         unknown = near_miss(draw) if draw.random() < 0.6 else invented(draw)
-        if ' '.join(unknown.casefold().split()) in known or len(unknown) < 3:
+        if folded(unknown) in known or len(unknown) < 3:
             continue
         a, b = (rooms[index] for index in draw.permutation(len(rooms))[:2])
         names = {'a': with_article(a, 'en'), 'b': with_article(b, 'en')}

@@ -60,6 +60,7 @@ def holds(formula, *traces):
         ('G i a X b', 'a b a b', 'b a'),
         ('G i a F b', 'a . b', 'b a'),
         ('G i a X G ! b', 'b a .', 'a . b'),
+        ('G i a N G ! b', 'b a', 'a . b'),
         ('G F a', 'b a', 'a b'),
         ('R a b', 'b b b', 'b . a'),
         ('M a b', 'b ab .', 'b b b'),
@@ -75,6 +76,8 @@ def test_a_formula_holds_on_one_trace_and_not_on_the_other(formula, true, false)
 def test_only_an_until_between_literals_becomes_weak():
     assert ltlf.weakened(ltlf.parse('U ! b a')) == ('W', ('!', 'b'), 'a')
     assert ltlf.weakened(ltlf.parse('U a & ! a F a'))[0] == 'U'
+    assert ltlf.weakened(ltlf.parse('X G ! b'))[0] == 'N'
+    assert ltlf.weakened(ltlf.parse('X b'))[0] == 'X'
 
 
 @pytest.mark.parametrize('text', ['', '& a', 'F a b'])
