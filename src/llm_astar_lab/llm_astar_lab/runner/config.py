@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
+from llm_astar_planner.cli.flags import option
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
@@ -79,13 +80,10 @@ def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps i
     """Add the options of the results folder of a run; `out` is the default one."""
     group.set_defaults(default_out=out)
     text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
-    group.add_argument('--out', metavar='DIR', help=text)
+    option(group, '--out DIR', text)
     again = group.add_mutually_exclusive_group()
-    for flag, text in (
-        ('--resume', 'continue an interrupted run: that in --out, or the last one'),
-        ('--overwrite', 'replace the results in --out by those of this run'),
-    ):
-        again.add_argument(flag, action='store_true', help=text)
+    option(again, '--resume', 'continue an interrupted run: that in --out, or the last one')
+    option(again, '--overwrite', 'replace the results in --out by those of this run')
 
 
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
