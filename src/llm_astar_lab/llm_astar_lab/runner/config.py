@@ -13,20 +13,15 @@ from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
+from llm_astar_planner.cli.flags import option
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
 from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.engine import (
-    Outcome,
-    SearchSettings,
-    Task,
-    list_variants,
-    make_tasks,
-    run_tasks,
-)
+from llm_astar_lab.runner import engine
+from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
 
 # How rows are stored; a run of at least so many is large.
@@ -56,7 +51,7 @@ class BenchmarkConfig:
     samples: Sequence[BenchmarkSample]
     methods: Sequence[str]
     sources: Sequence[SourceSpec]
-    settings: SearchSettings
+    settings: engine.SearchSettings
     scales: Sequence[int] = (1,)
     scale_samples: int = 10
     seed: int = 0
@@ -66,26 +61,23 @@ class BenchmarkConfig:
     def row_count(self) -> int:
         """The number of rows of the whole run, or a little more."""
         larger = min(self.scale_samples, len(self.samples)) * len(self.scales)
-        return (len(self.samples) + larger) * len(list_variants(self.methods, self.sources))
+        return (len(self.samples) + larger) * len(engine.list_variants(self.methods, self.sources))
 
     def tasks(self, done: Finished | None = None) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
         pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
-        variants = list_variants(self.methods, self.sources)
-        return make_tasks(pairs, variants, self.sources, self.settings, done)
+        variants = engine.list_variants(self.methods, self.sources)
+        return engine.make_tasks(pairs, variants, self.sources, self.settings, done)
 
 
 def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options of the results folder of a run; `out` is the default one."""
     group.set_defaults(default_out=out)
     text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
-    group.add_argument('--out', metavar='DIR', help=text)
+    option(group, '--out DIR', text)
     again = group.add_mutually_exclusive_group()
-    for flag, text in (
-        ('--resume', 'continue an interrupted run: that in --out, or the last one'),
-        ('--overwrite', 'replace the results in --out by those of this run'),
-    ):
-        again.add_argument(flag, action='store_true', help=text)
+    option(again, '--resume', 'continue an interrupted run: that in --out, or the last one')
+    option(again, '--overwrite', 'replace the results in --out by those of this run')
 
 
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
@@ -184,7 +176,7 @@ def run_into_folder(
         step(task, outcomes)
 
     with timing(metadata):
-        run_tasks(tasks, executor, max_pending, keep)
+        engine.run_tasks(tasks, executor, max_pending, keep)
 
 
 def describe_unanswered(rows: Iterable[Row]) -> list[str]:
@@ -203,7 +195,9 @@ def describe_unanswered(rows: Iterable[Row]) -> list[str]:
     ]
 
 
-def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task]]:
+def split_timed(
+    tasks: Sequence[Task],
+) -> tuple[dict[int, list[Task]], list[Task]]:
     """Return the first tasks of each scale, to be timed, and the others."""
     timed: dict[int, list[Task]] = {}
     others: list[Task] = []
