@@ -21,12 +21,12 @@ LIMITS = {
     ADAPTER: {'': 110, 'maps': 1_120, 'messages': 570},
     PLANNER: {
         '': 440,
-        'search': 5_270,
+        'search': 5_265,
         'costmap': 900,
-        'planning': 3_115,
+        'planning': 3_105,
         'waypoints': 2_950,
         'instructions': 6_830,
-        'nodes': 3_980,
+        'nodes': 3_965,
         'cli': 1_500,
     },
     LAB: {

@@ -16,12 +16,12 @@ from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflati
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.search.visibility import LineOfSightChecker
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
     from llm_astar_planner.search.coarse import CoarseGraph
+    from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
 class Costmap:
@@ -146,6 +146,8 @@ class Costmap:
     @cached_property
     def line_of_sight(self) -> LineOfSightChecker:
         """Tells which straight lines between cells meet no blocked cell."""
+        from llm_astar_planner.search.visibility import LineOfSightChecker  # noqa: PLC0415
+
         return LineOfSightChecker(self.blocked)
 
     def describe_cell(self, cell: Cell) -> str:
