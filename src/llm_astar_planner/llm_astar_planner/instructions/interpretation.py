@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Protocol
 
@@ -25,6 +25,8 @@ class Understanding(Enum):
     """How much of an instruction was understood."""
 
     WHOLE = 'understood'
+    # Everything was read, but something of it only if the person says so.
+    UNSURE = 'unsure'
     PARTLY = 'partly understood'
     NONE = 'not understood'
     IRRELEVANT = 'nothing about the route'
@@ -53,8 +55,27 @@ class Interpretation:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every word was read."""
+        """Whether every word was read for certain."""
         return self.status in (Understanding.WHOLE, Understanding.IRRELEVANT)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether every word was read, be it with a question."""
+        return self.is_whole or self.status is Understanding.UNSURE
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What a person is to be asked, each question once; () where all is certain."""
+        asked = (clause.unsure for clause in self.specification.clauses if clause.unsure)
+        return tuple(dict.fromkeys(asked))
+
+    def confirmed(self) -> Interpretation:
+        """Return it with its questions answered with yes."""
+        sure = tuple(replace(clause, unsure='') for clause in self.specification.clauses)
+        specification = Specification(sure)
+        is_unsure = self.status is Understanding.UNSURE
+        status = status_of(specification) if is_unsure else self.status
+        return replace(self, specification=specification, status=status)
 
     @property
     def sentence(self) -> str:
@@ -77,6 +98,7 @@ class Interpretation:
             'specification': self.specification.to_json(),
             'understood_by': self.understood_by,
             'detail': self.detail,
+            'questions': list(self.questions),
             'seconds': self.seconds,
             'prompt_tokens': self.prompt_tokens,
             'output_tokens': self.output_tokens,
@@ -111,11 +133,16 @@ class Interpreter(Protocol):
 
 
 def status_of(specification: Specification) -> Understanding:
-    """Return how much was understood, judged by the unknown clauses."""
-    known = specification.enforceable
-    if len(known) < len(specification.clauses):
-        return Understanding.PARTLY if known else Understanding.NONE
-    return Understanding.WHOLE if known else Understanding.IRRELEVANT
+    """Return how much was understood, judged by the unknown clauses and the questions.
+
+    What a path does not have is understood.
+    """
+    clauses = specification.clauses
+    if any(clause.kind == Unknown.kind for clause in clauses):
+        return Understanding.PARTLY if specification.enforceable else Understanding.NONE
+    if any(clause.unsure for clause in clauses):
+        return Understanding.UNSURE
+    return Understanding.WHOLE if clauses else Understanding.IRRELEVANT
 
 
 def not_understood(text: str, detail: str, understood_by: str = '') -> Interpretation:
