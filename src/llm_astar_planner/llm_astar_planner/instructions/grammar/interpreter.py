@@ -390,7 +390,7 @@ class Assembler:
 
 
 # A piece with one of these may name again what was named before.
-REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER'})
+REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
 # What is left of 'drive slowly': nothing but how.
 BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'

@@ -39,6 +39,9 @@ LONGER = 5
 ENROUTE = 'ENROUTE'
 SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
 SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
+# What may stand after an article.
+WITH_ARTICLE = frozenset({PLACE, NOUN, TAG, ANY, ALL, UNKNOWN, 'LENGTH', NUMBER, 'SIDE', 'MOST'})
+WITH_ARTICLE |= {'CENTER', 'ORIENT', 'ORDINAL', 'THING', 'PERSON', 'TIMESWORD', 'DISTANCE'}
 # What may stand between an article and its noun.
 ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
 # Misspelt words that are looked up in one sentence, so that none takes long.
@@ -49,9 +52,10 @@ OFMAP = 'OFMAP'
 # something else: a synonym, or a word for a category.
 Phrase = tuple[int, list[tuple[str, object]], bool]
 NO_PHRASE: Phrase = (0, [], False)
-# What a single letter, or one of these words, makes another name of: 'kitchen A', 'kitchen path'.
+# What a letter, or one of these words, makes another name of: 'kitchen A', 'kitchen path'.
 PARTS_OF_NAMES = frozenset({'path', 'route', 'way', 'area', 'place'})
-ENDS_NAMES = frozenset({'', COMMA, 'HARD', 'AND', 'OR', 'THEN', 'BUT'})
+# After an article other filling words are names.
+AFTER_ARTICLE = PARTS_OF_NAMES | {'whole', 'entire', 'robot', 'paths'}
 # Letters of the longest side that begins a compound.
 LONGEST_SIDE = 8
 
@@ -235,7 +239,9 @@ class Lexer:
         if self.knows(plain):
             return [plain]
         spellings = self.lexicon.spellings
-        found = corrections(word, spellings) or corrections(word, self.vocabulary.phrases.words)
+        called = nouns().by_language[self.vocabulary.language].words
+        tables = (spellings, called, self.vocabulary.phrases.words)
+        found = next(filter(None, (corrections(word, table) for table in tables)), [])
         stems = {other.removesuffix('s').removesuffix('e') for other in found}
         return found[:1] if len(stems) == 1 else found
 
@@ -291,7 +297,11 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     other = meanings[1][0] if len(meanings) > 1 else ('', '')
     wrong = [word for word in words if word.is_corrected]
     doubt = (said(wrong), ' '.join(word.text for word in wrong)) if wrong else None
-    return [Lexeme(kind, value, start, end, *other, doubt) for kind, value in meanings[0]]
+    text = ' '.join(word.text for word in words)
+    return [
+        Lexeme(kind, value or (text if kind == FILLER else ''), start, end, *other, doubt)
+        for kind, value in meanings[0]
+    ]
 
 
 def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
@@ -300,13 +310,15 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     After a place a letter, or a word such as 'path', is a part of a name that the map lacks.
     """
     kept: list[Lexeme] = []
-    doubt = None
+    doubt, is_article = None, False
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         is_left_out = lexeme.kind in (ARTICLE, FILLER, ENROUTE)
-        if (is_left_out or lexeme.kind == ANY_ARTICLE) and kept and kept[-1].kind in (PLACE, NOUN):
-            is_part = len(str(lexeme.value)) == 1 and after in ENDS_NAMES
-            if (is_part and kept[-1].end + 1 == lexeme.start) or lexeme.value in PARTS_OF_NAMES:
-                lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
+        before = kept[-1] if kept else Lexeme('', '', 0, -1)
+        if before.kind in (PLACE, NOUN) and is_part_of_name(before, lexeme, after):
+            lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
+        elif is_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE:
+            lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
+        is_article = lexeme.kind == ARTICLE
         if is_left_out:
             doubt = doubt or lexeme.doubt
             continue
@@ -315,6 +327,16 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     if doubt and kept:
         kept[-1] = replace(kept[-1], doubt=kept[-1].doubt or doubt)
     return kept
+
+
+def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
+    """Whether a word right after a place makes another name of it, that the map lacks."""
+    if lexeme.kind == FILLER:
+        return lexeme.value in PARTS_OF_NAMES
+    is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
+    if lexeme.kind in ('AND', 'OR'):
+        return is_letter and not after
+    return is_letter and lexeme.kind in (ARTICLE, ANY_ARTICLE) and after not in WITH_ARTICLE
 
 
 def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

@@ -75,10 +75,19 @@ class Lexicon:
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
-        places = self.members[noun.name]
+        places = self.kind_of(noun) or self.members[noun.name]
         own = {own_word(place, noun) for place in places}
         least = next((one for one in ('', HEAD, KIND) if one in own), KIND)
         return Group(words, self.places, places, noun.plural, '', noun.name, least)
+
+    def kind_of(self, noun: Noun) -> Members:
+        """Return the places of the kind or tag that is a noun, if it covers all that it may mean."""
+        members = set(self.members[noun.name])
+        for tag in self.places.tags if members else ():
+            places = self.places.with_tag(tag)
+            if says(phrase_words(tag), noun) and members <= set(places):
+                return places
+        return ()
 
 
 def members_of(places: Places, nouns_of: Mapping[str, frozenset[str]]) -> dict[str, Members]:
