@@ -37,6 +37,8 @@ ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
 LONGER = 5
 # 'on your way', which tells a stop on it from its end.
 ENROUTE = 'ENROUTE'
+# No more than on the way, but not after a 'not'.
+BEFORE_GOAL = 'before the goal'
 SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
 SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
 # What may stand after an article.
@@ -104,7 +106,8 @@ class Lexer:
             at += count
         kept = without_fillers(scanned)
         found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
-        return [*found, *[lexeme for lexeme in scanned if lexeme.kind == ENROUTE][:1]]
+        ends = [one for one in scanned if one.kind == ENROUTE and BEFORE_GOAL != one.value]
+        return [*found, *ends[:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
@@ -299,7 +302,7 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     doubt = (said(wrong), ' '.join(word.text for word in wrong)) if wrong else None
     text = ' '.join(word.text for word in words)
     return [
-        Lexeme(kind, value or (text if kind == FILLER else ''), start, end, *other, doubt)
+        Lexeme(kind, value or (text if kind in (FILLER, ENROUTE) else ''), start, end, *other, doubt)
         for kind, value in meanings[0]
     ]
 
@@ -319,6 +322,10 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
         elif is_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE:
             lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
         is_article = lexeme.kind == ARTICLE
+        if lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
+            goal = replace(lexeme, kind='ENDPOINT', value='goal')
+            kept += [replace(lexeme, kind='BEFORE', value=''), goal]
+            continue
         if is_left_out:
             doubt = doubt or lexeme.doubt
             continue

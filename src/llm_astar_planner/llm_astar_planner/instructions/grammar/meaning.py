@@ -186,14 +186,11 @@ def joined(region: Region) -> Region:
 
 def without(thing: Selection, left_out: tuple[Region, ...]) -> Selection:
     """Return a selection without some regions. Raises Unclear where nothing is left of it."""
-    whole = thing.each
-    if len(whole) == 1 or thing.any_one:
-        rest: Region | None = joined(Except(thing.one, left_out))
-    else:
-        rest = None
+    is_one = len(thing.each) == 1 or bool(thing.any_one)
+    rest = joined(Except(thing.one, left_out)) if is_one else None
     regions = tuple(region for region in thing.regions if region not in left_out)
-    if thing.is_group and (not regions or len(regions) == len(thing.regions)):
-        raise Unclear('an exception of what')
+    if rest is None and not regions:
+        raise Unclear('nothing is left')
     places = tuple(one for one in thing.places if NamedPlace(one.name) not in left_out)
     if not thing.is_group or (rest is not None and thing.any_one):
         return replace(thing, regions=(rest,), together=None, places=())  # type: ignore[arg-type]
@@ -584,8 +581,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     # ---- the rest
 
-    def end_at(self, thing: Selection) -> ParsedClause:
+    def end_at(self, things: Things) -> ParsedClause:
         """'end in A'."""
+        thing = single(things)
         if thing.is_group and not thing.any_one:
             raise Unclear('in which of them')
         return ParsedClause((EndAt(region=thing.one),))
@@ -609,7 +607,11 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def one_of(self, *things: Selection) -> Selection:
         """'A or B' within brackets."""
-        parts = tuple(region for thing in things for region in each_of((thing,)))
+        parts = tuple(
+            region
+            for thing in things
+            for region in ((thing.one,) if thing.any_one else thing.each)
+        )
         if len(set(parts)) < len(parts):
             raise Unclear('the same place twice')
         return Selection((joined(AnyOf(parts)),), any_one='one')

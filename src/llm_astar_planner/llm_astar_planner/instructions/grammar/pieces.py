@@ -488,7 +488,9 @@ class Splitter:
             self.extend(lexeme)
             return
         is_refused = bool(kinds & {NEG, 'AVOID', 'SKIP'})
-        if piece.is_complete and not (kinds & ORDER_WORDS and NEG in kinds):
+        is_order = bool(kinds & ORDER_WORDS) and NEG in kinds
+        is_refused = is_refused and not is_order
+        if piece.is_complete and (piece.is_either or not is_order):
             kind = AND if is_refused else OR
             if following in REGION_STARTS:
                 self.extend(replace(lexeme, kind=kind))
