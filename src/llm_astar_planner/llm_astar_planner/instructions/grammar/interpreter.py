@@ -41,6 +41,7 @@ from llm_astar_planner.instructions.grammar.pieces import (
     NEG,
     ONCE,
     ORDER_WORDS,
+    REGION_ENDS,
     STOP,
     THEN,
     Piece,
@@ -51,22 +52,21 @@ from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
+    InstructionError,
     Interpretation,
     Understanding,
+    clean_instruction,
     not_understood,
     status_of,
 )
 from llm_astar_planner.instructions.regions import NamedPlace, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
-from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
 # What a canonical sentence quotes: what was not understood, and what a path does not have.
 CANONICAL = re.compile(
     r'not understood: "(?P<text>[^"]{1,80})"'
-    r'|"(?P<words>[^"]{1,80})" is about (?P<about>'
-    + '|'.join(ABOUT)
-    + r'), which a path does not have'
+    r'|"(?P<words>[^"]{1,80})" is about (?P<about>' + '|'.join(ABOUT) + r'), which a path does not have'
 )
 # Letters of a question, and the places that it names.
 MAX_QUESTION_CHARS = 300

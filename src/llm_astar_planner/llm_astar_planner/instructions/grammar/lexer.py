@@ -106,7 +106,7 @@ class Lexer:
             at += count
         kept = without_fillers(scanned)
         found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
-        ends = [one for one in scanned if one.kind == ENROUTE and one.value != BEFORE_GOAL]
+        ends = [one for one in scanned if one.kind == ENROUTE and BEFORE_GOAL != one.value]
         return [*found, *ends[:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
@@ -302,9 +302,7 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     doubt = (said(wrong), ' '.join(word.text for word in wrong)) if wrong else None
     text = ' '.join(word.text for word in words)
     return [
-        Lexeme(
-            kind, value or (text if kind in (FILLER, ENROUTE) else ''), start, end, *other, doubt
-        )
+        Lexeme(kind, value or (text if kind in (FILLER, ENROUTE) else ''), start, end, *other, doubt)
         for kind, value in meanings[0]
     ]
 
@@ -319,9 +317,9 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         is_left_out = lexeme.kind in (ARTICLE, FILLER, ENROUTE)
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
-        if (before.kind in (PLACE, NOUN) and is_part_of_name(before, lexeme, after)) or (
-            is_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE
-        ):
+        if before.kind in (PLACE, NOUN) and is_part_of_name(before, lexeme, after):
+            lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
+        elif is_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE:
             lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
         is_article = lexeme.kind == ARTICLE
         if lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:

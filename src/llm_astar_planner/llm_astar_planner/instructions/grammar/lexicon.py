@@ -257,7 +257,8 @@ def says(words: tuple[str, ...], noun: Noun) -> bool:
     """Whether words, all of them, are a noun itself or its usual translation, in any number."""
     count, found = nouns().everywhere.longest([Word(word, 0, 0) for word in words], 0)
     return count == len(words) and any(
-        one.name == noun.name and is_same(one, noun) for one in found
+        one.name == noun.name and is_same(one, noun)
+        for one in found
     )
 
 
@@ -291,7 +292,9 @@ def is_synonym(words: tuple[str, ...], other: tuple[str, ...]) -> bool:
         nouns().everywhere.longest([Word(word, 0, 0) for word in phrase], 0)[1]
         for phrase in (words, other)
     ]
-    pairs = [(one, other) for one in found[0] for other in found[1] if one.name == other.name]
+    pairs = [
+        (one, other) for one in found[0] for other in found[1] if one.name == other.name
+    ]
     return bool(pairs) and not any(is_same(one, other) for one, other in pairs)
 
 

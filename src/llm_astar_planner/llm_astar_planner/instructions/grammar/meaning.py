@@ -35,10 +35,11 @@ from llm_astar_planner.instructions.grammar.selection import (
 )
 from llm_astar_planner.instructions.regions import (
     ALONG_WIDTH,
+    MAX_JOINED,
     NEAR_WIDTH,
     WALLS,
-    AllOf,
     Along,
+    AllOf,
     AnyOf,
     Between,
     Box,
@@ -404,9 +405,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def count(self, *parts: Any) -> ParsedClause:
         """'visit A at most twice'."""
         things = next(part for part in parts if isinstance(part, tuple))
-        return count_of(
-            things, *value(next(part for part in parts if isinstance(part, Token)))[:2]
-        )
+        return count_of(things, *value(next(part for part in parts if isinstance(part, Token)))[:2])
 
     def count_not(self, *parts: Any) -> ParsedClause:
         """'never go to A more than twice'."""

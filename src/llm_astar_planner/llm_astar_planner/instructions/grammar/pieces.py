@@ -61,15 +61,7 @@ REGION_ENDS = word_set(
 AFFIRMATIVE = frozenset({'NEED'})
 PREPOSITIONS = word_set('THROUGH INTO TO FROM OF IN UPON BY')
 # A comma before one of these ends nothing.
-TRAILERS = ORDER_WORDS - {'AFTER', ONCE} | {
-    ANYORDER,
-    INORDER,
-    'BY',
-    'REQUIRED',
-    'FORBIDDEN',
-    EXCEPT,
-    TIMES,
-}
+TRAILERS = ORDER_WORDS - {'AFTER', ONCE} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN', EXCEPT, TIMES}
 # Verbs that an 'or' may repeat: 'go to A or go to B'.
 VISITING = frozenset({'VISIT', 'ENTER'})
 # Words that say how a clause is meant.
@@ -191,11 +183,7 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
     for at, lexeme in enumerate(lexemes):
         before = result[-1].kind if result else ''
         after = [one.kind for one in lexemes[at + 1 : at + 3]]
-        if (
-            before == 'MOVE'
-            and lexeme.kind in ('THROUGH', 'TO', 'INTO')
-            and after != ['SIDE', 'OF']
-        ):
+        if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO', 'INTO') and after != ['SIDE', 'OF']:
             result[-1] = replace(result[-1], kind='VISIT')
         elif before == 'MOVE' and lexeme.kind == PRONOUN:
             result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
@@ -457,11 +445,7 @@ class Splitter:
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
             return True
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
-        if (
-            repeated
-            and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO')
-            and self.repeats(nearest)
-        ):
+        if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO') and self.repeats(nearest):
             kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
             if nearest == 'INTO' and 'INTO' not in piece.kinds and kind == AND:
                 kind = nearest
