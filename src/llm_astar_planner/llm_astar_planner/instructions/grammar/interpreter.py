@@ -51,11 +51,10 @@ from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
     status_of,
 )

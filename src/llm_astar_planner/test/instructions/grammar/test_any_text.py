@@ -12,8 +12,8 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 from llm_astar_planner.instructions.interpretation import (
-    MAX_INSTRUCTION_CHARS,
     Interpretation,
     Understanding,
 )
