@@ -379,7 +379,8 @@ class SqliteFile:
             f'WHERE {SHORT.format("name")} LIMIT {MOST_TOPICS}'
         )
         for number, topic, msgtype, encoding in self._database.execute(query):
-            channel = Channel(topic, msgtype, *definitions.get(msgtype, ('', '')), encoding)
+            text, form = definitions.get(msgtype, ('', ''))
+            channel = Channel(topic, msgtype, text, form, encoding)
             if all(isinstance(item, str) for item in channel):
                 yield number, channel
 

@@ -43,10 +43,10 @@ from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.samples import SelectionError, draw, parse_ranges, select_samples
-from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources
-from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, start_run
+from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, is_parquet_run, open_folder
 from llm_astar_lab.runner.map_costs import map_costs
 
 
@@ -110,10 +110,10 @@ def run(args: argparse.Namespace) -> int:
     failure = common.BAD_INPUT
     try:
         with common.make_executor(args, config.sources) as pool:
-            tasks, metadata = start_run(
-                folder, config, run_parameters(args, dataset.maps), resume=args.resume,
-                overwrite=args.overwrite, file_format=args.format,
-            )  # fmt: skip
+            metadata = run_metadata(args, config, dataset)
+            parquet = is_parquet_run(args.format, config.row_count)
+            again = {'resume': args.resume, 'overwrite': args.overwrite}
+            tasks = config.tasks(open_folder(folder, metadata, **again, parquet=parquet))
             kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
@@ -205,7 +205,6 @@ def benchmark_config(
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
     return BenchmarkConfig(
-        dataset.file or Path(),
         samples,
         args.methods,
         recorded.specs,
@@ -213,10 +212,23 @@ def benchmark_config(
         scales,
         args.scale_samples,
         args.seed,
-        common.deciding_files(args),
         recorded.coverage,
-        dataset.identity,
     )
+
+
+def run_metadata(
+    args: argparse.Namespace, config: BenchmarkConfig, dataset: named.Dataset
+) -> dict[str, Any]:
+    """Return the metadata of the run."""
+    files = () if dataset.file is None else (dataset.file,)
+    parameters = run_parameters(args, dataset.maps)
+    metadata = describe_run(files, parameters, common.deciding_files(args))
+    if dataset.identity is not None:
+        metadata['dataset'] = dataset.identity
+    if config.coverage:
+        metadata['replays'] = [item.to_json() for item in config.coverage]
+        metadata['notes'] = [item.sentence() for item in config.coverage]
+    return metadata
 
 
 def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:

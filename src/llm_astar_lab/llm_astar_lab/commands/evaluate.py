@@ -79,12 +79,10 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     """Add the options that choose topics and requests."""
     flags.option(group, '--list', 'only show what the bags contain')
     flags.option(group, '--namespace NAME', "the robot's, where a bag has several", default='')
-    for flag, text in (
-        ('--map-topic', '(/map)'),
-        ('--plan-topic', "the robot's own plans (/plan)"),
-        ('--odom-topic', 'the start of goals, where tf does not join map and base_link (/odom)'),
-    ):
-        group.add_argument(flag, default='', metavar='TOPIC', help=text)
+    flags.option(group, '--map-topic TOPIC', '(/map)', default='')
+    flags.option(group, '--plan-topic TOPIC', "the robot's own plans (/plan)", default='')
+    text = 'the start of goals, where tf does not join map and base_link (/odom)'
+    flags.option(group, '--odom-topic TOPIC', text, default='')
     flags.option(
         group, '--requests WHAT',
         "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "

@@ -27,6 +27,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept_maps, load_maps
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.nodes.common.asking import setting
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
@@ -105,30 +106,23 @@ def prepare(
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the command line without the ROS arguments."""
     description, _, epilog = str(__doc__).partition('\n')
+    layout = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
-        prog='benchmark_node',
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        'benchmark_node', None, description, epilog, formatter_class=layout
     )
-    parser.add_argument(
-        '--map', '--dataset', dest='dataset', default=SAMPLES_FILE, metavar='FILE',
-        help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--map-ids', '--maps', dest='maps', metavar='RANGES', help='such as 50-99 or 0-9,12'
+    text = 'barrier maps: a path, or a name in maps/ (default: %(default)s)'
+    option(parser, '--map --dataset FILE', text, dest='dataset', default=SAMPLES_FILE)
+    option(parser, '--map-ids --maps RANGES', 'such as 50-99 or 0-9,12', dest='maps')
+    option(parser, '--limit N', 'draw N of the samples')
+    option(parser, '--seed N', 'seed of the draw (0)', default=0)
+    text = f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)'
+    option(
+        parser, '--methods NAMES', text, default=['llm_astar'], type=lambda text: text.split(',')
     )
-    parser.add_argument('--limit', type=int, metavar='N', help='draw N of the samples')
-    parser.add_argument('--seed', type=int, default=0, help='seed of the draw (0)')
-    parser.add_argument(
-        '--methods', default=['llm_astar'], type=lambda text: text.split(','), metavar='NAMES',
-        help=f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)',
-    )  # fmt: skip
     add_folder(parser, 'out/live')
-    parser.add_argument('--planner', default='planner_node', help='name of the planner node')
-    parser.add_argument(
-        '--client', default='llm_client_node', help="name of the waypoint client; '' for none"
-    )
+    option(parser, '--planner NAME', 'name of the planner node', default='planner_node')
+    text = "name of the waypoint client; '' for none"
+    option(parser, '--client NAME', text, default='llm_client_node')
     arguments = parser.parse_args(argv)
     if arguments.limit is not None and arguments.limit < 1:
         parser.error(f'--limit {arguments.limit} is not 1 or more')

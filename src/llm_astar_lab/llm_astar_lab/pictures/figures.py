@@ -185,11 +185,11 @@ def describe_guidance(method: str, guided_by: str) -> str:
 
 def describe_plan(plan: Plan) -> str:
     """Name the method of a plan and its source, in few words, for the title of one of several."""
-    if plan.method not in WAYPOINT_METHODS and plan.guided_by == 'none':
-        return METHOD_NAMES.get(plan.method, plan.method)
-    if plan.checked_waypoints and plan.guided_by == 'none':
-        return f'{METHOD_NAMES.get(plan.method, plan.method)}, waypoints not used'
-    return describe_guidance(plan.method, 'none' if plan.guided_by == 'none' else plan.source)
+    if plan.guided_by != 'none':
+        return describe_guidance(plan.method, plan.source)
+    name = METHOD_NAMES.get(plan.method, plan.method)
+    no_waypoints = 'waypoints not used' if plan.checked_waypoints else 'no waypoints'
+    return f'{name}, {no_waypoints}' if plan.method in WAYPOINT_METHODS else name
 
 
 def describe_length(plan: Plan, resolution: float) -> str:

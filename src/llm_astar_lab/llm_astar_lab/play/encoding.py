@@ -11,7 +11,7 @@ import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import finite_or_none
+from llm_astar_planner.planning.types import clause_price, finite_or_none
 from llm_astar_planner.search.methods import HEURISTIC_NAMES, METHODS
 from numpy.typing import NDArray
 
@@ -186,10 +186,17 @@ def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None
         return None
     read = outcome.get('interpretation', {})
     return {
+        'verdict': str(outcome.get('sentence', '')),
+        'satisfied': outcome.get('satisfied') is True,
         'sentence': str(read.get('sentence', '')),
         'status': str(read.get('status', '')),
+        'questions': [str(question) for question in read.get('questions', ())],
         'clauses': [
-            {key: str(clause.get(key, '')) for key in ('clause', 'status', 'detail')}
+            {
+                'clause': str(clause['clause']),
+                'status': str(clause['status']),
+                'detail': f'{clause["detail"]}{clause_price(clause)}'.removeprefix(', '),
+            }
             for clause in outcome.get('clauses', [])
         ],
         'note': str(outcome.get('note', '')),

@@ -88,7 +88,11 @@ class PlanningService:
         """Return the request for the chosen plan."""
         start, goal, values = request.start, request.goal, request.values
         instruction = route_instruction(
-            values, request.play_map.places, INTERPRETATION_S, lambda: self._interpreter
+            values,
+            request.play_map.places,
+            INTERPRETATION_S,
+            lambda: self._interpreter,
+            lambda _: request.answers,
         )
         return PlanRequest(
             start,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,8 @@ SETTINGS = (
 MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
-FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', *SETTINGS}
+MAX_ANSWERS = 100
+FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'answers', *SETTINGS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -62,7 +63,8 @@ class PlayRequest:
     """A plan that the page asks for; cells are (x, y) on the map.
 
     `values` are those of all planning parameters, of which the page has `given` some. `reply` is
-    the text of a model's answer, used instead of the `source`; None for none.
+    the text of a model's answer, used instead of the `source`; None for none. `answers` are those
+    to questions about the instruction.
     """
 
     play_map: PlayMap
@@ -74,6 +76,7 @@ class PlayRequest:
     reply: str | None
     via: tuple[Cell, ...]
     walls: Walls
+    answers: Mapping[str, bool] = field(default_factory=dict)
 
 
 def read_request(body: object, maps: Maps) -> PlayRequest:
@@ -99,7 +102,20 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
         reply,
         tuple(read_cells(body.get('via'), 'via', play_map.grid_map, MAX_VIA)),
         read_walls(body.get('walls'), play_map.grid_map),
+        read_answers(body.get('answers')),
     )
+
+
+def read_answers(value: object) -> dict[str, bool]:
+    """Return the answers to questions about an instruction, none for null. Raises PlayError."""
+    answers = {} if value is None else value
+    is_read = isinstance(answers, dict) and all(type(meant) is bool for meant in answers.values())
+    if not is_read or len(answers) > MAX_ANSWERS:
+        raise PlayError(
+            f'answers: up to {MAX_ANSWERS} questions with true or false are expected',
+            'instruction',
+        )
+    return dict(answers)
 
 
 def read_source(source: object, reply: str | None) -> str:
@@ -200,6 +216,8 @@ def command_of(request: PlayRequest) -> str | None:
         words.append(f'--reply={request.reply}')
     else:
         words += ['--source', request.source]
+    if request.answers and all(request.answers.values()):
+        words.append('--confirm')
     return shlex.join(words)
 
 

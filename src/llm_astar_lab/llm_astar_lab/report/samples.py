@@ -22,8 +22,8 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
-from numpy.typing import NDArray
 from PIL import Image
+from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.analysis.summary import SampleId, by_variant, is_baseline, report_order
 from llm_astar_lab.pictures import raster
@@ -256,20 +256,16 @@ def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
     """Return names and rings of places in cells; a point is a ring of one corner."""
     if not len(places):
         return []
-    grid_map = problem.to_grid()
+    to_cells = problem.to_grid().world_to_grid
 
-    def cells(points: NDArray[np.float64]) -> list[list[float]]:
-        found: list[list[float]] = grid_map.world_to_grid(points).round(2).tolist()
-        return found
+    def cells(shape: BaseGeometry) -> Any:  # noqa: ANN401 - nested lists
+        return to_cells(shapely.get_coordinates(shape)).round(2).tolist()
 
     return [
         [
             place.name,
-            cells(shapely.get_coordinates(place.geometry.representative_point()))[0],
-            [
-                cells(shapely.get_coordinates(getattr(part, 'exterior', part)))
-                for part in shapely.get_parts(place.geometry)
-            ],
+            cells(place.geometry.representative_point())[0],
+            [cells(getattr(p, 'exterior', p)) for p in shapely.get_parts(place.geometry)],
         ]
         for place in places
     ]

@@ -11,23 +11,17 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
 from typing import Any
 
+from llm_astar_planner.cli.flags import option
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
-from llm_astar_lab.results.folder import ResultsFolder, describe_run, run_differences
+from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.engine import (
-    Outcome,
-    SearchSettings,
-    Task,
-    list_variants,
-    make_tasks,
-    run_tasks,
-)
+from llm_astar_lab.runner import engine
+from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
 
 # How rows are stored; a run of at least so many is large.
@@ -51,47 +45,39 @@ class BenchmarkConfig:
     """What a run covers.
 
     Scale 1 runs all `samples`. To compare scales, `scale_samples` drawn samples are run at every
-    scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata;
-    `coverage` says which samples replays lack. `identity` is what the metadata says of a dataset
-    that is not the one file `dataset`.
+    scale, 1 included. `coverage` says which samples replays lack.
     """
 
-    dataset: Path
     samples: Sequence[BenchmarkSample]
     methods: Sequence[str]
     sources: Sequence[SourceSpec]
-    settings: SearchSettings
+    settings: engine.SearchSettings
     scales: Sequence[int] = (1,)
     scale_samples: int = 10
     seed: int = 0
-    files: Sequence[Path] = ()
     coverage: Sequence[Coverage] = ()
-    identity: Mapping[str, str] | None = None
 
     @property
     def row_count(self) -> int:
         """The number of rows of the whole run, or a little more."""
         larger = min(self.scale_samples, len(self.samples)) * len(self.scales)
-        return (len(self.samples) + larger) * len(list_variants(self.methods, self.sources))
+        return (len(self.samples) + larger) * len(engine.list_variants(self.methods, self.sources))
 
     def tasks(self, done: Finished | None = None) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
         pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
-        variants = list_variants(self.methods, self.sources)
-        return make_tasks(pairs, variants, self.sources, self.settings, done)
+        variants = engine.list_variants(self.methods, self.sources)
+        return engine.make_tasks(pairs, variants, self.sources, self.settings, done)
 
 
 def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options of the results folder of a run; `out` is the default one."""
     group.set_defaults(default_out=out)
     text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
-    group.add_argument('--out', metavar='DIR', help=text)
+    option(group, '--out DIR', text)
     again = group.add_mutually_exclusive_group()
-    for flag, text in (
-        ('--resume', 'continue an interrupted run: that in --out, or the last one'),
-        ('--overwrite', 'replace the results in --out by those of this run'),
-    ):
-        again.add_argument(flag, action='store_true', help=text)
+    option(again, '--resume', 'continue an interrupted run: that in --out, or the last one')
+    option(again, '--overwrite', 'replace the results in --out by those of this run')
 
 
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
@@ -107,31 +93,6 @@ def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFold
                 break
             folder, following = following, ResultsFolder(f'{default}-{number}')
     return folder if resume else following
-
-
-def start_run(
-    folder: ResultsFolder,
-    config: BenchmarkConfig,
-    parameters: dict[str, Any],
-    *,
-    resume: bool,
-    overwrite: bool = False,
-    file_format: str | None = None,
-) -> tuple[list[Task], dict[str, Any]]:
-    """Start or resume a results folder; return the tasks left and the run's metadata.
-
-    Raises ResultsError where the folder holds rows of another dataset, version or seed.
-    """
-    if config.identity is None:
-        metadata = describe_run([config.dataset], parameters, config.files)
-    else:
-        metadata = describe_run([], parameters, config.files) | {'dataset': dict(config.identity)}
-    if config.coverage:
-        metadata['replays'] = [item.to_json() for item in config.coverage]
-        metadata['notes'] = [item.sentence() for item in config.coverage]
-    parquet = is_parquet_run(file_format, config.row_count)
-    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite, parquet=parquet)
-    return config.tasks(done), metadata
 
 
 def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
@@ -215,7 +176,7 @@ def run_into_folder(
         step(task, outcomes)
 
     with timing(metadata):
-        run_tasks(tasks, executor, max_pending, keep)
+        engine.run_tasks(tasks, executor, max_pending, keep)
 
 
 def describe_unanswered(rows: Iterable[Row]) -> list[str]:
@@ -234,7 +195,9 @@ def describe_unanswered(rows: Iterable[Row]) -> list[str]:
     ]
 
 
-def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task]]:
+def split_timed(
+    tasks: Sequence[Task],
+) -> tuple[dict[int, list[Task]], list[Task]]:
     """Return the first tasks of each scale, to be timed, and the others."""
     timed: dict[int, list[Task]] = {}
     others: list[Task] = []

@@ -10,18 +10,11 @@ from typing import Any, NamedTuple
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.instructions.transcript import parse_exchange as parse_instruction
+from llm_astar_planner.waypoints import transcript
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
-from llm_astar_planner.waypoints.transcript import (
-    CUT_OFF,
-    Exchange,
-    TranscriptError,
-    is_about_instruction,
-    parse_exchange,
-    parse_time,
-    read_lines,
-)
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptError
 
 from llm_astar_lab.datasets.samples import BenchmarkSample
 from llm_astar_lab.runner.sources import Coverage, SourceSpec, cover, groups_of
@@ -88,7 +81,8 @@ def describe_model(
     """Return what --json prints of one model and prompt; `digest` is that of the dataset."""
     answered = Counter(e.sample for e in exchanges if e.is_answered)
     foreign = sum(e.provenance.dataset_digest not in ('', digest) for e in exchanges)
-    times = sorted((e.provenance.time for e in exchanges if e.provenance.time), key=parse_time)
+    known = (e.provenance.time for e in exchanges if e.provenance.time)
+    times = sorted(known, key=transcript.parse_time)
     return {
         'model': exchanges[0].model,
         'prompt': exchanges[0].prompt,
@@ -122,18 +116,18 @@ def check_lines(path: Path) -> tuple[list[Exchange], int, list[str], str | None]
     exchanges: list[Exchange] = []
     problems: list[str] = []
     about_instructions, cut_off = 0, None
-    for where, record, problem in read_lines(path):
-        if problem == CUT_OFF:
+    for where, record, problem in transcript.read_lines(path):
+        if problem == transcript.CUT_OFF:
             cut_off = f'{where}: {problem}; readers skip it'
         elif problem:
             problems.append(f'{where}: {problem}')
         else:
             try:
-                if is_about_instruction(record):
+                if transcript.is_about_instruction(record):
                     parse_instruction(record, where)
                     about_instructions += 1
                 else:
-                    exchanges.append(parse_exchange(record, where))
+                    exchanges.append(transcript.parse_exchange(record, where))
             except TranscriptError as error:
                 problems.append(str(error))
     return exchanges, about_instructions, problems, cut_off

@@ -57,11 +57,11 @@ def option(group: Any, words: str, text: str, **facts: Any) -> None:  # noqa: AN
 def add_graph_options(group: Any, *, client: bool = False) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--namespace` and `--node`, which name a running planner, and its `--client`."""
     option(group, '--namespace NAME', "the planner's namespace (default: /)", default='/')
-    names = {'--node': ('planner_node', 'the planner')}
-    names |= {'--client': ('llm_client_node', 'its waypoint client')} if client else {}
-    for flag, (default, what) in names.items():
-        text = f'name of {what} (default: %(default)s)'
-        group.add_argument(flag, default=default, metavar='NAME', help=text)
+    text = 'name of the planner (default: %(default)s)'
+    option(group, '--node NAME', text, default='planner_node')
+    if client:
+        text = 'name of its waypoint client (default: %(default)s)'
+        option(group, '--client NAME', text, default='llm_client_node')
 
 
 def add_time_limit(group: Any, default: float) -> None:  # noqa: ANN401 - argparse keeps its type private

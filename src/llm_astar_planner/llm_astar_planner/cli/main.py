@@ -1,4 +1,11 @@
-"""The `llm-astar` command."""
+"""LLM-A*: plan with the waypoints of a language model, and measure what they add.
+
+first steps:
+  llm-astar plan                 plan on the demo map and print what came of it
+  llm-astar play                 do it in the browser
+  llm-astar demo                 do it through a ROS graph
+  llm-astar COMMAND --help       examples, options and units of a command
+"""
 
 from __future__ import annotations
 
@@ -32,14 +39,6 @@ COMMANDS = {
     'watch': 'print the plans of a running planner as they are made',
     'doctor': 'check what is installed, what is missing, and how to install it',
 }
-FIRST_STEPS = """\
-first steps:
-  llm-astar plan                 plan on the demo map and print what came of it
-  llm-astar play                 do it in the browser
-  llm-astar demo                 do it through a ROS graph
-  llm-astar COMMAND --help       examples, options and units of a command
-
-"""
 EXIT_CODES = """\
 exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 something was left out,
 130 interrupted
@@ -124,23 +123,15 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
     Raises ParameterError for what cannot be parsed.
     """
-    parser = Parser(
-        prog='llm-astar',
-        description='LLM-A*: plan with the waypoints of a language model, and measure what they '
-        'add.',
-        epilog=FIRST_STEPS + EXIT_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    as_written: Any = {'formatter_class': argparse.RawDescriptionHelpFormatter}
+    parser = Parser(prog='llm-astar', **help_texts(__doc__), **as_written)
     parser.add_argument('--version', action='version', version=f'llm-astar {__version__}')
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for name, (package, summary) in installed_commands(argv[0]).items():
         if argv[:1] == [name]:
             module = importlib.import_module(f'{package}.{name.replace("-", "_")}')
-            command = commands.add_parser(
-                name,
-                **help_texts(module.__doc__ or ''),
-                formatter_class=argparse.RawDescriptionHelpFormatter,
-            )
+            texts = help_texts(module.__doc__ or '')
+            command = commands.add_parser(name, **texts, **as_written)
             command.set_defaults(run=module.run, command=name)
             module.add_arguments(command)
         else:
@@ -155,12 +146,12 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def help_texts(doc: str) -> dict[str, Any]:
-    """Return the texts of a command's help by their names in argparse; `doc` is its docstring.
+    """Return the texts of a help by their names in argparse; `doc` is the docstring with them.
 
     After the description that may have a paragraph `usage: ...`, and then what ends the help,
     from the first line that is a heading with a colon; it always says what exit codes mean.
     """
-    match = re.fullmatch(r'(?s)(.*?)(?:\nusage: (.*?)\n)?(?:\n(\w+:\n.*))?', doc)
+    match = re.fullmatch(r'(?s)(.*?)(?:\nusage: (.*?)\n)?(?:\n([\w ]+:\n.*))?', doc)
     description, usage, end = match.groups(default='') if match else (doc, '', '')
     end = end if 'exit codes:' in end else f'{end}\n{EXIT_CODES}'.lstrip()
     return {'description': description, 'epilog': end} | ({'usage': usage} if usage else {})

@@ -37,6 +37,8 @@ MAP_KINDS = (
 # Decimals of metres in listings.
 DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
+PLACES_TEXT = """GeoJSON with the named places of the map (default: NAME.places.geojson or
+places.geojson beside the map)"""
 
 
 @dataclass(frozen=True)
@@ -102,13 +104,9 @@ def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa:
     option(group, '--map-id ID', text, type=int)
 
 
-def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+def add_places_option(group: Any, text: str = PLACES_TEXT) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--places`, the flag of the parameter `places_file`."""
-    option(
-        group, '--places --places-file FILE',
-        'GeoJSON with the named places of the map (default: NAME.places.geojson or '
-        'places.geojson beside the map)', dest=PLACES_FILE.name,
-    )  # fmt: skip
+    option(group, '--places --places-file FILE', text, dest=PLACES_FILE.name)
 
 
 def add_unit_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
@@ -32,6 +35,9 @@ from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 # planner_node's parameters that decide a plan, wherever it is made; the map's options include
 # that of its places.
 RULES = tuple(item for item in PLANNER if not item.node_only and item is not map_files.PLACES_FILE)
+Answers = Callable[[Sequence[str]], Mapping[str, bool]]
+# In each language of the instructions.
+YES = ('y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí')
 
 
 @dataclass(frozen=True)
@@ -55,17 +61,23 @@ class PlanningOptions:
 
 
 def route_instruction(
-    values: Mapping[str, Any], places: Places, limit: float, make: Callable[[], Interpreter]
+    values: Mapping[str, Any],
+    places: Places,
+    limit: float,
+    make: Callable[[], Interpreter],
+    answers: Answers = lambda _: {},
 ) -> RouteInstruction | None:
     """Return what is understood of the instruction among parameters, None if there is none.
 
-    It is understood within `limit` seconds by the interpreter that `make` returns.
+    It is understood within `limit` seconds by the interpreter that `make` returns, and `answers`
+    says which of its questions are answered with yes or no.
     """
     text = clean_instruction(values['instruction'])
     if not text:
         return None
-    interpretation = make().interpret(text, places, limit)
-    return RouteInstruction(interpretation, places, values['instruction_policy'])
+    reading = make().interpret(text, places, limit)
+    reading = reading.answered(answers(reading.questions))
+    return RouteInstruction(reading, places, values['instruction_policy'])
 
 
 @dataclass(frozen=True)
@@ -109,6 +121,8 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
         'go to a place instead: to the free cell that is nearest to its centre; without a '
         'start, from that of --pair', dest='goal_place',
     )  # fmt: skip
+    text = 'take what is unsure of the instruction as it was read'
+    flags.option(where, '--confirm', text)
     text = 'the whole question as a sentence, in the form of the dataset (see below)'
     flags.option(where, '--query TEXT', text)
     text = 'pass here on the way, in the same unit; repeat it for more, in order'
@@ -177,12 +191,34 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
         sample=sample_key_of(problem, start, goal),
         via=tuple(coordinates.to_cell('--via', point) for point in arguments.via),
         instruction=route_instruction(
-            options.values, places, options.settings.timeout_s, options.make_interpreter
+            options.values,
+            places,
+            options.settings.timeout_s,
+            options.make_interpreter,
+            partial(answers_of, arguments),
         ),
         **parameters.request_fields(options.values),
     )
     check_request(request)
     return Problem(planner, request, coordinates, places)
+
+
+def answers_of(arguments: argparse.Namespace, questions: Sequence[str]) -> dict[str, bool]:
+    """Return the answers to questions: yes with `--confirm`, else those of a person.
+
+    There are none where this is no terminal.
+    """
+    if arguments.confirm:
+        return dict.fromkeys(questions, True)
+    is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    return {question: is_yes(question) for question in questions} if is_terminal else {}
+
+
+def is_yes(question: str) -> bool:
+    """Ask a person a question; return whether the answer is yes."""
+    sys.stderr.write(f'{printable(question)} [y/n] ')
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().casefold() in YES
 
 
 def waypoint_source(

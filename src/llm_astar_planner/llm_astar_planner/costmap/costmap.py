@@ -16,12 +16,12 @@ from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflati
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.search.visibility import LineOfSightChecker
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
     from llm_astar_planner.search.coarse import CoarseGraph
+    from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
 class Costmap:
@@ -70,10 +70,7 @@ class Costmap:
 
     @cached_property
     def _inflated(self) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
-        blocked, cost = inflate(self.grid_map, self.config)
-        # Sources and searches of others are given these.
-        blocked.flags.writeable = cost.flags.writeable = False
-        return blocked, cost
+        return read_only(inflate(self.grid_map, self.config))
 
     @cached_property
     def blocked(self) -> NDArray[np.bool_]:
@@ -129,7 +126,8 @@ class Costmap:
         # One cell more than the inflation reaches: legal moves depend on the neighbours.
         margin = inflation_reach(now, self.config) + 1
         windows = kernels.changed_windows(before.cells, now.cells, margin)
-        self._inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
             self.grid_graph = graph.updated(self.blocked, self._graded_cost(), windows)
@@ -148,6 +146,8 @@ class Costmap:
     @cached_property
     def line_of_sight(self) -> LineOfSightChecker:
         """Tells which straight lines between cells meet no blocked cell."""
+        from llm_astar_planner.search.visibility import LineOfSightChecker  # noqa: PLC0415
+
         return LineOfSightChecker(self.blocked)
 
     def describe_cell(self, cell: Cell) -> str:
@@ -173,6 +173,18 @@ class Costmap:
         if occupancy < FREE and not self.config.allow_unknown:
             return 'unknown'
         return f"an obstacle within the robot's radius, {self.config.robot_radius:g} m"
+
+
+def read_only(
+    layers: tuple[NDArray[np.bool_], NDArray[np.int8]],
+) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+    """Return layers that nobody can write to: sources and searches of others are given these.
+
+    And kernels, which numba compiles once more for arrays that can be written to.
+    """
+    for layer in layers:
+        layer.flags.writeable = False
+    return layers
 
 
 class ClosedCostmap(Costmap):

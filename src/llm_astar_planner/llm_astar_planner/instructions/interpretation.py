@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Protocol
 
@@ -11,6 +12,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
 from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.text import PREFER
@@ -20,6 +22,8 @@ class Understanding(Enum):
     """How much of an instruction was understood."""
 
     WHOLE = 'understood'
+    # Everything was read, but something of it only if the person says so.
+    UNSURE = 'unsure'
     PARTLY = 'partly understood'
     NONE = 'not understood'
     IRRELEVANT = 'nothing about the route'
@@ -48,8 +52,23 @@ class Interpretation:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every word was read."""
+        """Whether every word was read for certain."""
         return self.status in (Understanding.WHOLE, Understanding.IRRELEVANT)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether every word was read, be it with a question."""
+        return self.is_whole or self.status is Understanding.UNSURE
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What a person is to be asked, each question once; () where all is certain."""
+        asked = (clause.unsure for clause in self.specification.clauses if clause.unsure)
+        return tuple(dict.fromkeys(asked))
+
+    def confirmed(self) -> Interpretation:
+        """Return it with its questions answered with yes."""
+        return self.answered(dict.fromkeys(self.questions, True))
 
     @property
     def sentence(self) -> str:
@@ -63,6 +82,20 @@ class Interpretation:
         detail = f' ({self.detail})' if self.detail else ''
         return f'{self.status.value}{by}{sentence}{detail}'
 
+    def answered(self, answers: Mapping[str, bool]) -> Interpretation:
+        """Return it with some of its questions answered: what was not meant is not understood."""
+        clauses = []
+        for clause in self.specification.clauses:
+            if clause.unsure in answers:
+                is_meant, text = answers[clause.unsure], clause.phrase()[:MAX_NAME_CHARS]
+                clauses.append(replace(clause, unsure='') if is_meant else Unknown(text=text))
+            else:
+                clauses.append(clause)
+        specification = Specification(tuple(clauses))
+        is_unsure = self.status is Understanding.UNSURE
+        status = status_of(specification) if is_unsure else self.status
+        return replace(self, specification=specification, status=status)
+
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""
         return {
@@ -72,6 +105,7 @@ class Interpretation:
             'specification': self.specification.to_json(),
             'understood_by': self.understood_by,
             'detail': self.detail,
+            'questions': list(self.questions),
             'seconds': self.seconds,
             'prompt_tokens': self.prompt_tokens,
             'output_tokens': self.output_tokens,
@@ -107,11 +141,16 @@ class Interpreter(Protocol):
 
 
 def status_of(specification: Specification) -> Understanding:
-    """Return how much was understood, judged by the unknown clauses."""
-    known = specification.enforceable
-    if len(known) < len(specification.clauses):
-        return Understanding.PARTLY if known else Understanding.NONE
-    return Understanding.WHOLE if known else Understanding.IRRELEVANT
+    """Return how much was understood, judged by the unknown clauses and the questions.
+
+    What a path does not have is understood.
+    """
+    clauses = specification.clauses
+    if any(clause.kind == Unknown.kind for clause in clauses):
+        return Understanding.PARTLY if specification.enforceable else Understanding.NONE
+    if any(clause.unsure for clause in clauses):
+        return Understanding.UNSURE
+    return Understanding.WHOLE if clauses else Understanding.IRRELEVANT
 
 
 def not_understood(text: str, detail: str, understood_by: str = '') -> Interpretation:

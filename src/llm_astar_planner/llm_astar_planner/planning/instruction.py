@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Zone
-from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause, Zone
 from llm_astar_planner.instructions.enforcement import (
     Demand,
     Enforced,
@@ -130,8 +129,8 @@ class InstructedSearch:
             return demand
         if self.can_keep(demand):
             return demand
-        if isinstance(demand.clause, KeepDistance):
-            return self.greatest_distance(demand.clause) or replace(demand, problem='impossible')
+        if demand.clause.reducible:
+            return self.most_of(demand.clause) or replace(demand, problem='impossible')
         # Of regions to visit, those that can be.
         visits = tuple(zone for zone in demand.ask.visits if self.is_possible(demand, zone))
         if not visits:
@@ -150,13 +149,14 @@ class InstructedSearch:
         """Tell whether some path visits one region of a clause."""
         return self.can_keep(replace(demand, ask=Ask(visits=(zone,))))
 
-    def greatest_distance(self, clause: KeepDistance) -> Demand | None:
-        """Return the demand of the greatest distance that some path keeps, None for none."""
+    def most_of(self, clause: Clause) -> Demand | None:
+        """Return the demand of the most metres of a clause that some path keeps, None for none."""
         ground, found = Ground(self.route), None
-        low, high = 0.0, clause.metres
+        low, high = 0.0, float(getattr(clause, clause.reducible))
         while high - low > self.route.costmap.grid_map.resolution / FINENESS:
             middle = (low + high) / 2.0
-            demand = demand_of(replace(clause, metres=middle), ground)
+            less: dict[str, Any] = {clause.reducible: middle}
+            demand = demand_of(replace(clause, **less), ground)
             if self.can_keep(demand):
                 low, found = middle, demand
             else:

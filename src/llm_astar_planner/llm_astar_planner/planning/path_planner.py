@@ -40,7 +40,6 @@ from llm_astar_planner.planning.types import (
     check_request,
 )
 from llm_astar_planner.plugins import PluginError
-from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
@@ -55,6 +54,8 @@ from llm_astar_planner.search.stop import StopFlag
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
     from typing_extensions import Self
+
+    from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
@@ -307,6 +308,13 @@ class PathPlanner:
 
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
+        # Kernels that only these plans take.
+        from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
+            AnyAnglePath,
+            interpolate,
+            string_pull,
+        )
+
         try:
             parts = [
                 string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)

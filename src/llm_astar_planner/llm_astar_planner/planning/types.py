@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 MAX_VIA = 10_000
 # Via points that may guide a search; it follows at most 256 of them, taken evenly.
 MAX_VIAPOINTS = 1024
+# Kinds of clauses that ask nothing of a path.
+UNKNOWN, UNSUPPORTED = 'unknown', 'unsupported'
 # The fields of a request that have the names and limits of parameters. A request says None where
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
@@ -365,13 +367,40 @@ def report_lines(
 
 
 def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what became of an instruction, as `PlanReport.instruction_report` has it."""
-    yield f'instruction {interpretation_line(outcome["interpretation"])}'
-    for clause in outcome['clauses']:
-        detail = f' ({clause["detail"]})' if clause['detail'] else ''
-        yield f'  {clause["status"]:<14} {clause["clause"]}{detail}'
-    if outcome['note']:
-        yield f'  {outcome["note"]}'
+    """Yield what became of an instruction, as `InstructionOutcome.to_json` has it."""
+    interpretation = outcome['interpretation']
+    yield f'instruction "{interpretation["text"]}"'
+    if {clause['kind'] for clause in outcome['clauses']} - {UNKNOWN, UNSUPPORTED}:
+        yield f'understood as: {interpretation["sentence"]}'
+    yield interpretation_line({**interpretation, 'sentence': ''})
+    for number, clause in enumerate(outcome['clauses'], start=1):
+        yield f'clause {number:<3} {clause_line(clause)}'
+    said = str(outcome.get('sentence', ''))
+    more = [('question', question) for question in interpretation.get('questions', ())]
+    more.append(('note', outcome['note']))
+    yield from (f'{name:<10} {words}' for name, words in more if words not in said)
+    if said:
+        yield f'verdict    {said}'
+
+
+def clause_line(clause: Mapping[str, Any]) -> str:
+    """Return what became of a clause: 'avoid the lab: kept (0.0 m inside), costs 4.2 m'."""
+    if clause['kind'] == UNKNOWN:
+        return str(clause['clause'])
+    if clause['kind'] == UNSUPPORTED:
+        return f'{clause["status"]}: {clause["clause"]}'
+    return f'{clause["clause"]}: {clause["status"]}{clause_facts(clause)}'
+
+
+def clause_facts(clause: Mapping[str, Any]) -> str:
+    """Return what was measured of a clause and what it costs: ' (0.0 m inside), costs 4.2 m'."""
+    return (f' ({clause["detail"]})' if clause['detail'] else '') + clause_price(clause)
+
+
+def clause_price(clause: Mapping[str, Any]) -> str:
+    """Return what a clause costs: ', costs 4.2 m'; '' where that was not measured."""
+    price = clause.get('price')
+    return '' if price is None else f', costs {price:.1f} m'
 
 
 def interpretation_line(interpretation: Mapping[str, Any]) -> str:

@@ -34,7 +34,7 @@ MAX_BYTES = 2_000_000_000
 GUIDE_SIZE = 1 << 19
 # Expansions between two looks at the deadline.
 EXPANSION_SLICE = 8192
-FAR = 2**40
+FAR = 2**31 - 1
 
 Mask = NDArray[np.bool_]
 
@@ -329,7 +329,17 @@ def make_guide(
     letters = reading.sets.size
     places = letters + 1
     boxes = np.array([[FAR, -1, FAR, -1]] * places, dtype=np.int64)
-    low = np.full((places, len(rows)), FAR, dtype=np.int64)
+    low = np.full((places, len(rows)), FAR, dtype=np.int32)
+    high = np.full((places, len(rows)), -1, dtype=np.int32)
+    every_cell = not all(one.is_idempotent for one in automata)
+    for cells, place, every in (
+        *((cells, -1, every_cell) for cells in reading.regions),
+        (np.array([start]), 0, True), (reading.goals, letters, True)
+    ):  # fmt: skip
+        measured = (boxes, low, high)
+        kernels.measure(rows, cells, reading.letters, place, every, graph.width, *measured)
+    active = np.zeros(kernels.ACTIVE, dtype=np.int64)
+    between = kernels.choose_rows(boxes, low, high, (graph.straight, graph.diagonal), active)
     radix = np.zeros(len(automata), dtype=np.int64)
     after = np.zeros((1, letters), dtype=np.int64)
     accepting = np.ones(1, dtype=np.bool_)
@@ -339,15 +349,12 @@ def make_guide(
         if after.size * len(one.after) * places <= GUIDE_SIZE:
             radix[number] = len(after)
             after, accepting = product(after, accepting, one)
-    guide = kernels.Guide(
-        rows, low, low - FAR - 1, boxes, radix, np.full((len(after), places), np.inf)
-    )
-    every_cell = not all(one.is_idempotent for one in automata)
-    for cells in reading.regions:
-        kernels.measure(guide, cells, reading.letters, -1, every_cell, graph.width)
-    kernels.measure(guide, reading.goals, reading.letters, letters, True, graph.width)
-    kernels.fill_rest(guide, after, accepting, (graph.straight, graph.diagonal))
-    return guide
+    rest = np.full((len(after), places), np.inf)
+    kernels.fill_rest(between, boxes[:, 0] <= boxes[:, 1], after, accepting, rest)
+    if not len(rows):
+        low = high = np.zeros((places, 1), dtype=np.int32)
+    low, high = low[:, active], high[:, active]
+    return kernels.Guide(boxes, rows, active, low, high, radix, rest)
 
 
 def product(
@@ -373,9 +380,8 @@ def make_search(tables: kernels.Tables, guide: kernels.Guide) -> kernels.Search:
         np.zeros((slots, letters)),
         np.zeros((slots, pages), dtype=np.int32),
         np.zeros(slots, dtype=np.int64),
+        np.zeros((slots, places), dtype=np.int32),
         np.zeros((slots, places)),
-        np.zeros((slots, places, 4), dtype=np.int64),
-        np.zeros((slots, places, kernels.ACTIVE, 3), dtype=np.int64),
     )
     blocks = (64, kernels.BLOCK_STATES)
     states = kernels.States(

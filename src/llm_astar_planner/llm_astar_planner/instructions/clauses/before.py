@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
 from llm_astar_planner.instructions.fields import Fields
-from llm_astar_planner.instructions.regions import NOWHERE, Region, region_from_json
+from llm_astar_planner.instructions.regions import (
+    NOWHERE,
+    Region,
+    refused_phrase,
+    region_from_json,
+)
 from llm_astar_planner.search import automata
 
 if TYPE_CHECKING:
@@ -48,8 +53,8 @@ class Before(OfTwo):
 
     def phrase(self) -> str:
         """Return 'do not enter the lab before the dock'."""
-        first, second = (region.phrase(any_one=True) for region in self.regions)
-        return f'do not enter {second} before {first}'
+        first = self.first.phrase(any_one=True)
+        return f'do not enter {refused_phrase(self.second)} before {first}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the second region until the first one was visited."""

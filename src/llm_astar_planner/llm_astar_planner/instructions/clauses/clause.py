@@ -69,6 +69,8 @@ class Clause:
     kind: ClassVar[str] = ''
     # Whether the path is not to be in the regions; they are drawn hatched.
     is_closed: ClassVar[bool] = False
+    # A field of metres of which the most that is possible is kept, where all of it is not.
+    reducible: ClassVar[str] = ''
     strength: str = MUST
     unsure: str = ''
 

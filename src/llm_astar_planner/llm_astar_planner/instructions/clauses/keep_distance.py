@@ -24,6 +24,7 @@ class KeepDistance(Clause):
 
     kind: ClassVar[str] = 'keep_distance'
     is_closed: ClassVar[bool] = True
+    reducible: ClassVar[str] = 'metres'
     metres: float = 0.0
     region: Region | None = None
 

@@ -65,7 +65,8 @@ def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | No
         return before_problem(parts, structure)
     labels = structure.labels_of(structure.predicates_of(anchors))
     said = Said(clause, polarity(anchors, structure), labels, structure.sentence)
-    return PROBLEMS[type(clause)](said)
+    check = PROBLEMS.get(type(clause))
+    return 'no rule tells that it says so' if check is None else check(said)
 
 
 def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:

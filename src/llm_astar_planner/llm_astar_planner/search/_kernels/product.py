@@ -43,8 +43,8 @@ ORIGIN_BITS = 20
 ORIGIN_MASK = (1 << ORIGIN_BITS) - 1
 # In `Layers.after`, besides 0, not asked yet, and slots + 1: no path that may end goes there.
 DEAD = -1
-# Rows of distances that bound the way to one place.
-ACTIVE = 4
+# Rows of distances that one search uses, a constant so that the compiler unrolls loops over them.
+ACTIVE = 8
 
 
 class Tables(NamedTuple):
@@ -65,13 +65,17 @@ class Tables(NamedTuple):
 class Guide(NamedTuple):
     """Lower bounds on the cost to go, by the places where the product state may change next.
 
-    A place is the set of the cells of a letter; the last place is the goal.
+    A place is the set of the cells of a letter; the last place is the goal. The way from a cell
+    to a place is bounded by its octile distance from a box and by the distances of both from
+    ACTIVE sets of cells, none if `rows` is empty. What proves more on the way between places
+    proves as much on the parts of that way, so that bounds never fall along a path.
     """
 
-    rows: NDArray[np.int32]  # [n, cells]: distances of every cell from n sets of cells
-    low: NDArray[np.int64]  # [places, n]: the least of the distances of the place's cells
-    high: NDArray[np.int64]  # [places, n]: the greatest
     boxes: NDArray[np.int64]  # [places, 4]: x0, x1, y0, y1
+    rows: NDArray[np.int32]  # [n, cells]: distances of every cell from n sets of cells
+    active: NDArray[np.int64]  # [ACTIVE]: the rows used
+    low: NDArray[np.int32]  # [places, ACTIVE]: the least of the distances of the place's cells
+    high: NDArray[np.int32]  # [places, ACTIVE]: the greatest
     radix: NDArray[np.int64]  # [automata]: times their states, added: the row of `rest`
     rest: NDArray[np.float64]  # [guided, places]: the cost to go from the place, inf: none
 
@@ -85,9 +89,8 @@ class Layers(NamedTuple):
     rates: NDArray[np.float64]  # [slots, letters]: what a cell of the letter costs more
     pages: NDArray[np.int32]  # [slots, blocks of the map]: a block's number + 1, 0: none yet
     options: NDArray[np.int64]  # [slots]: the number of places that the way may lead to next
-    rest: NDArray[np.float64]  # [slots, places]: the cost to go from each, ascending
-    boxes: NDArray[np.int64]  # [slots, places, 4]
-    active: NDArray[np.int64]  # [slots, places, ACTIVE, 3]: a row + 1 and the place's low, high
+    places: NDArray[np.int32]  # [slots, places]: these, by ascending cost to go from there
+    rest: NDArray[np.float64]  # [slots, places]: that cost
 
 
 class States(NamedTuple):
@@ -167,19 +170,21 @@ def mark_borders(
 
 @jit
 def measure(
-    guide: Guide,
+    rows: NDArray[np.int32],
     cells: NDArray[np.int64],
     letters: NDArray[np.uint16],
     place: int,
     every_cell: bool,
     width: int,
+    boxes: NDArray[np.int64],
+    low: NDArray[np.int32],
+    high: NDArray[np.int32],
 ) -> None:
     """Widen the boxes and distances of the places of the `cells`, of `place` alone if not -1.
 
-    Only cells at the border of their letter count unless `every_cell`, and of `guide.rows`, which
-    all reach the start, only cells that they reach.
+    Only cells at the border of their letter count unless `every_cell`, and of `rows`, which all
+    reach the start, only cells that they reach. `low` and `high` are [places, rows].
     """
-    rows, low, high, boxes, _, _ = guide
     for cell in cells:
         letter = np.int64(letters[cell])
         if (every_cell or letter & BORDER) and (rows.shape[0] == 0 or rows[0, cell] >= 0):
@@ -200,48 +205,72 @@ def gap(low: int, high: int, other_low: int, other_high: int) -> int:
 
 
 @jit
-def fill_rest(
-    guide: Guide, after: NDArray[np.int64], accepting: NDArray[np.bool_], units: tuple[int, int]
-) -> None:
-    """Fill `guide.rest` with the least costs to go from each place, by value iteration.
+def choose_rows(
+    boxes: NDArray[np.int64],
+    low: NDArray[np.int32],
+    high: NDArray[np.int32],
+    units: tuple[int, int],
+    active: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Fill `active` with the rows that together prove most on the ways between places.
 
-    `after` [guided, letters] are product states, -1: none. A change of state outside of all
-    regions takes no way: wherever it is, the way goes on to a place after it.
+    `low` and `high` are [places, rows]. Returns what is proven, [places, places].
     """
     straight, diagonal = units
-    boxes, rest = guide.boxes, guide.rest
-    places = len(boxes)
-    goal = places - 1
+    places, rows = low.shape
     between = np.zeros((places, places))
     for one in range(places):
         for other in range(places):
             delta_x = gap(boxes[one, 0], boxes[one, 1], boxes[other, 0], boxes[other, 1])
             delta_y = gap(boxes[one, 2], boxes[one, 3], boxes[other, 2], boxes[other, 3])
-            way = octile(straight, diagonal - straight, delta_x, delta_y)
-            for row in range(guide.rows.shape[0]):
-                way = max(
-                    way,
-                    gap(
-                        guide.low[one, row], guide.high[one, row],
-                        guide.low[other, row], guide.high[other, row],
-                    ),
-                )  # fmt: skip
-            between[one, other] = way
+            between[one, other] = octile(straight, diagonal - straight, delta_x, delta_y)
+    for index in range(min(active.size, rows)):
+        most = -1.0
+        for row in range(rows):
+            gain = 0.0
+            for one in range(1, places):
+                for other in range(one):
+                    way = gap(low[one, row], high[one, row], low[other, row], high[other, row])
+                    gain += max(way - between[one, other], 0.0)
+            if gain > most:
+                most, active[index] = gain, row
+        row = active[index]
+        for one in range(places):
+            for other in range(places):
+                way = gap(low[one, row], high[one, row], low[other, row], high[other, row])
+                between[one, other] = max(between[one, other], way)
+    return between
+
+
+@jit
+def fill_rest(
+    between: NDArray[np.float64],
+    present: NDArray[np.bool_],
+    after: NDArray[np.int64],
+    accepting: NDArray[np.bool_],
+    rest: NDArray[np.float64],
+) -> None:
+    """Fill `rest` with the least costs to go from each place that is present, by value iteration.
+
+    `after` [guided, letters] are product states, -1: none. A change of state outside of all
+    regions takes no way: wherever it is, the way goes on to a place after it.
+    """
+    goal = present.size - 1
     changed = True
     while changed:
         changed = False
         for state in range(len(after) - 1, -1, -1):
             outside = after[state, 0]
-            for place in range(1, places):
+            for place in range(1, present.size):
                 least = np.inf
-                if boxes[place, 0] > boxes[place, 1]:
+                if not present[place]:
                     continue
                 if place == goal:
                     if accepting[state]:
                         least = 0.0
                 elif after[state, place] >= 0 and after[state, place] != state:
                     following = rest[after[state, place]]
-                    for other in range(1, places):
+                    for other in range(1, present.size):
                         least = min(least, between[place, other] + following[other])
                 if outside >= 0:
                     least = min(least, rest[outside, place])
@@ -251,75 +280,61 @@ def fill_rest(
 
 
 @jit
-def fill_options(tables: Tables, guide: Guide, layers: Layers, slot: int, cell: int) -> None:
-    """Note the places that the way from `slot`, entered at `cell`, may lead to next.
-
-    For each it chooses the rows that prove most.
-    """
-    _, _, width, straight, diagonal = tables.grid
-    y = cell // width
-    x = cell - y * width
+def fill_options(guide: Guide, layers: Layers, slot: int) -> None:
+    """Note the places that the way from `slot` may lead to next."""
     state = 0
     for automaton in range(guide.radix.size):
         state += guide.radix[automaton] * layers.states[slot, automaton]
     rest = guide.rest[state]
     count = 0
     for place in np.argsort(rest):
-        if rest[place] == np.inf:
-            break
-        layers.rest[slot, count] = rest[place]
-        box = guide.boxes[place]
-        layers.boxes[slot, count] = box
-        delta_x, delta_y = gap(x, x, box[0], box[1]), gap(y, y, box[2], box[3])
-        way = octile(straight, diagonal - straight, delta_x, delta_y)
-        gaps = np.zeros(ACTIVE, dtype=np.int64)
-        active = layers.active[slot, count]
-        for row in range(guide.rows.shape[0]):
-            low, high = guide.low[place, row], guide.high[place, row]
-            distance = np.int64(guide.rows[row, cell])
-            here = gap(distance, distance, low, high)
-            # Insertion into the list, the largest gap first.
-            if here > way and here > gaps[ACTIVE - 1]:
-                index = ACTIVE - 1
-                while index > 0 and gaps[index - 1] < here:
-                    gaps[index] = gaps[index - 1]
-                    active[index] = active[index - 1]
-                    index -= 1
-                gaps[index] = here
-                active[index, 0], active[index, 1], active[index, 2] = row + 1, low, high
-        count += 1
+        if rest[place] < np.inf:
+            layers.places[slot, count] = place
+            layers.rest[slot, count] = rest[place]
+            count += 1
     layers.options[slot] = count
 
 
 @jit
 def estimate(
-    rows: NDArray[np.int32],
-    options: NDArray[np.int64],
-    rest: NDArray[np.float64],
     boxes: NDArray[np.int64],
+    rows: NDArray[np.int32],
     active: NDArray[np.int64],
+    low: NDArray[np.int32],
+    high: NDArray[np.int32],
+    options: NDArray[np.int64],
+    places: NDArray[np.int32],
+    rest: NDArray[np.float64],
+    distances: NDArray[np.int32],
+    units: tuple[int, int],
     slot: int,
     cell: int,
     x: int,
     y: int,
-    straight: int,
-    diagonal: int,
 ) -> float:
-    """Return a lower bound on the cost from a cell of a slot to the goal; inf: there is no way."""
+    """Return a lower bound on the cost from a cell of a slot to the goal; inf: there is no way.
+
+    `distances` [ACTIVE] is room to work in.
+    """
+    straight, diagonal = units
+    if rows.shape[0]:
+        for index in range(ACTIVE):
+            distances[index] = rows[active[index], cell]
     least = np.inf
     for option in range(options[slot]):
         if rest[slot, option] >= least:
             break
-        delta_x = gap(x, x, boxes[slot, option, 0], boxes[slot, option, 1])
-        delta_y = gap(y, y, boxes[slot, option, 2], boxes[slot, option, 3])
+        place = places[slot, option]
+        delta_x = gap(x, x, boxes[place, 0], boxes[place, 1])
+        delta_y = gap(y, y, boxes[place, 2], boxes[place, 3])
         way = octile(straight, diagonal - straight, delta_x, delta_y)
-        for index in range(ACTIVE):
-            row = active[slot, option, index, 0]
-            if row == 0:
-                break
-            distance = np.int64(rows[row - 1, cell])
-            low, high = active[slot, option, index, 1], active[slot, option, index, 2]
-            way = max(way, low - distance, distance - high)
+        if rows.shape[0]:
+            proven = np.int32(0)
+            for index in range(ACTIVE):
+                nearer = low[place, index] - distances[index]
+                farther = distances[index] - high[place, index]
+                proven = max(proven, nearer, farther)
+            way = max(way, np.int64(proven))
         least = min(least, rest[slot, option] + way)
     return least
 
@@ -365,7 +380,7 @@ def slot_after(
         place = (place + 1) & table.size - 1
     if found == slots:
         table[place] = slots + 1
-        fill_options(tables, guide, layers, slots, cell)
+        fill_options(guide, layers, slots)
     layers.is_final[found] = final
     layers.after[slot, letter] = found + 1
     layers.rates[found, letter] = rate
@@ -419,7 +434,7 @@ def begin(search: Search, start: int) -> None:
         mixed = (mixed + 1) * 0x9E3779B1 & 0xFFFFFFFF
         mixed ^= mixed >> 15
     table[mixed & table.size - 1] = 1
-    fill_options(tables, guide, layers, 0, start)
+    fill_options(guide, layers, 0)
     control[C_SLOTS] = 1
     slot = slot_after(tables, guide, layers, table, 0, 1, start)
     if slot == DEAD:
@@ -439,8 +454,9 @@ def begin(search: Search, start: int) -> None:
         control[C_GOAL] = state
         return
     cost = estimate(
-        guide.rows, layers.options, layers.rest, layers.boxes, layers.active,
-        slot, start, x, y, straight, diagonal,
+        guide.boxes, guide.rows, guide.active, guide.low, guide.high,
+        layers.options, layers.places, layers.rest, np.empty(ACTIVE, dtype=np.int32),
+        (straight, diagonal), slot, start, x, y,
     )  # fmt: skip
     if cost < np.inf:
         key = np.int64(cost) >> shared.BUCKET_BITS
@@ -489,9 +505,10 @@ def advance(
     # Taken out of the tuples once: numba counts references at each access.
     moves, cell_surcharge, width, straight, diagonal = tables.grid
     price, letters = tables.price, tables.letters
-    rows = guide.rows
+    boxes, rows, active, low, high = guide.boxes, guide.rows, guide.active, guide.low, guide.high
+    distances, units = np.empty(ACTIVE, dtype=np.int32), (straight, diagonal)
     is_final, slots_after, rates, pages = layers.is_final, layers.after, layers.rates, layers.pages
-    options, rest, boxes, active = layers.options, layers.rest, layers.boxes, layers.active
+    options, places, rest = layers.options, layers.places, layers.rest
     origins, came = states.origins, states.came.reshape(-1)
     costs, tags = states.costs.reshape(-1), states.tags.reshape(-1)
     keys, entries = queue.keys, queue.entries
@@ -579,8 +596,8 @@ def advance(
             other_tag = tags[other_state]
             if other_tag == 0 or other_cost < costs[other_state]:
                 f = other_cost + estimate(
-                    rows, options, rest, boxes, active,
-                    other_slot, other, other_x, other_y, straight, diagonal,
+                    boxes, rows, active, low, high, options, places, rest, distances, units,
+                    other_slot, other, other_x, other_y,
                 )  # fmt: skip
                 if f < least:
                     storage += other_tag == 0
