@@ -72,10 +72,9 @@ class Interpretation:
     def confirmed(self) -> Interpretation:
         """Return it with its questions answered with yes."""
         sure = tuple(replace(clause, unsure='') for clause in self.specification.clauses)
-        specification = Specification(sure)
         is_unsure = self.status is Understanding.UNSURE
-        status = status_of(specification) if is_unsure else self.status
-        return replace(self, specification=specification, status=status)
+        status = status_of(Specification(sure)) if is_unsure else self.status
+        return replace(self, specification=Specification(sure), status=status)
 
     @property
     def sentence(self) -> str:
