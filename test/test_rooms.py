@@ -15,7 +15,7 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 38_300, 303
+ALL_LINES, ALL_MODULES = 38_290, 303
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 110, 'maps': 1_120, 'messages': 570},
@@ -26,7 +26,7 @@ LIMITS = {
         'planning': 3_105,
         'waypoints': 2_950,
         'instructions': 6_830,
-        'nodes': 3_965,
+        'nodes': 3_960,
         'cli': 1_610,
     },
     LAB: {
