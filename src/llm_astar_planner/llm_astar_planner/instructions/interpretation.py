@@ -68,7 +68,10 @@ class Interpretation:
 
     def confirmed(self) -> Interpretation:
         """Return it with its questions answered with yes."""
-        return self.answered(dict.fromkeys(self.questions, True))
+        sure = tuple(replace(clause, unsure='') for clause in self.specification.clauses)
+        is_unsure = self.status is Understanding.UNSURE
+        status = status_of(Specification(sure)) if is_unsure else self.status
+        return replace(self, specification=Specification(sure), status=status)
 
     @property
     def sentence(self) -> str:

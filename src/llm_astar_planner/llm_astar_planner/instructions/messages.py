@@ -130,7 +130,7 @@ def interpretation_from_json(value: object) -> Interpretation:
     status = STATUSES.get(str(fields.get('status')))
     if status is None:
         raise QuestionError(f'status: is not one of {", ".join(STATUSES)}')
-    if status in (Understanding.WHOLE, Understanding.IRRELEVANT):
+    if status in (Understanding.WHOLE, Understanding.UNSURE, Understanding.IRRELEVANT):
         status = status_of(specification)
     return Interpretation(
         as_bounded_text(fields, 'text'),

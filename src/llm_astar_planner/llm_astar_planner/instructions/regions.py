@@ -232,7 +232,7 @@ class AllOf(Region):
         """Return the JSON form."""
         return {'all_of': [region.to_json() for region in self.regions]}
 
-    def phrase(self, any_one: bool = False) -> str:
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return 'the overlap (the hall and the north half)'."""
         return f'the overlap ({" and ".join(bracketed(region) for region in self.regions)})'
 

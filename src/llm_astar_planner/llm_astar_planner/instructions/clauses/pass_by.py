@@ -14,6 +14,7 @@ from llm_astar_planner.instructions.regions import (
     Along,
     Region,
     Tagged,
+    bracketed,
     region_from_json,
 )
 from llm_astar_planner.search import automata
@@ -50,7 +51,7 @@ class Pass(Clause):
         where = f'{self.side} of the direct way' if of_way else f'{self.side} side'
         # 'all blue places on the north side' would be those that lie there, walls likewise.
         how = 'by' if isinstance(self.region, (Tagged, Along)) else 'on'
-        return f'pass {self.region.phrase()} {how} the {where}'
+        return f'pass {bracketed(self.region)} {how} the {where}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the object and the ray to the wrong side; cross the ray to the right side."""

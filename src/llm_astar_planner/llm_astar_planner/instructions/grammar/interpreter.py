@@ -22,7 +22,8 @@ from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
+from llm_astar_planner.instructions.confirmations import Confirmations
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
 from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
@@ -41,7 +42,6 @@ from llm_astar_planner.instructions.grammar.pieces import (
     NEG,
     ONCE,
     ORDER_WORDS,
-    REGION_ENDS,
     STOP,
     THEN,
     Piece,
@@ -51,7 +51,6 @@ from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
-from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
@@ -60,15 +59,15 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.regions import NamedPlace, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
 # What a canonical sentence quotes: what was not understood, and what a path does not have.
 CANONICAL = re.compile(
-    r'not understood: "(?P<text>[^"]{1,80})"'
-    r'|"(?P<words>[^"]{1,80})" is about (?P<about>' + '|'.join(ABOUT) + r'), which a path does not have'
+    r'not understood: "(?P<text>[^"]{1,80})"|"(?P<words>[^"]{1,80})" is about (?P<about>'
+    f'{"|".join(ABOUT)}), which a path does not have'
 )
-# Letters of a question, and the places that it names.
-MAX_QUESTION_CHARS = 300
+# Places that a question names.
 MOST_NAMED = 6
 # A language is tried if it knows at least this share of the words that the best one knows.
 WORTHWHILE = 0.5
@@ -277,7 +276,7 @@ class Assembler:
             self.notes += [str(reason)] if str(reason) else []
             return ()
         if piece.soon is not None:
-            clauses, more = self.at_once(piece, clauses)
+            clauses, more = self.at_once(piece, piece.soon, clauses)
             unsupported += more
         if parsed.question:
             clauses = asked(clauses, self.question(parsed.question))
@@ -318,13 +317,12 @@ class Assembler:
             raise Unclear('not so, or not at all')
 
     def at_once(
-        self, piece: Piece, clauses: tuple[Clause, ...]
+        self, piece: Piece, soon: Lexeme, clauses: tuple[Clause, ...]
     ) -> tuple[tuple[Clause, ...], list[Unsupported]]:
         """Return clauses with 'immediately': of an order a question, else it is about time."""
-        assert piece.soon is not None
-        said = self.text[piece.soon.start : piece.soon.end]
+        said = self.text[soon.start : soon.end]
         is_order = piece.link == THEN or bool(piece.kinds & (ORDER_WORDS | {'AFTERYOU'}))
-        if not is_order and piece.soon.value != STRAIGHT:
+        if not is_order and soon.value != STRAIGHT:
             return clauses, [Unsupported(text=said, about='time')]
         return asked(clauses, self.question('soon', said)), []
 
@@ -557,11 +555,15 @@ def result_of(
 class GrammarInterpreter:
     """Understands instructions by vocabulary tables and a grammar: an Interpreter.
 
-    It answers WHOLE or IRRELEVANT only if every word was read; of other instructions it gives the
-    clauses that were read wholly, and Unknown for the rest.
+    It answers WHOLE, UNSURE or IRRELEVANT only if every word was read; of other instructions it
+    gives the clauses that were read wholly, and Unknown for the rest.
     """
 
     name = NAME
+
+    def __init__(self, confirmations: Confirmations | None = None) -> None:
+        """Take the answers of persons to earlier questions, None for none."""
+        self._confirmations = confirmations
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
         """Say what was understood of a text; takes milliseconds, whatever the time limit.
@@ -583,8 +585,10 @@ class GrammarInterpreter:
             understood, share = understand(clean, lexer_for(places, language))
             if share > most:
                 best, most = understood, share
-            if understood.is_whole:
+            if understood.is_read:
                 break
+        if self._confirmations is not None:
+            best = self._confirmations.applied(best, places)
         return replace(best, seconds=time.perf_counter() - began)
 
 

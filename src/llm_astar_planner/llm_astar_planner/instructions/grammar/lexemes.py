@@ -252,7 +252,7 @@ FROM_ABOVE = frozenset({'ATMOST', 'LESSTHAN', 'EXACTLY', 'ONLY'})
 
 
 def limited(lexemes: Sequence[Lexeme], at: int) -> tuple[int, int, str] | None:
-    """Return the lexemes, the number and the limit of 'at most twice', None where there is none."""
+    """Return the lexemes, the number and the limit of 'at most twice', None without one."""
     before = kinds_match(lexemes, at, 'ATLEAST|ATMOST|EXACTLY|MORETHAN|LESSTHAN|ONLY')
     limit, end = (lexemes[at].kind, at + 1) if before else ('EXACTLY', at)
     if not kinds_match(lexemes, end, 'TIMES|NUMBER') or isinstance(lexemes[end].value, tuple):

@@ -39,6 +39,7 @@ LONGER = 5
 ENROUTE = 'ENROUTE'
 # No more than on the way, but not after a 'not'.
 BEFORE_GOAL = 'before the goal'
+LEFT_OUT = frozenset({ARTICLE, FILLER, ENROUTE})
 SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
 SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
 # What may stand after an article.
@@ -106,7 +107,7 @@ class Lexer:
             at += count
         kept = without_fillers(scanned)
         found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
-        ends = [one for one in scanned if one.kind == ENROUTE and BEFORE_GOAL != one.value]
+        ends = [one for one in scanned if one.kind == ENROUTE and one.value != BEFORE_GOAL]
         return [*found, *ends[:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
@@ -302,7 +303,7 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     doubt = (said(wrong), ' '.join(word.text for word in wrong)) if wrong else None
     text = ' '.join(word.text for word in words)
     return [
-        Lexeme(kind, value or (text if kind in (FILLER, ENROUTE) else ''), start, end, *other, doubt)
+        Lexeme(kind, value or (text if kind in LEFT_OUT else ''), start, end, *other, doubt)
         for kind, value in meanings[0]
     ]
 
@@ -313,24 +314,23 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     After a place a letter, or a word such as 'path', is a part of a name that the map lacks.
     """
     kept: list[Lexeme] = []
-    doubt, is_article = None, False
+    doubt, was_article = None, False
     for lexeme, after in zip(scanned, kinds_after(scanned)):
-        is_left_out = lexeme.kind in (ARTICLE, FILLER, ENROUTE)
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
-        if before.kind in (PLACE, NOUN) and is_part_of_name(before, lexeme, after):
-            lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
-        elif is_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE:
-            lexeme, is_left_out = replace(lexeme, kind=UNKNOWN), False
-        is_article = lexeme.kind == ARTICLE
-        if lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
+        is_name = is_part_of_name(before, lexeme, after) or (
+            was_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE
+        )
+        was_article = lexeme.kind == ARTICLE
+        if is_name:
+            kept.append(replace(lexeme, kind=UNKNOWN))
+        elif lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
             goal = replace(lexeme, kind='ENDPOINT', value='goal')
             kept += [replace(lexeme, kind='BEFORE', value=''), goal]
-            continue
-        if is_left_out:
+        elif lexeme.kind in LEFT_OUT:
             doubt = doubt or lexeme.doubt
-            continue
-        kept.append(replace(lexeme, doubt=lexeme.doubt or doubt))
-        doubt = None
+        else:
+            kept.append(replace(lexeme, doubt=lexeme.doubt or doubt))
+            doubt = None
     if doubt and kept:
         kept[-1] = replace(kept[-1], doubt=kept[-1].doubt or doubt)
     return kept
@@ -338,6 +338,8 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
 
 def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
     """Whether a word right after a place makes another name of it, that the map lacks."""
+    if place.kind not in (PLACE, NOUN):
+        return False
     if lexeme.kind == FILLER:
         return lexeme.value in PARTS_OF_NAMES
     is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
@@ -364,9 +366,9 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
                 result.append(replace(lexeme, kind=UNKNOWN))
             continue
         before = result[-1] if result else Lexeme('', '', 0, 0)
-        if any(tells_all(other, lexeme) for other in (before, after)):
-            lexeme = replace(lexeme, doubt=None)
-        result.append(lexeme if before.kind in ADJECTIVES else as_place(lexeme))
+        is_told = any(tells_all(other, lexeme) for other in (before, after))
+        noun = replace(lexeme, doubt=None) if is_told else lexeme
+        result.append(noun if before.kind in ADJECTIVES else as_place(noun))
     return result
 
 

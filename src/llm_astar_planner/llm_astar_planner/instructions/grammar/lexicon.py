@@ -81,7 +81,7 @@ class Lexicon:
         return Group(words, self.places, places, noun.plural, '', noun.name, least)
 
     def kind_of(self, noun: Noun) -> Members:
-        """Return the places of the kind or tag that is a noun, if it covers all that it may mean."""
+        """Return the places of the kind or tag that is a noun, if they are all it may mean."""
         members = set(self.members[noun.name])
         for tag in self.places.tags if members else ():
             places = self.places.with_tag(tag)
@@ -257,8 +257,7 @@ def says(words: tuple[str, ...], noun: Noun) -> bool:
     """Whether words, all of them, are a noun itself or its usual translation, in any number."""
     count, found = nouns().everywhere.longest([Word(word, 0, 0) for word in words], 0)
     return count == len(words) and any(
-        one.name == noun.name and is_same(one, noun)
-        for one in found
+        one.name == noun.name and is_same(one, noun) for one in found
     )
 
 
@@ -292,9 +291,7 @@ def is_synonym(words: tuple[str, ...], other: tuple[str, ...]) -> bool:
         nouns().everywhere.longest([Word(word, 0, 0) for word in phrase], 0)[1]
         for phrase in (words, other)
     ]
-    pairs = [
-        (one, other) for one in found[0] for other in found[1] if one.name == other.name
-    ]
+    pairs = [(one, other) for one in found[0] for other in found[1] if one.name == other.name]
     return bool(pairs) and not any(is_same(one, other) for one, other in pairs)
 
 

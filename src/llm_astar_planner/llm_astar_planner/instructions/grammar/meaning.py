@@ -35,11 +35,10 @@ from llm_astar_planner.instructions.grammar.selection import (
 )
 from llm_astar_planner.instructions.regions import (
     ALONG_WIDTH,
-    MAX_JOINED,
     NEAR_WIDTH,
     WALLS,
-    Along,
     AllOf,
+    Along,
     AnyOf,
     Between,
     Box,
@@ -405,7 +404,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def count(self, *parts: Any) -> ParsedClause:
         """'visit A at most twice'."""
         things = next(part for part in parts if isinstance(part, tuple))
-        return count_of(things, *value(next(part for part in parts if isinstance(part, Token)))[:2])
+        return count_of(
+            things, *value(next(part for part in parts if isinstance(part, Token)))[:2]
+        )
 
     def count_not(self, *parts: Any) -> ParsedClause:
         """'never go to A more than twice'."""

@@ -60,12 +60,21 @@ REGION_ENDS = word_set(
 # Words that are left out where nothing is negated: 'slowly', 'you have to'.
 AFFIRMATIVE = frozenset({'NEED'})
 PREPOSITIONS = word_set('THROUGH INTO TO FROM OF IN UPON BY')
+WAYS = frozenset({'THROUGH', 'TO', 'INTO'})
 # A comma before one of these ends nothing.
-TRAILERS = ORDER_WORDS - {'AFTER', ONCE} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN', EXCEPT, TIMES}
+TRAILERS = ORDER_WORDS - {'AFTER', ONCE} | {
+    ANYORDER,
+    INORDER,
+    'BY',
+    'REQUIRED',
+    'FORBIDDEN',
+    EXCEPT,
+    TIMES,
+}
 # Verbs that an 'or' may repeat: 'go to A or go to B'.
 VISITING = frozenset({'VISIT', 'ENTER'})
 # Words that say how a clause is meant.
-NOTED = frozenset({UNSUPPORTED, 'SOON', 'LAST', 'EITHER', 'INSTEAD'})
+NOTED = frozenset({UNSUPPORTED, 'SOON', 'LAST', 'EITHER', 'INSTEAD', ANYORDER, INORDER})
 # What is said of a subject, and what ends the look for it.
 STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
 SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
@@ -183,7 +192,11 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
     for at, lexeme in enumerate(lexemes):
         before = result[-1].kind if result else ''
         after = [one.kind for one in lexemes[at + 1 : at + 3]]
-        if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO', 'INTO') and after != ['SIDE', 'OF']:
+        if (
+            before == 'MOVE'
+            and lexeme.kind in ('THROUGH', 'TO', 'INTO')
+            and after != ['SIDE', 'OF']
+        ):
             result[-1] = replace(result[-1], kind='VISIT')
         elif before == 'MOVE' and lexeme.kind == PRONOUN:
             result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
@@ -445,7 +458,11 @@ class Splitter:
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
             return True
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
-        if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO') and self.repeats(nearest):
+        if (
+            repeated
+            and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO')
+            and self.repeats(nearest)
+        ):
             kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
             if nearest == 'INTO' and 'INTO' not in piece.kinds and kind == AND:
                 kind = nearest
@@ -462,7 +479,7 @@ class Splitter:
     def repeats(self, preposition: str) -> bool:
         """Whether the piece has the preposition already, in a verb or alone."""
         kinds = self.piece.kinds
-        if preposition in ('THROUGH', 'TO', 'INTO'):
+        if preposition in WAYS:
             return bool(kinds & {preposition, 'VISIT', 'ENTER'})
         return preposition in kinds or 'AVOID' in kinds
 
@@ -521,8 +538,6 @@ class Splitter:
             piece.is_first = True
             if AND in piece.kinds:
                 self.extend(Lexeme(UNREAD, '', lexeme.start, lexeme.end))
-        elif lexeme.kind in (ANYORDER, INORDER):
-            piece.order = lexeme.kind
         elif lexeme.kind == 'NONE':
             self.add_none(lexeme)
         elif lexeme.kind == 'UNTIL' and not piece.lexemes:
@@ -553,6 +568,8 @@ class Splitter:
             piece.is_either = True
         elif lexeme.kind == 'INSTEAD':
             piece.is_instead = True
+        elif lexeme.kind in (ANYORDER, INORDER):
+            piece.order = lexeme.kind
         return lexeme.kind in NOTED
 
     def add_none(self, lexeme: Lexeme) -> None:
@@ -589,7 +606,7 @@ def is_leave(lexeme: Lexeme) -> bool:
 
 
 def chosen(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return lexemes with the commas of 'A, B or C' as an 'or'; 'A and B or C' stays unreadable."""
+    """Return lexemes with the commas of 'A, B or C' as an 'or'; 'A and B or C' stays."""
     depths = list(accumulate((one.kind == OPEN) - (one.kind == CLOSE) for one in lexemes))
     if not any(one.kind == OR and not depth for one, depth in zip(lexemes, depths)):
         return lexemes
