@@ -26,7 +26,7 @@ LIMITS = {
         'planning': 3_105,
         'waypoints': 2_950,
         'instructions': 6_830,
-        'nodes': 3_965,
+        'nodes': 3_960,
         'cli': 1_500,
     },
     LAB: {

@@ -246,6 +246,8 @@ def skeleton(draw, skeletons, count, index):
     if kind == 2:
         return list(draw.integers(0, count, draw.integers(0, 6)))
     order = list(skeletons[draw.integers(len(skeletons))])
+    if kind == 3 and order:  # a part of it
+        return order[: draw.integers(1, len(order) + 1)]
     for _ in range(draw.integers(0, 3) if kind > 3 else 0):
         change = draw.integers(4)
         at = int(draw.integers(len(order) + 1))

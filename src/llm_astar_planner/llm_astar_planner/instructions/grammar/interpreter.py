@@ -51,7 +51,6 @@ from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
-from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
@@ -60,6 +59,7 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.regions import NamedPlace, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
 # What a canonical sentence quotes: what was not understood, and what a path does not have.

@@ -8,7 +8,7 @@ from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.verification.geometry import first_from, total
 from llm_astar_planner.instructions.verification.measurement import Measurement, broken, kept
-from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
+from llm_astar_planner.instructions.verification.reference import Reference, grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import Resolved
 
 
@@ -25,19 +25,17 @@ def check(measurement: Measurement, clause: Before, _: int) -> ClauseOutcome:
         return kept(clause, f'{measurement.place_text(visit)} is reached before {where}')
     metres = total(np.minimum(entries, visit))
     detail = f'entered at {where}, before the first is visited'
-    impossible = cannot_be_first(measurement, first, second)
+    reference = measurement.reference
+    impossible = reference.small_enough and cannot_be_first(reference, first, second)
     point = measurement.drive.point(entry)
     return broken(clause, detail, metres, point, impossible=impossible)
 
 
-def cannot_be_first(measurement: Measurement, first: Resolved, second: Resolved) -> bool:
+def cannot_be_first(reference: Reference, first: Resolved, second: Resolved) -> bool:
     """Tell whether no path visits the first region before it enters the second.
 
     Nor does one reach the goal without entering the second.
     """
-    reference = measurement.reference
-    if not reference.small_enough:
-        return False
     reached = reference.reach(reference.inside(second.entered)) > 0
     if (reached & reference.goal_mask).any():
         return False

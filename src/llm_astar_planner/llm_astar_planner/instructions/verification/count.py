@@ -10,7 +10,6 @@ from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.verification.geometry import Area, first_from
 from llm_astar_planner.instructions.verification.measurement import (
     Measurement,
-    as_far,
     broken,
     kept,
 )
@@ -42,10 +41,10 @@ def check(measurement: Measurement, clause: Count, _: int) -> ClauseOutcome:
         point = region.visited.nearest_point(measurement.drive.shape)
         return broken(clause, reason or detail, math.nan, point, impossible=bool(reason))
     fewest = fewest_entries(measurement, region, around)
-    point = measurement.drive.point(entries[int(most)])
-    if clause.strength == SHOULD and len(entries) <= fewest:
-        return as_far(clause, f'{detail}, the least possible', math.nan, point, math.nan)
-    return broken(clause, detail, math.nan, point, impossible=fewest > most)
+    is_least = clause.strength == SHOULD and len(entries) <= fewest
+    detail += ', the least possible' if is_least else ''
+    point, impossible = measurement.drive.point(entries[int(most)]), fewest > most
+    return broken(clause, detail, math.nan, point, impossible=impossible, is_least=is_least)
 
 
 def fewest_entries(measurement: Measurement, region: Resolved, around: Area) -> int:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -219,8 +220,6 @@ class Area:
         circles = shapely.buffer(
             shapely.points(x, y), np.maximum(radii, 0.0), quad_segs=QUARTER_SIDES
         )
-        if self.polygon.is_empty and len(circles) == 1:
-            return circles[0]
         return shapely.union_all([self.polygon, *circles])
 
     def grown(self, by: float) -> Area:
@@ -251,21 +250,11 @@ class Area:
         spans = [path.spans_in_polygon(self.polygon), path.spans_in_discs(self.discs)]
         return joined(np.concatenate(spans))
 
-    def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points [n, 2] lie in it and not on its edge."""
-        x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
-        inside: NDArray[np.bool_] = shapely.contains_xy(self.polygon, x, y)
-        for centre_x, centre_y, radius in self.discs:
-            inside |= np.hypot(x - centre_x, y - centre_y) < radius
-        return inside
-
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
         xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        inside = np.zeros(len(xy), dtype=np.bool_)
-        if not self.polygon.is_empty:
-            shapely.prepare(self.polygon)
-            inside |= shapely.dwithin(self.polygon, shapely.points(xy), EDGE)
+        shapely.prepare(self.polygon)
+        inside: NDArray[np.bool_] = shapely.dwithin(self.polygon, shapely.points(xy), EDGE)
         for x, y, radius in self.discs:
             inside |= np.hypot(xy[:, 0] - x, xy[:, 1] - y) <= radius + EDGE
         return inside
@@ -286,6 +275,12 @@ class Area:
         line = shapely.shortest_line(shape, self.outline)
         x, y = shapely.get_coordinates(line if line is not None else shape)[0]
         return float(x), float(y)
+
+
+def outline_of(grid_map: GridMap) -> BaseGeometry:
+    """Return the outline of a whole grid in the map's frame."""
+    x, y = grid_map.width - 0.5, grid_map.height - 0.5
+    return shapely.Polygon(grid_map.grid_to_world([(-0.5, -0.5), (x, -0.5), (x, y), (-0.5, y)]))
 
 
 def polygon_area(shape: BaseGeometry) -> Area:

@@ -15,9 +15,7 @@ from llm_astar_planner.instructions.verification.measurement import (
     NEGLIGIBLE,
     Measurement,
     Point,
-    as_far,
     broken,
-    is_walls,
     kept,
     length_text,
     point_text,
@@ -44,29 +42,27 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     path, target = measurement.path, target_of(measurement, clause)
     limit = clause.metres - short_by(clause.metres)
     nearest = target.distance(path.shape)
-    if nearest >= limit:
+    if nearest >= limit - EDGE:
         away = f'never nearer than {length_text(nearest)}'
         return kept(clause, away if math.isfinite(nearest) else 'nothing is near')
     zone = target.grown(limit - EDGE)
     spans = zone.spans(path)
     metres, least = total(spans), measurement.reference.least_inside(zone)
     middle = apart_from_ends(path, spans, clause.metres)
-    nearest, where = nearest_in(path, target, middle if len(middle) else spans)
     if metres <= measurement.allowed(least):
         detail = f'{length_text(metres)} nearer, the least possible'
         if total(middle) <= NEGLIGIBLE:
             return kept(clause, f'{detail}, at its ends', metres, least)
         if clause.strength == SHOULD:
+            nearest, where = nearest_in(path, target, middle)
             detail += f', {length_text(nearest)} away at {point_text(where)}'
-            return as_far(clause, detail, metres, where, least)
-    return fall_short(measurement, clause, target, nearest, where)
+            return broken(clause, detail, metres, where, least, is_least=True)
+    return fall_short(measurement, clause, target, middle if len(middle) else spans)
 
 
 def target_of(measurement: Measurement, clause: KeepDistance) -> Area:
     """Return what the distance is kept from. Raises RegionError."""
-    if clause.region is None or is_walls(clause.region):
-        return measurement.walls.zone(clause.region.width if clause.region else 0.0)
-    return measurement.sized(clause.region).area
+    return measurement.sized(clause.region).area if clause.region else measurement.walls.zone(0.0)
 
 
 def short_by(metres: float) -> float:
@@ -75,27 +71,31 @@ def short_by(metres: float) -> float:
 
 
 def fall_short(
-    measurement: Measurement, clause: KeepDistance, target: Area, nearest: float, where: Point
+    measurement: Measurement, clause: KeepDistance, target: Area, counted: Spans
 ) -> ClauseOutcome:
     """Judge a path that is short of the distance by what the greatest possible one is."""
-    path, greatest = measurement.path, greatest_clearance(measurement, target, clause.metres)
-    least, possible = clause.metres - greatest, ''
-    if 0.0 < greatest < clause.metres:
-        dip = DIP * measurement.route.costmap.grid_map.resolution
-        slack = min(max(short_by(greatest), dip), greatest / 2.0)
-        spans = target.grown(greatest - slack - EDGE).spans(path)
-        if not len(apart_from_ends(path, spans, clause.metres)):
-            both = (target.grown(metres - EDGE) for metres in (greatest, clause.metres))
-            spans = np.concatenate([zone.spans(path) for zone in both])
-            nearest, where = nearest_in(path, target, between_ends(path, spans, clause.metres))
-            detail = f'{length_text(nearest)} of {clause.metres:g} m, the most that passes'
-            detail += f', at {point_text(where)}'
-            return as_far(clause, detail, clause.metres - nearest, where, least)
-        possible = f', {length_text(greatest)} is possible'
-    detail = f'least distance {length_text(nearest)} of {clause.metres:g} m'
-    detail += f', at {point_text(where)}{possible}'
-    lacking = clause.metres - nearest
-    return broken(clause, detail, lacking, where, least, impossible=greatest == 0.0)
+    path, asked = measurement.path, clause.metres
+    greatest = greatest_clearance(measurement, target, asked)
+    is_partly_possible = 0.0 < greatest < asked
+    dip = DIP * measurement.route.costmap.grid_map.resolution
+    slack = min(max(short_by(greatest), dip), greatest / 2.0)
+    is_most = is_partly_possible and not len(
+        apart_from_ends(path, target.grown(greatest - slack - EDGE).spans(path), asked)
+    )
+    if is_most:
+        zones = (target.grown(near - EDGE).spans(path) for near in (greatest, asked))
+        counted = between_ends(path, np.concatenate([*zones]), asked)
+    nearest, where = nearest_in(path, target, counted)
+    detail = f'least distance {length_text(nearest)} of {asked:g} m, at {point_text(where)}'
+    if is_most:
+        detail = f'{length_text(nearest)} of {asked:g} m, the most that passes'
+        detail += f', at {point_text(where)}'
+    elif is_partly_possible:
+        detail += f', {length_text(greatest)} is possible'
+    return broken(
+        clause, detail, asked - nearest, where, asked - greatest,
+        impossible=greatest == 0.0, is_least=is_most,
+    )  # fmt: skip
 
 
 def apart_from_ends(path: Polyline, spans: Spans, metres: float) -> Spans:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeGuard
 
 import numpy as np
 
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
-from llm_astar_planner.instructions.regions import WALLS, Along, Region
+from llm_astar_planner.instructions.regions import Region
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification.geometry import Area, Polyline, Spans, polyline
+from llm_astar_planner.instructions.verification.geometry import (
+    ROUNDING,
+    Area,
+    Polyline,
+    Spans,
+    polyline,
+)
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.regions import RegionError, Regions, Resolved
 from llm_astar_planner.instructions.verification.walls import Walls
@@ -24,6 +30,7 @@ from llm_astar_planner.instructions.verification.walls import Walls
 NEGLIGIBLE = 1e-6
 # What a path may have over the least possible, besides one cell.
 EXCESS = 1.05
+NO_AREA = 'the region has no area'
 Point = tuple[float, float]
 
 
@@ -64,14 +71,11 @@ class Measurement:
     @cached_property
     def end(self) -> Area | None:
         """Where a clause asks the path to end, None without such a clause."""
-        end: Area | None = None
-        for clause in self.specification.clauses:
+        for clause in reversed(self.specification.clauses):
             if isinstance(clause, EndAt):
-                try:
-                    end = self.regions.resolve(clause.region).ends
-                except RegionError:
-                    continue
-        return end
+                with suppress(RegionError):
+                    return self.regions.resolve(clause.region).ends
+        return None
 
     @property
     def start(self) -> Point:
@@ -83,23 +87,24 @@ class Measurement:
         """The path's last point."""
         return self.path.point(self.path.length)
 
-    @property
-    def fixed_ends(self) -> list[Point]:
-        """The ends that every path has: the first point, and the last unless a clause sets it."""
-        return [self.start, self.goal] if self.end is None else [self.start]
-
     def sized(self, region: Region) -> Resolved:
         """Return where a region lies. Raises RegionError if it does not exist or has no area."""
         found = self.regions.resolve(region)
-        if not found.area.has_size:
-            raise RegionError(NO_AREA)
+        require_size(found.area)
         return found
+
+    def ends_in(self, spans: Spans) -> list[bool]:
+        """Tell for the ends that every path has whether spans of this one hold them.
+
+        The first point, and the last unless a clause sets it.
+        """
+        first, last = (spans[0, 0], spans[-1, 1]) if len(spans) else (math.inf, -math.inf)
+        ends = [first <= ROUNDING, last >= self.path.length - ROUNDING]
+        return ends if self.end is None else ends[:1]
 
     def on_map(self, area: Area) -> bool:
         """Tell whether any of an area lies on the map."""
-        if area.wall_distance > 0.0:
-            return True
-        return area.distance(self.regions.map_outline) <= 0.0
+        return area.wall_distance > 0.0 or area.distance(self.regions.map_outline) <= 0.0
 
     def unreachable_reason(self, area: Area) -> str:
         """Say why no path can touch an area, '' if one can."""
@@ -116,9 +121,24 @@ class Measurement:
 
         Where none are needed none are allowed.
         """
-        if math.isnan(least) or least <= NEGLIGIBLE:
-            return 0.0
-        return EXCESS * least + self.route.costmap.grid_map.resolution
+        resolution = self.route.costmap.grid_map.resolution
+        return EXCESS * least + resolution if least > NEGLIGIBLE else 0.0
+
+    def broken_by(
+        self, clause: Clause, metres: float, side: str, where: Point, least: float, **how: bool
+    ) -> ClauseOutcome:
+        """Return the outcome of a clause that so many metres of a path violate.
+
+        A wish is kept as far as possible by the least that any path has.
+        """
+        possible = ''
+        if least > 0.0:
+            is_least = length_text(metres) == length_text(least)
+            possible = ', the least possible' + ('' if is_least else f' is {length_text(least)}')
+        detail = f'{length_text(metres)} {side}{possible}, from {point_text(where)}'
+        if clause.strength == SHOULD:
+            how = {'is_least': metres <= self.allowed(least)}
+        return broken(clause, detail, metres, where, least, **how)
 
     def first_point(self, spans: Spans) -> Point:
         """Return the point of the path at which spans begin."""
@@ -130,20 +150,15 @@ class Measurement:
         return point_text(self.drive.point(place)) + driven
 
 
-NO_AREA = 'the region has no area'
+def require_size(area: Area) -> None:
+    """Raise RegionError for an area in which no path can lie."""
+    if not area.has_size:
+        raise RegionError(NO_AREA)
 
 
 def kept(clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0) -> ClauseOutcome:
     """Return the outcome of a clause that a path keeps."""
     return ClauseOutcome(clause, ClauseStatus.KEPT, detail, measured, least)
-
-
-def as_far(
-    clause: Clause, detail: str, measured: float, where: Point, least: float
-) -> ClauseOutcome:
-    """Return the outcome of a clause that a path violates by the least that any path can."""
-    status = ClauseStatus.AS_FAR_AS_POSSIBLE
-    return ClauseOutcome(clause, status, detail, measured, least, where)
 
 
 def broken(
@@ -154,15 +169,12 @@ def broken(
     least: float = math.nan,
     *,
     impossible: bool = False,
+    is_least: bool = False,
 ) -> ClauseOutcome:
-    """Return the outcome of a clause that a path violates, impossible or not."""
+    """Return the outcome of a clause that a path violates: impossible, or by the least, or not."""
     status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.NOT_KEPT
+    status = ClauseStatus.AS_FAR_AS_POSSIBLE if is_least else status
     return ClauseOutcome(clause, status, detail, measured, least, where)
-
-
-def is_walls(region: Region | None) -> TypeGuard[Along]:
-    """Tell whether a region is a strip along the walls."""
-    return isinstance(region, Along) and region.place == WALLS
 
 
 def length_text(metres: float) -> str:
@@ -174,12 +186,3 @@ def length_text(metres: float) -> str:
 def point_text(point: Point) -> str:
     """Return a point as details show it: '4.1, 3.0'."""
     return f'{point[0]:.1f}, {point[1]:.1f}'
-
-
-def metres_text(metres: float, where_to: str, least: float, where: Point) -> str:
-    """Say how many metres of a path violate a clause: '2.3 m inside, the least possible, ...'."""
-    possible = ''
-    if least > 0.0:
-        is_least = length_text(metres) == length_text(least)
-        possible = ', the least possible' + ('' if is_least else f' is {length_text(least)}')
-    return f'{length_text(metres)} {where_to}{possible}, from {point_text(where)}'

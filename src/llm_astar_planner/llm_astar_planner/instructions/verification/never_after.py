@@ -10,7 +10,7 @@ from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.verification.geometry import first_from, total
 from llm_astar_planner.instructions.verification.measurement import Measurement, broken, kept
-from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
+from llm_astar_planner.instructions.verification.reference import Reference, grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import Resolved
 
 
@@ -28,15 +28,13 @@ def check(measurement: Measurement, clause: NeverAfter, _: int) -> ClauseOutcome
         return kept(clause, f'the second is not entered {after}')
     metres = total(np.maximum(inside, entry))
     detail = f'entered at {measurement.place_text(place)}, {after}'
-    impossible = cannot_keep_out(measurement, first, second)
+    reference = measurement.reference
+    impossible = reference.small_enough and cannot_keep_out(reference, first, second)
     return broken(clause, detail, metres, measurement.drive.point(place), impossible=impossible)
 
 
-def cannot_keep_out(measurement: Measurement, first: Resolved, second: Resolved) -> bool:
+def cannot_keep_out(reference: Reference, first: Resolved, second: Resolved) -> bool:
     """Tell whether every path enters the first region, and the second one after that."""
-    reference = measurement.reference
-    if not reference.small_enough:
-        return False
     before = reference.reach(reference.inside(first.entered)) > 0
     if (before & reference.goal_mask).any():
         return False

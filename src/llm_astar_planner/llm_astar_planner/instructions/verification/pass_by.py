@@ -46,9 +46,9 @@ def check(measurement: Measurement, clause: Pass, _: int) -> ClauseOutcome:
         return kept(clause, f'passed at {measurement.place_text(right[0])}')
     else:
         detail = 'not passed on this side'
-    impossible = not any(place < measurement.begin for place in right) and cannot_pass(
-        measurement, region, centre, ahead
-    )
+    is_open = any(place < measurement.begin for place in right)
+    impossible = measurement.reference.small_enough and not is_open
+    impossible = impossible and cannot_pass(measurement, region, centre, ahead)
     return broken(clause, detail, metres, where, impossible=impossible)
 
 
@@ -87,10 +87,7 @@ def cannot_pass(measurement: Measurement, region: Area, centre: Vector, ahead: V
 
     Every one crosses the object or the ray to the opposite side, or none the ray to the side.
     """
-    reference = measurement.reference
-    if not reference.small_enough:
-        return False
-    grid_map = measurement.route.costmap.grid_map
+    reference, grid_map = measurement.reference, measurement.route.costmap.grid_map
     origin, beyond = grid_map.world_to_grid([centre, centre - ahead])
     step = beyond - origin
     line = np.concatenate((origin, step / np.hypot(*step)))

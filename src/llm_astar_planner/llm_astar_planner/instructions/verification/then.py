@@ -8,7 +8,7 @@ from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.verification.geometry import ROUNDING, first_from
 from llm_astar_planner.instructions.verification.measurement import Measurement, broken, kept
-from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
+from llm_astar_planner.instructions.verification.reference import Reference, grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import Resolved
 
 
@@ -25,15 +25,13 @@ def check(measurement: Measurement, clause: Then, _: int) -> ClauseOutcome:
         return kept(clause, f'{measurement.place_text(visit)} is reached after {where}')
     metres = second.visited.distance(measurement.drive.part(last).shape)
     detail = f'the second is not visited after the first is last left, at {where}'
-    impossible = cannot_follow(measurement, first, second)
+    reference = measurement.reference
+    impossible = reference.small_enough and cannot_follow(reference, first, second)
     return broken(clause, detail, metres, measurement.drive.point(last), impossible=impossible)
 
 
-def cannot_follow(measurement: Measurement, first: Resolved, second: Resolved) -> bool:
+def cannot_follow(reference: Reference, first: Resolved, second: Resolved) -> bool:
     """Tell whether every path enters the first region and cannot visit the second one later."""
-    reference = measurement.reference
-    if not reference.small_enough:
-        return False
     goals = reference.goal_mask
     after = reference.reach(reference.inside(first.entered), starts=goals) > 0
     if (after & reference.start_mask).any():

@@ -54,20 +54,14 @@ def attempts(measurement: Measurement) -> Iterator[list[Attempt]]:
     turn = 0.0
     for index, clause in enumerate(measurement.specification.clauses):
         if isinstance(clause, Visit):
-            tried = list(attempts_at(measurement, index, clause, turn))
+            tried = []
+            for wanted in clause.regions:
+                with suppress(RegionError):
+                    region = measurement.regions.resolve(wanted)
+                    spans = region.visited.spans(measurement.drive)
+                    tried.append(Attempt(index, region, spans, turn, first_from(spans, turn)))
             yield tried
             turn = max([turn, *(one.place for one in tried if one.done)])
-
-
-def attempts_at(
-    measurement: Measurement, index: int, clause: Visit, turn: float
-) -> Iterator[Attempt]:
-    """Yield the attempts at the regions of one clause, whose turn begins at a place."""
-    for wanted in clause.regions:
-        with suppress(RegionError):
-            region = measurement.regions.resolve(wanted)
-            spans = region.visited.spans(measurement.drive)
-            yield Attempt(index, region, spans, turn, first_from(spans, turn))
 
 
 def check(measurement: Measurement, clause: Visit, index: int) -> ClauseOutcome:

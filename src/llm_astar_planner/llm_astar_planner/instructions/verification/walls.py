@@ -162,10 +162,6 @@ class WallZone(Area):
         """Return where a path lies in it."""
         return self.walls.spans(path, self.metres)
 
-    def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points [n, 2] lie in it and not on its edge."""
-        return self.walls.distances(points) < self.metres
-
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
         return self.walls.distances(points) <= self.metres + EDGE

@@ -225,7 +225,7 @@ class PlannerServer:
             'llm_client_ready': self._client is not None and self._client.ready,
             'last_path': self.monitor.state,
             **self._footprint.values(),
-            **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
+            **{name: round(value, 3) for name, value in self._maps.landmarks.statistics().items()},
             **self._instructions.values(),
             **self._zones.values(),
             **self._publisher.statistics.values(),

@@ -12,12 +12,12 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
-from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
 )
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, from_json
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 
 WORDS = sorted(
     {word for language in LANGUAGES for word in vocabulary(language).phrases.words}
