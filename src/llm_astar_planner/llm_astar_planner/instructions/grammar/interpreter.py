@@ -496,8 +496,31 @@ def drop_timed(parts: Sequence[ReadPiece]) -> None:
             part.drop()
 
 
-def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
-    """Return what a clean text says in the words of one lexer, and the share that was read."""
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a text says in the words of one language: the parts, and the share that was read."""
+
+    interpretation: Interpretation
+    share: float = -1.0
+    parts: tuple[ReadPiece, ...] = ()
+
+
+def best_reading(text: str, places: Places) -> Reading:
+    """Return what a clean text says, in the language in which most of it is read."""
+    best = Reading(not_understood(text, '', NAME))
+    words = read_words(text)
+    if len(words) > MOST_WORDS:
+        return Reading(not_understood(text, f'more than {MOST_WORDS} words and signs', NAME))
+    for language in languages_of(words):
+        reading = understand(text, lexer_for(places, language))
+        best = reading if reading.share > best.share else best
+        if reading.interpretation.is_read:
+            break
+    return best
+
+
+def understand(text: str, lexer: Lexer) -> Reading:
+    """Return what a clean text says in the words of one lexer."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
     language = lexer.vocabulary.language
@@ -510,7 +533,8 @@ def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
             segment = []
         segment.append(piece)
     assembler.settle()
-    return result_of(assembler, quoted)
+    interpretation, share = result_of(assembler, quoted)
+    return Reading(interpretation, share, tuple(assembler.parts))
 
 
 def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
@@ -578,16 +602,7 @@ class GrammarInterpreter:
             return not_understood(text[:80], str(error), NAME)
         if not clean:
             return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
-        words = read_words(clean)
-        if len(words) > MOST_WORDS:
-            return not_understood(clean, f'more than {MOST_WORDS} words and signs', NAME)
-        best, most = not_understood(clean, '', NAME), -1.0
-        for language in languages_of(words):
-            understood, share = understand(clean, lexer_for(places, language))
-            if share > most:
-                best, most = understood, share
-            if understood.is_read:
-                break
+        best = best_reading(clean, places).interpretation
         if self._confirmations is not None:
             best = self._confirmations.applied(best, places)
         return replace(best, seconds=time.perf_counter() - began)

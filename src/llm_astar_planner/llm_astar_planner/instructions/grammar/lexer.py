@@ -24,7 +24,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
 from llm_astar_planner.instructions.grammar.lexicon import HEAD, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
-from llm_astar_planner.instructions.grammar.words import Word, phrase_words, squeezed
+from llm_astar_planner.instructions.grammar.words import Word, squeezed
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
 # added, changed or exchanged) from this length on. In shorter words another word is too near:
@@ -148,7 +148,7 @@ class Lexer:
             (tagged, [(NOUN, self.tag_group(tag)) for tag in tags], False),
             *found,
             (near, [(PLACE, place) for place in near_places], not sure),
-            (single, [(TAG, tag) for tag in adjectives], not is_own_tag(words, at, adjectives)),
+            (single, [(TAG, tag) for tag in adjectives], False),
         ]
 
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
@@ -288,11 +288,6 @@ def place_lexeme(
 def said(words: Sequence[Word]) -> str:
     """Return words as they were written."""
     return ' '.join(word.said or word.text for word in words)
-
-
-def is_own_tag(words: Sequence[Word], at: int, tags: Sequence[str]) -> bool:
-    """Whether a word is a tag as the map has it: 'emerald' is not 'green'."""
-    return any(words[at].text in phrase_words(tag) for tag in tags)
 
 
 def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[Lexeme]:

@@ -381,7 +381,7 @@ class Splitter:
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
         piece = self.piece
-        if not (piece.lexemes or piece.is_preference or piece.is_first or piece.is_broken):
+        if not piece.end:
             piece.start = lexeme.start
         piece.lexemes.append(lexeme)
         piece.end = lexeme.end
