@@ -21,7 +21,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     told_apart,
     with_pronouns,
 )
-from llm_astar_planner.instructions.grammar.lexicon import HEAD, Group, Lexicon
+from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
 from llm_astar_planner.instructions.grammar.words import Word, squeezed
@@ -266,7 +266,15 @@ def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
     # A word that is the same in both numbers ('Zimmer') counts as singular.
     plural = all(group.plural for group in groups)
     noun = WALL if is_wall else groups[0].noun
-    return Group(groups[0].words, groups[0].all_places, places, plural, '', noun, own or is_wall)
+    return Group(
+        groups[0].words,
+        groups[0].all_places,
+        places,
+        plural,
+        '',
+        noun,
+        own or (KIND if is_wall else ''),
+    )
 
 
 def place_lexeme(

@@ -28,6 +28,7 @@ from llm_astar_planner.instructions.grammar.interpreter import (
     Reading,
     ReadPiece,
     best_reading,
+    known_visits,
     languages_of,
 )
 from llm_astar_planner.instructions.grammar.lexemes import LENGTH, UNKNOWN, Lexeme
@@ -109,7 +110,7 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
         return reading.interpretation.specification, reading.interpretation.detail
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
     parts = [Part(one, []) for one in reading.parts if not one.is_read]
-    said = known_visits(reading)
+    said = known_visits(reading.parts)
     left = [
         clause
         for clause in dict.fromkeys(wanted)
@@ -117,12 +118,6 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     ]
     deal_out(left, parts, reading)
     return put_together(reading, parts, text)
-
-
-def known_visits(reading: Reading) -> set[Region]:
-    """Return the regions that the grammar read as to be visited."""
-    found = (clause for part in reading.parts for clause in part.visits)
-    return {region for clause in found for region in clause.regions}
 
 
 def usual_form(clause: Clause, places: Places) -> Clause:
