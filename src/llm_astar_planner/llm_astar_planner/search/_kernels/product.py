@@ -302,50 +302,6 @@ def fill_options(guide: Guide, layers: Layers, slot: int) -> None:
     layers.options[slot] = count
 
 
-@inlined
-def estimate(
-    boxes: NDArray[np.int64],
-    rows: NDArray[np.int32],
-    active: NDArray[np.int64],
-    low: NDArray[np.int32],
-    high: NDArray[np.int32],
-    options: NDArray[np.int64],
-    places: NDArray[np.int32],
-    rest: NDArray[np.float64],
-    distances: NDArray[np.int32],
-    units: tuple[int, int],
-    slot: int,
-    cell: int,
-    x: int,
-    y: int,
-) -> float:
-    """Return a lower bound on the cost from a cell of a slot to the goal; inf: there is no way.
-
-    `distances` [ACTIVE] is room to work in.
-    """
-    straight, diagonal = units
-    if rows.shape[0]:
-        for index in range(ACTIVE):
-            distances[index] = rows[active[index], cell]
-    least = np.inf
-    for option in range(options[slot]):
-        if rest[slot, option] >= least:
-            break
-        place = places[slot, option]
-        delta_x = gap(x, x, boxes[place, 0], boxes[place, 1])
-        delta_y = gap(y, y, boxes[place, 2], boxes[place, 3])
-        way = octile(straight, diagonal - straight, delta_x, delta_y)
-        if rows.shape[0]:
-            proven = np.int32(0)
-            for index in range(ACTIVE):
-                nearer = low[place, index] - distances[index]
-                farther = distances[index] - high[place, index]
-                proven = max(proven, nearer, farther)
-            way = max(way, np.int64(proven))
-        least = min(least, rest[slot, option] + way)
-    return least
-
-
 @jit
 def slot_after(
     tables: Tables,
@@ -433,7 +389,7 @@ def refill(queue: Queue, heads: NDArray[np.int32], last: int) -> int:
 def begin(search: Search, start: int) -> None:
     """Put the start on the queue, if a path from it may end somewhere."""
     tables, guide, layers, states, queue, heads, table, control, best = search
-    _, _, width, straight, diagonal = tables.grid
+    width = tables.grid.width
     best[0] = np.inf
     # Slot 0 is before the start.
     mixed = 0
@@ -460,18 +416,9 @@ def begin(search: Search, start: int) -> None:
         best[0] = 0.0
         control[C_GOAL] = state
         return
-    cost = estimate(
-        guide.boxes, guide.rows, guide.active, guide.low, guide.high,
-        layers.options, layers.places, layers.rest, np.empty(ACTIVE, dtype=np.int32),
-        (straight, diagonal), slot, start, x, y,
-    )  # fmt: skip
-    if cost < np.inf:
-        key = np.int64(cost) >> shared.BUCKET_BITS
-        control[C_LAST] = key
+    if layers.options[slot]:
         queue.entries[0] = np.int64(state) << 32
-        queue.keys[0] = key
-        heads[bucket_of(key, key)] = 1
-        control[C_TOP] = control[C_LIVE] = 1
+        heads[0] = control[C_TOP] = control[C_LIVE] = 1
 
 
 @inlined
@@ -513,7 +460,8 @@ def advance(
     moves, cell_surcharge, width, straight, diagonal = tables.grid
     price, letters = tables.price, tables.letters
     boxes, rows, active, low, high = guide.boxes, guide.rows, guide.active, guide.low, guide.high
-    distances, units = np.empty(ACTIVE, dtype=np.int32), (straight, diagonal)
+    distances = np.empty(ACTIVE, dtype=np.int32)
+    has_rows = rows.shape[0] > 0
     is_final, slots_after, rates, pages = layers.is_final, layers.after, layers.rates, layers.pages
     options, places, rest = layers.options, layers.places, layers.rest
     origins, came = states.origins, states.came.reshape(-1)
@@ -602,10 +550,25 @@ def advance(
             other_state = np.int64(block) << 2 * BLOCK_BITS | within
             other_tag = tags[other_state]
             if other_tag == 0 or other_cost < costs[other_state]:
-                f = other_cost + estimate(
-                    boxes, rows, active, low, high, options, places, rest, distances, units,
-                    other_slot, other, other_x, other_y,
-                )  # fmt: skip
+                # The estimate stands here, as a function it would count references to arrays.
+                if has_rows:
+                    for index in range(ACTIVE):
+                        distances[index] = rows[active[index], other]
+                to_go = np.inf
+                for option in range(options[other_slot]):
+                    if rest[other_slot, option] >= to_go:
+                        break
+                    place = places[other_slot, option]
+                    delta_x = gap(other_x, other_x, boxes[place, 0], boxes[place, 1])
+                    delta_y = gap(other_y, other_y, boxes[place, 2], boxes[place, 3])
+                    way = octile(straight, diagonal - straight, delta_x, delta_y)
+                    if has_rows:
+                        for index in range(ACTIVE):
+                            distance = distances[index]
+                            nearer, farther = low[place, index], high[place, index]
+                            way = max(way, nearer - distance, distance - farther)
+                    to_go = min(to_go, rest[other_slot, option] + way)
+                f = other_cost + to_go
                 if f < least:
                     storage += other_tag == 0
                     costs[other_state] = other_cost
