@@ -370,6 +370,7 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
             or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
+            or (lexeme.other == 'FETCH' and after in ('THING', 'PERSON'))
             or (lexeme.other == 'LONGWAY' and after in ('BY', 'THROUGH', 'UPON', 'IN'))
             or (lexeme.other == TIMES and (before in LIMITS or after not in AFTER_ONCE))
         )

@@ -707,11 +707,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def above(self, line: Token) -> Selection:
         """'above y = 10'."""
-        return Selection((axis_half('north', *value(line)),), is_limit=True)
+        side = 'north' if value(line)[0] == 'y' else 'east'
+        return Selection((axis_half(side, *value(line)),), is_limit=True)
 
     def below(self, line: Token) -> Selection:
         """'below y = 10'."""
-        return Selection((axis_half('south', *value(line)),), is_limit=True)
+        side = 'south' if value(line)[0] == 'y' else 'west'
+        return Selection((axis_half(side, *value(line)),), is_limit=True)
 
     def limits(self, box: Token) -> Selection:
         """'x below 10', 'between y = 5 and y = 20'."""

@@ -351,7 +351,7 @@ class Splitter:
         ends_negated = bool(kinds) and kinds[-1] == NEG
         if ends_negated and (self.language != 'de' or COMMA in lists[-1:]):
             return True
-        if piece.is_either and OR not in piece.kinds:
+        if piece.is_either and not piece.kinds & {OR, NEG}:
             return True
         has_past = any(lexeme.value == PAST and lexeme.kind in VERBS for lexeme in piece.lexemes)
         return has_past and not piece.kinds & ORDER_WORDS and 'HAVING' not in piece.kinds
@@ -381,7 +381,7 @@ class Splitter:
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
         piece = self.piece
-        if not (piece.lexemes or piece.is_preference or piece.is_first or piece.is_broken):
+        if not piece.end:
             piece.start = lexeme.start
         piece.lexemes.append(lexeme)
         piece.end = lexeme.end
@@ -396,6 +396,7 @@ class Splitter:
             return
         if kind == BUT and self.is_exception(at):
             self.extend(replace(lexeme, kind=EXCEPT))
+            self.skipped = int(self.kind_after(at) == NEG)
             return
         if kind == CONDITION:
             self.begin(kind)
@@ -429,13 +430,14 @@ class Splitter:
         return following == SHOULD_WORD and kind == COMMA and not self.ends_before(at)
 
     def is_exception(self, at: int) -> bool:
-        """Whether it is the 'but' of 'all wards but ward 1'."""
+        """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""
         piece = self.piece
         if not (piece.is_complete and {'ALL', 'NOUN'} <= piece.kinds):
             return False
         kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
         end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS - {AND}), len(kinds))
-        return kinds[:1] != [] and kinds[0] in REGION_STARTS and not VERBS & set(kinds[:end])
+        first = next((kind for kind in kinds if kind != NEG), '')
+        return first in REGION_STARTS and not VERBS & set(kinds[:end])
 
     def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""

@@ -9,7 +9,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.lexemes import (
+    AND,
+    COMMA,
+    LENGTH,
+    TIMES,
+    UNKNOWN,
+    Lexeme,
+)
 from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
     COLON,
@@ -177,7 +184,8 @@ def runs_of(piece: Piece) -> list[list[Lexeme]]:
             runs[-1].append(lexeme)
         elif runs[-1]:
             runs.append([])
-    return [run for run in runs if any(lexeme.kind in REGION_ENDS for lexeme in run)]
+    named = REGION_ENDS - {LENGTH, TIMES}
+    return [run for run in runs if any(lexeme.kind in named for lexeme in run)]
 
 
 def is_reason(piece: Piece) -> bool:
