@@ -379,7 +379,9 @@ def test_a_question_is_answered_on_the_topic_and_by_call(graph):
     assert interpretation['questions'] == [question]
     graph.ask('asked', 'visit the dokc')
     assert graph.answers('asked')[0]['questions'] == [question]
-    code, output, errors = ended(command(*words, '--confirm'))
+    assert 'add --confirm' in errors
+    # The instruction is set.
+    code, output, errors = ended(command(*here, '--confirm'))
     assert code == 0, errors
     # It is remembered, and another reading is another question.
     graph.instruct('visit the dokc')
