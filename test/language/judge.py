@@ -16,7 +16,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
-TRACES, LONGEST = 480, 30
+TRACES, LONGEST = 320, 30
 # What readings of a whole sentence say of themselves.
 READ = ('understood', 'unsure')
 AT_GOAL, ANYWHERE, FREE = 'at the goal', 'anywhere', 'free'
@@ -184,40 +184,50 @@ class Court:
     def traces(self, truth, clauses, seed):
         """Return random traces near what the truth and a reading are about.
 
-        Half of them begin at the start and end at the goal, a quarter begin at the start.
+        A second half does with little changes what kept either of them in the first half. Half of
+        the traces begin at the start and end at the goal, a quarter begin at the start.
         """
-        orders = [truth.named_regions(), regions_of(clauses)]
+        orders = [truth.named_regions(), list(truth.regions.values()), regions_of(clauses)]
         regions = unique(itertools.chain(*orders))
         ground = self.ground(regions)
         draw = np.random.default_rng(seed)
-        pools = [np.flatnonzero(ground.inside(region, reach=True)) for region in regions]
-        touched = np.any([ground.inside(r, reach=False) for r in regions] or [[False]], axis=0)
-        visited = np.any([ground.inside(r, reach=True) for r in regions] or [[False]], axis=0)
-        elsewhere = np.flatnonzero(~(touched | visited | np.zeros(len(ground.points), bool)))
-        elsewhere = elsewhere if len(elsewhere) else np.arange(len(ground.points))
         skeletons = [[regions.index(r) for r in unique(order)] for order in orders]
         skeletons += [visit_order(clauses, regions), visit_order(truth.clauses, regions)]
-        rows = []
-        for index in range(TRACES):
-            order = skeleton(draw, skeletons, len(regions), index)
-            row = []
-            gaps = draw.random() * 1.3
-            for step in order:
-                if draw.random() < gaps:
-                    row.append(draw.choice(elsewhere))
-                if len(pools[step]):
-                    row.append(draw.choice(pools[step]))
-            if draw.random() < 0.5 or not row:
-                row.append(draw.choice(elsewhere))
-            if ending(index) != FREE:
-                row = [0, *row, *([1] if ending(index) == AT_GOAL else [])]
-            rows.append(row[:LONGEST])
-        steps = np.zeros((len(rows), LONGEST), dtype=int)
-        alive = np.zeros((len(rows), LONGEST), dtype=bool)
-        for index, row in enumerate(rows):
-            steps[index, : len(row)] = row
-            alive[index, : len(row)] = True
+        first = [skeleton(draw, skeletons, len(regions), index) for index in range(TRACES)]
+        steps, alive = drawn(draw, ground, regions, first)
+        traces = Traces(ground, steps, alive, seed)
+        good = np.flatnonzero(truth.of(traces) | keeps(clauses, traces))
+        skeletons += [first[index] for index in good]
+        second = [skeleton(draw, skeletons, len(regions), 3 + n % 5) for n in range(TRACES)]
+        more_steps, more_alive = drawn(draw, ground, regions, second)
+        steps, alive = np.concatenate((steps, more_steps)), np.concatenate((alive, more_alive))
         return Traces(ground, steps, alive, seed)
+
+
+def drawn(draw, ground, regions, orders):
+    """Return steps and alive of traces that go through regions, by their numbers, in turn."""
+    pools = [np.flatnonzero(ground.inside(region, reach=True)) for region in regions]
+    named = [ground.inside(region, reach=reach) for region in regions for reach in (False, True)]
+    outside = ~np.any(named, axis=0) if named else np.ones(len(ground.points), dtype=bool)
+    elsewhere = np.flatnonzero(outside) if outside.any() else np.arange(len(ground.points))
+    steps = np.zeros((len(orders), LONGEST), dtype=int)
+    alive = np.zeros((len(orders), LONGEST), dtype=bool)
+    for index, order in enumerate(orders):
+        row = []
+        gaps = draw.random() * 1.3
+        for step in order:
+            if draw.random() < gaps:
+                row.append(draw.choice(elsewhere))
+            if len(pools[step]):
+                row.append(draw.choice(pools[step]))
+        if draw.random() < 0.5 or not row:
+            row.append(draw.choice(elsewhere))
+        if ending(index) != FREE:
+            row = [0, *row, *([1] if ending(index) == AT_GOAL else [])]
+        row = row[:LONGEST]
+        steps[index, : len(row)] = row
+        alive[index, : len(row)] = True
+    return steps, alive
 
 
 def ending(index):
@@ -303,7 +313,7 @@ def can_be_met(truth, court, seed=0):
     """Tell whether a trace from the start to the goal keeps the truth; it may say where to end."""
     traces = court.traces(truth, truth.clauses, seed)
     wanted = {AT_GOAL, *(ANYWHERE for clause in truth.clauses if clause['kind'] == 'end_at')}
-    fits = [ending(index) in wanted for index in range(TRACES)]
+    fits = [ending(index % TRACES) in wanted for index in range(2 * TRACES)]
     return bool((truth.of(traces) & fits).any())
 
 
