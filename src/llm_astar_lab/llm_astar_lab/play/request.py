@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
-from llm_astar_planner.instructions.interpretation import clean_instruction
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.search.result import Cell
@@ -30,8 +30,7 @@ SETTINGS = (
 MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
-FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', *SETTINGS}
-EDITED = 'the walls are edited, and a command plans on the map as it is'
+FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'confirm', *SETTINGS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -63,7 +62,8 @@ class PlayRequest:
     """A plan that the page asks for; cells are (x, y) on the map.
 
     `values` are those of all planning parameters, of which the page has `given` some. `reply` is
-    the text of a model's answer, used instead of the `source`; None for none.
+    the text of a model's answer, used instead of the `source`; None for none. `confirm`
+    answers the questions on the instruction.
     """
 
     play_map: PlayMap
@@ -75,6 +75,7 @@ class PlayRequest:
     reply: str | None
     via: tuple[Cell, ...]
     walls: Walls
+    confirm: bool | None = None
 
 
 def read_request(body: object, maps: Maps) -> PlayRequest:
@@ -100,7 +101,15 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
         reply,
         tuple(read_cells(body.get('via'), 'via', play_map.grid_map, MAX_VIA)),
         read_walls(body.get('walls'), play_map.grid_map),
+        read_confirm(body.get('confirm')),
     )
+
+
+def read_confirm(value: object) -> bool | None:
+    """Return the answer to the questions on the instruction, None for none. Raises PlayError."""
+    if value is not None and not isinstance(value, bool):
+        raise PlayError(f'confirm: {short_repr(value)} is not true or false', 'instruction')
+    return value
 
 
 def read_source(source: object, reply: str | None) -> str:
@@ -189,7 +198,7 @@ def command_of(request: PlayRequest) -> str | None:
     words = ['llm-astar', 'plan', '--map', request.play_map.file]
     if request.play_map.map_id is not None:
         words += ['--map-id', str(request.play_map.map_id)]
-    x_min, y_min = request.play_map.offset
+    x_min, y_min = request.play_map.problem.offset
     cells = [('--start', request.start), ('--goal', request.goal)]
     for flag, (x, y) in (*cells, *(('--via', cell) for cell in request.via)):
         words += [flag, str(x + x_min), str(y + y_min)]
@@ -201,6 +210,8 @@ def command_of(request: PlayRequest) -> str | None:
         words.append(f'--reply={request.reply}')
     else:
         words += ['--source', request.source]
+    if request.confirm:
+        words.append('--confirm')
     return shlex.join(words)
 
 

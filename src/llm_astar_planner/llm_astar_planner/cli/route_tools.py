@@ -19,17 +19,16 @@ from llm_astar_msgs_adapter.maps.places import Places, map_outline
 from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
-from llm_astar_planner.cli.planning_options import PlanningOptions
-from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.cli.planning_options import PlanningOptions, settled
+from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.interpretation import (
-    POLICIES,
     Interpretation,
     Interpreter,
     RouteInstruction,
-    clean_instruction,
 )
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route, find_place
+from llm_astar_planner.instructions.text import POLICIES, clean_instruction
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
@@ -73,8 +72,9 @@ class RouteTools:
         goal: str | Sequence[float],
         instruction: str = '',
         policy: str = '',
+        confirm: bool = False,
     ) -> dict[str, Any]:
-        """Plan between two places or points, by an instruction.
+        """Plan between two places or points, by an instruction; `confirm` answers its questions.
 
         Returns the path and what became of each clause. Raises RouteToolError, PlaceGoalError,
         InstructionError.
@@ -82,7 +82,7 @@ class RouteTools:
         policy = policy or str(self.options.values['instruction_policy'])
         if policy not in POLICIES:
             raise RouteToolError(f'policy: {policy!r} is not one of {", ".join(POLICIES)}')
-        interpretation = self.interpretation(instruction)
+        interpretation = self.interpretation(instruction, is_meant=confirm)
         asked = RouteInstruction(interpretation, self.places, policy)
         request = PlanRequest(
             self.cell_of('start', start),
@@ -102,6 +102,7 @@ class RouteTools:
             'length': finite_or_none(round(plan.length * resolution, DECIMALS)),
             'path': rounded(self.planner.grid_map.grid_to_world(path)),
             'warnings': list(plan.warnings),
+            'questions': list(interpretation.questions),
             'instruction': None if plan.instruction is None else plan.instruction.to_json(),
         }
 
@@ -131,13 +132,17 @@ class RouteTools:
             'instruction': None if outcome is None else outcome.to_json(),
         }
 
-    def interpretation(self, text: str) -> Interpretation:
-        """Return what is understood of a text; nothing of an empty one."""
+    def interpretation(self, text: str, *, is_meant: bool = False) -> Interpretation:
+        """Return what is understood of a text; nothing of an empty one.
+
+        Its questions are answered with yes if `is_meant`, or if they were before.
+        """
         clean = clean_instruction(text)
         if not clean:
             return Interpretation('')
         limit = self.options.settings.timeout_s
-        return self.interpreter.interpret(clean, self.places, limit)
+        reading = self.interpreter.interpret(clean, self.places, limit)
+        return settled(reading, self.places, confirm=is_meant or None)
 
     def cell_of(self, name: str, end: str | Sequence[float]) -> Cell:
         """Return the cell of a place or a point; `name` is the argument's."""

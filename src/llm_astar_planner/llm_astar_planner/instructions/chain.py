@@ -28,7 +28,7 @@ from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_exam
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.client import make_client
-from llm_astar_planner.waypoints.prompts.template import MESSAGE
+from llm_astar_planner.waypoints.source import MESSAGE
 
 _LOG = logging.getLogger(__name__)
 CACHE_SIZE = 256
@@ -134,7 +134,7 @@ class ChainInterpreter:
             left = time_limit - (time.monotonic() - started)
             reading = part.interpret(text, places, max(0.0, left))
             readings.append(reading)
-            if reading.is_whole:
+            if reading.is_read:
                 break
         return fullest(readings)
 
@@ -147,10 +147,10 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     none is whole and one has yet to answer, it is PENDING.
     """
     best = max(readings, key=rank)
-    others = [] if best.is_whole else [part.detail for part in readings if part is not best]
+    others = [] if best.is_read else [part.detail for part in readings if part is not best]
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
-    pending = not best.is_whole and any(part.status is Understanding.PENDING for part in readings)
+    pending = not best.is_read and any(part.status is Understanding.PENDING for part in readings)
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
@@ -165,7 +165,7 @@ def rank(reading: Interpretation) -> tuple[bool, float, bool]:
     """Return what readings are compared by; the greatest is the best. A guess counts half."""
     known = reading.specification.enforceable
     sure = reading.is_whole and bool(known) and not any(clause.unsure for clause in known)
-    return sure, sum(0.5 if clause.unsure else 1.0 for clause in known), reading.is_whole
+    return sure, sum(0.5 if clause.unsure else 1.0 for clause in known), reading.is_read
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
@@ -232,7 +232,7 @@ class BackgroundInterpreter:
         what is PENDING still if the slow interpreter did not answer.
         """
         reading = self._quick.interpret(text, places, 0.0)
-        if reading.is_whole:
+        if reading.is_read:
             return reading
         known = self._slow.known(text, places)
         if known is not None and known.status is not Understanding.PENDING:

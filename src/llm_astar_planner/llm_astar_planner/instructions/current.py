@@ -13,14 +13,15 @@ from typing import Protocol
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.instructions.chain import BackgroundInterpreter, CachedInterpreter
+from llm_astar_planner.instructions.confirmations import Confirmations, answered
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
     RouteInstruction,
     Understanding,
-    clean_instruction,
 )
+from llm_astar_planner.instructions.text import clean_instruction
 
 # Seconds after which a model that did not answer is asked again: more than its missing answer is
 # remembered, and each time twice as long, as many times as this.
@@ -46,10 +47,16 @@ class RemoteInterpreter(Interpreter, Protocol):
 
 
 class InstructionReader:
-    """Reads instructions: the grammar at once, and a remote interpreter when it answers."""
+    """Reads instructions: the grammar at once, and a remote interpreter when it answers.
 
-    def __init__(self, remote: RemoteInterpreter | None) -> None:
+    What a person has answered, of `confirmations`, is not asked again.
+    """
+
+    def __init__(
+        self, remote: RemoteInterpreter | None, confirmations: Confirmations | None = None
+    ) -> None:
         """Take the remote interpreter, None if there is none to be asked."""
+        self.confirmations = Confirmations() if confirmations is None else confirmations
         self._grammar = CachedInterpreter(GrammarInterpreter())
         self._remote = remote
         self._background = None if remote is None else self.make_background(remote)
@@ -75,12 +82,20 @@ class InstructionReader:
         """
         background = self._background
         if background is not None and self.ready:
-            return background.interpret_now(text, places, on_answer)
-        reading = self._grammar.interpret(text, places, 0.0)
-        if background is None or self._remote is None or reading.is_whole:
+            return self._confirmed(
+                background.interpret_now(
+                    text, places, lambda answer: on_answer(self._confirmed(answer, places))
+                ),
+                places,
+            )
+        reading = self._confirmed(self._grammar.interpret(text, places, 0.0), places)
+        if background is None or self._remote is None or reading.is_read:
             return reading
         detail = f'{self._remote.name} is not there to be asked'
         return replace(reading, detail='; '.join(filter(None, (reading.detail, detail))))
+
+    def _confirmed(self, reading: Interpretation, places: Places) -> Interpretation:
+        return self.confirmations.applied(reading, places)
 
     def restart(self) -> None:
         """Forget what the remote interpreter answered: it may answer differently from now on."""
@@ -126,6 +141,27 @@ class CurrentInstruction:
                 self._failures = 0
                 self.read()
 
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What the person is to be asked about the instruction."""
+        instruction = self.instruction
+        return () if instruction is None else instruction.interpretation.questions
+
+    def confirm(self, answer: bool = True) -> bool:
+        """Answer the questions about the instruction, all of them; return whether there were any.
+
+        With yes the clauses hold as they were read, with no they are not understood. The answer
+        is remembered for this map. Raises OSError where it cannot be written.
+        """
+        with self._lock:
+            if self.instruction is None or not self.questions:
+                return False
+            reading = self.instruction.interpretation
+            self._reader.confirmations.remember(reading, self._places, answer)
+            asked = [answer if one.unsure else None for one in reading.specification.clauses]
+            self.use(answered(reading, asked))
+            return True
+
     def ask_again(self, *, anew: bool = False) -> None:
         """Ask about an instruction that is not answered yet; to be called now and then.
 
@@ -151,10 +187,10 @@ class CurrentInstruction:
         is_asked = self._reader.ready
         on_answer = partial(self.take, self._number)
         reading = self._reader.read(self._text, self._places, on_answer)
-        is_whole = reading.is_whole
-        if not (is_asked or is_whole):
+        is_read = reading.is_read
+        if not (is_asked or is_read):
             self._ask_at = 0.0  # as soon as somebody is there to be asked
-        if is_whole or not keep:
+        if is_read or not keep:
             self._is_answered = is_asked and reading.status is not Understanding.PENDING
             self.use(reading)
 

@@ -8,6 +8,8 @@ from typing import Any
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 
 MAX_NAME_CHARS = 80
+# Of what a person is asked about a clause.
+MAX_QUESTION_CHARS = 300
 MAX_METRES = 1000.0
 # Metres. No map is farther away than this.
 FAR = 1e6
@@ -25,10 +27,10 @@ def as_mapping(value: object, where: str) -> Fields:
     return value
 
 
-def as_text(value: object, where: str) -> str:
-    """Return a text of 1 to MAX_NAME_CHARS characters. Raises SpecificationError otherwise."""
-    if not isinstance(value, str) or not 1 <= len(value) <= MAX_NAME_CHARS:
-        raise SpecificationError(f'{where}: is not a text of 1 to {MAX_NAME_CHARS} characters')
+def as_text(value: object, where: str, most: int = MAX_NAME_CHARS) -> str:
+    """Return a text of 1 to `most` characters. Raises SpecificationError otherwise."""
+    if not isinstance(value, str) or not 1 <= len(value) <= most:
+        raise SpecificationError(f'{where}: is not a text of 1 to {most} characters')
     return value
 
 

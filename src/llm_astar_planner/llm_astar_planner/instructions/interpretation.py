@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Protocol
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+import numpy as np
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
-
-MAX_INSTRUCTION_CHARS = 500
-PREFER, REQUIRE = 'prefer', 'require'
-POLICIES = (PREFER, REQUIRE)
-
-
-class InstructionError(LlmAstarError, ValueError):
-    """An instruction cannot be used; the message says why."""
+from llm_astar_planner.instructions.text import PREFER
 
 
 class Understanding(Enum):
     """How much of an instruction was understood."""
 
     WHOLE = 'understood'
+    # Everything was read, but something of it only if the person says so.
+    UNSURE = 'unsure'
     PARTLY = 'partly understood'
     NONE = 'not understood'
     IRRELEVANT = 'nothing about the route'
@@ -53,8 +50,26 @@ class Interpretation:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every word was read."""
+        """Whether every word was read for certain."""
         return self.status in (Understanding.WHOLE, Understanding.IRRELEVANT)
+
+    @property
+    def is_read(self) -> bool:
+        """Whether every word was read, be it with a question."""
+        return self.is_whole or self.status is Understanding.UNSURE
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What a person is to be asked, each question once; () where all is certain."""
+        asked = (clause.unsure for clause in self.specification.clauses if clause.unsure)
+        return tuple(dict.fromkeys(asked))
+
+    def confirmed(self) -> Interpretation:
+        """Return it with its questions answered with yes."""
+        sure = tuple(replace(clause, unsure='') for clause in self.specification.clauses)
+        is_unsure = self.status is Understanding.UNSURE
+        status = status_of(Specification(sure)) if is_unsure else self.status
+        return replace(self, specification=Specification(sure), status=status)
 
     @property
     def sentence(self) -> str:
@@ -77,6 +92,7 @@ class Interpretation:
             'specification': self.specification.to_json(),
             'understood_by': self.understood_by,
             'detail': self.detail,
+            'questions': list(self.questions),
             'seconds': self.seconds,
             'prompt_tokens': self.prompt_tokens,
             'output_tokens': self.output_tokens,
@@ -89,14 +105,15 @@ class RouteInstruction:
 
     - `policy`: `prefer` takes the path that violates the clauses least, `require` gives no path
       unless every `must` clause is satisfied.
-    - `visited`: the regions already visited on the way, as (index of the clause, index of the
-      region in it).
+    - `driven`: float64 [n, 2] metres, the way driven since the goal and the instruction were
+      given. `want_prices`: whether the outcome says what each clause costs.
     """
 
     interpretation: Interpretation
     places: Places = NO_PLACES
     policy: str = PREFER
-    visited: frozenset[tuple[int, int]] = frozenset()
+    driven: NDArray[np.float64] = field(default_factory=not_driven)
+    want_prices: bool = True
 
 
 class Interpreter(Protocol):
@@ -111,27 +128,19 @@ class Interpreter(Protocol):
 
 
 def status_of(specification: Specification) -> Understanding:
-    """Return how much was understood, judged by the unknown clauses."""
-    known = specification.enforceable
-    if len(known) < len(specification.clauses):
-        return Understanding.PARTLY if known else Understanding.NONE
-    return Understanding.WHOLE if known else Understanding.IRRELEVANT
+    """Return how much was understood, judged by the unknown clauses and the questions.
+
+    What a path does not have is understood.
+    """
+    clauses = specification.clauses
+    if any(clause.kind == Unknown.kind for clause in clauses):
+        return Understanding.PARTLY if specification.enforceable else Understanding.NONE
+    if any(clause.unsure for clause in clauses):
+        return Understanding.UNSURE
+    return Understanding.WHOLE if clauses else Understanding.IRRELEVANT
 
 
 def not_understood(text: str, detail: str, understood_by: str = '') -> Interpretation:
     """Return the interpretation of a text of which nothing was understood."""
     clauses = (Unknown(text=text[:80]),) if text else ()
     return Interpretation(text, Specification(clauses), understood_by, detail=detail)
-
-
-def clean_instruction(text: str) -> str:
-    """Return an instruction as one line: unprintable characters become spaces.
-
-    Raises InstructionError where it is longer than MAX_INSTRUCTION_CHARS.
-    """
-    if len(text) > MAX_INSTRUCTION_CHARS:
-        raise InstructionError(
-            f'instruction: {len(text)} characters are more than {MAX_INSTRUCTION_CHARS}'
-        )
-    printable = ''.join(letter if letter.isprintable() else ' ' for letter in text)
-    return ' '.join(printable.split())

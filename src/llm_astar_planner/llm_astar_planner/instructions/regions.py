@@ -217,9 +217,9 @@ class AnyOf(Region):
         return {'any_of': [region.to_json() for region in self.regions]}
 
     def phrase(self, any_one: bool = False) -> str:
-        """Return 'either the lab or the dock', or both of them."""
-        words = [region.phrase(any_one) for region in self.regions]
-        return f'either {" or ".join(words)}' if any_one else f'both {" and ".join(words)}'
+        """Return 'either the lab or the dock', or 'the area (the lab or the dock)'."""
+        words = ' or '.join(bracketed(region, any_one) for region in self.regions)
+        return f'either {words}' if any_one else f'the area ({words})'
 
 
 @dataclass(frozen=True)
@@ -232,10 +232,9 @@ class AllOf(Region):
         """Return the JSON form."""
         return {'all_of': [region.to_json() for region in self.regions]}
 
-    def phrase(self, any_one: bool = False) -> str:
-        """Return 'the part of the hall that lies in the north half'."""
-        first, *others = (region.phrase(any_one) for region in self.regions)
-        return f'the part of {first} that lies in {" and in ".join(others)}'
+    def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
+        """Return 'the overlap (the hall and the north half)'."""
+        return f'the overlap ({" and ".join(bracketed(region) for region in self.regions)})'
 
 
 @dataclass(frozen=True)
@@ -252,8 +251,8 @@ class Except(Region):
 
     def phrase(self, any_one: bool = False) -> str:
         """Return 'all room places except the lab'."""
-        others = ' and '.join(region.phrase() for region in self.others)
-        return f'{self.region.phrase(any_one)} except {others}'
+        others = ' and '.join(bracketed(region) for region in self.others)
+        return f'{bracketed(self.region, any_one)} except {others}'
 
 
 @dataclass(frozen=True)
@@ -269,6 +268,17 @@ class End(Region):
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return 'the start'."""
         return f'the {self.end}'
+
+
+def bracketed(region: Region, any_one: bool = False) -> str:
+    """Return the words for a region among others: in brackets if it is put together of several."""
+    phrase = region.phrase(any_one)
+    return f'({phrase})' if isinstance(region, (AnyOf, AllOf, Except)) else phrase
+
+
+def refused_phrase(region: Region) -> str:
+    """Return the words after 'do not enter', where 'either A or B' would be both of them."""
+    return region.phrase(any_one=not isinstance(region, AnyOf))
 
 
 def leaves(region: Region) -> tuple[Region, ...]:

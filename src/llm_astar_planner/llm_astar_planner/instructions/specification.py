@@ -18,7 +18,12 @@ from llm_astar_planner.instructions import clauses
 from llm_astar_planner.instructions.clauses.clause import MUST, STRENGTHS, Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.fields import SpecificationError, as_mapping, as_text
+from llm_astar_planner.instructions.fields import (
+    MAX_QUESTION_CHARS,
+    SpecificationError,
+    as_mapping,
+    as_text,
+)
 
 # That of the JSON form; 1, without a number, knows fewer kinds and `guessed` clauses.
 VERSION = 2
@@ -135,6 +140,7 @@ def clause_from_json(value: object, where: str) -> Clause:
     guessed = fields.get('guessed', False)
     if not isinstance(guessed, bool):
         raise SpecificationError(f'{where}: guessed: {short_repr(guessed)} is not true or false')
-    unsure = as_text(fields['unsure'], f'{where}: unsure') if fields.get('unsure') else ''
+    asked = fields.get('unsure')
+    unsure = as_text(asked, f'{where}: unsure', MAX_QUESTION_CHARS) if asked else ''
     own = CLAUSES[kind].read(fields, where)
     return CLAUSES[kind](strength, unsure or (GUESSED if guessed else ''), **own)

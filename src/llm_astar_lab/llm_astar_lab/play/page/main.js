@@ -67,6 +67,8 @@ class Page {
     $('zoom-fit').addEventListener('click', () => this.stage.zoom(0));
     $('pair-back').addEventListener('click', () => this.choosePair(-1));
     $('pair-next').addEventListener('click', () => this.choosePair(1));
+    $('answer-yes').addEventListener('click', () => this.answer(true));
+    $('answer-no').addEventListener('click', () => this.answer(false));
     $('copy-link').addEventListener('click', () => this.copyLink());
     $('copy-command').addEventListener('click', () =>
       copy($('command').textContent, 'The command is copied.'),
@@ -150,12 +152,12 @@ class Page {
     };
   }
 
-  async replan() {
+  async replan(answer = {}) {
     this.linkSoon();
     this.showEditing();
     $('main').setAttribute('aria-busy', 'true');
     const timer = setTimeout(() => this.sayPlanning(), SLOW_MS);
-    await this.queue.ask(this.request());
+    await this.queue.ask({ ...this.request(), ...answer });
     clearTimeout(timer);
     if (!this.queue.busy) $('planning').hidden = true;
   }
@@ -194,6 +196,12 @@ class Page {
       head: 'This cannot be planned.',
       rest: error.field ? ' The field in red says why.' : ` ${error.message}`,
     });
+  }
+
+  /** Answer the questions that are shown; the server remembers it for this map. */
+  answer(isMeant) {
+    $('question').hidden = true;
+    this.replan({ confirm: isMeant });
   }
 
   moved(name, cell, isDone) {

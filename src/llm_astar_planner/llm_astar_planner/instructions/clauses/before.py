@@ -6,9 +6,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields
-from llm_astar_planner.instructions.regions import NOWHERE, Region, region_from_json
+from llm_astar_planner.instructions.regions import (
+    NOWHERE,
+    Region,
+    refused_phrase,
+    region_from_json,
+)
 from llm_astar_planner.search import automata
 
 if TYPE_CHECKING:
@@ -48,10 +54,10 @@ class Before(OfTwo):
 
     def phrase(self) -> str:
         """Return 'do not enter the lab before the dock'."""
-        first, second = (region.phrase(any_one=True) for region in self.regions)
-        return f'do not enter {second} before {first}'
+        first = self.first.phrase(any_one=True)
+        return f'do not enter {refused_phrase(self.second)} before {first}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the second region until the first one was visited."""
-        regions = ground.visited(self.first), ground.entered(self.second).touched
-        return Ask(regions=regions, automaton=partial(automata.before, 0, 1))
+        zones = ground.visited(self.first), ground.entered(self.second)
+        return Ask(rules=(Rule(zones, partial(automata.before, 0, 1)),))

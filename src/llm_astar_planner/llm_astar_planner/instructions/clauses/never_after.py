@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
+from llm_astar_planner.instructions.asks import Ask, Rule
 from llm_astar_planner.instructions.clauses.before import OfTwo
-from llm_astar_planner.instructions.clauses.clause import Ask
+from llm_astar_planner.instructions.regions import refused_phrase
 from llm_astar_planner.search import automata
 
 if TYPE_CHECKING:
@@ -22,10 +23,10 @@ class NeverAfter(OfTwo):
 
     def phrase(self) -> str:
         """Return 'do not enter the dock after the lab'."""
-        first, second = (region.phrase(any_one=True) for region in self.regions)
-        return f'do not enter {second} after {first}'
+        first = self.first.phrase(any_one=True)
+        return f'do not enter {refused_phrase(self.second)} after {first}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the second region from the first entry of the first one on."""
-        regions = ground.entered(self.first).touched, ground.entered(self.second).touched
-        return Ask(regions=regions, automaton=partial(automata.never_after, 0, 1))
+        zones = ground.entered(self.first), ground.entered(self.second)
+        return Ask(rules=(Rule(zones, partial(automata.never_after, 0, 1)),))

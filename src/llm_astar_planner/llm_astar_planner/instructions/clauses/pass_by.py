@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields, as_choice
 from llm_astar_planner.instructions.regions import (
     NOWHERE,
@@ -14,6 +15,7 @@ from llm_astar_planner.instructions.regions import (
     Along,
     Region,
     Tagged,
+    bracketed,
     region_from_json,
 )
 from llm_astar_planner.search import automata
@@ -50,11 +52,9 @@ class Pass(Clause):
         where = f'{self.side} of the direct way' if of_way else f'{self.side} side'
         # 'all blue places on the north side' would be those that lie there, walls likewise.
         how = 'by' if isinstance(self.region, (Tagged, Along)) else 'on'
-        return f'pass {self.region.phrase()} {how} the {where}'
+        return f'pass {bracketed(self.region)} {how} the {where}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the object and the ray to the wrong side; cross the ray to the right side."""
         forbidden, crossing = ground.sides(self.region, self.side)
-        return Ask(
-            forbidden=forbidden, regions=(crossing,), automaton=lambda _: automata.visits(((0,),))
-        )
+        return Ask(forbidden, rules=(Rule((crossing,), lambda _: automata.visits(((0,),))),))

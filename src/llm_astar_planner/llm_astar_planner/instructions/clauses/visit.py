@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields, as_list
-from llm_astar_planner.instructions.regions import Region, region_from_json
+from llm_astar_planner.instructions.regions import Region, bracketed, region_from_json
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.ground import Ground
@@ -39,8 +40,10 @@ class Visit(Clause):
 
     def regions_phrase(self) -> str:
         """Return 'the lab and the dock in any order'."""
-        *others, last = (region.phrase(any_one=True) for region in self.regions)
-        return f'{", ".join(others)} and {last} in any order' if others else last
+        if len(self.regions) == 1:
+            return self.regions[0].phrase(any_one=True)
+        *others, last = (bracketed(region, any_one=True) for region in self.regions)
+        return f'{", ".join(others)} and {last} in any order'
 
     def ask(self, ground: Ground) -> Ask:
         """Visit the regions."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
@@ -9,29 +10,39 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
 
-from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.places import Place, Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
+from llm_astar_planner.instructions.confirmations import Confirmations
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
+from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
 from llm_astar_planner.instructions.grammar.lexer import Lexer
-from llm_astar_planner.instructions.grammar.lexicon import lexicon
-from llm_astar_planner.instructions.grammar.meaning import ParsedClause, visit_of
+from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
+from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
+    ALL,
     ANYORDER,
     BUT,
+    COLON,
+    DOUBT,
     GOVERNING,
     HARD,
     INORDER,
+    NEAR,
     NEG,
-    REGION_ENDS,
+    ONCE,
+    ORDER_WORDS,
+    STOP,
     THEN,
     Piece,
     Splitter,
@@ -41,18 +52,23 @@ from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.regions import NamedPlace, Tagged
+from llm_astar_planner.instructions.regions import NamedPlace, Region, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
-QUOTED = 'not understood: "'
+# What a canonical sentence quotes: what was not understood, and what a path does not have.
+CANONICAL = re.compile(
+    r'not understood: "(?P<text>[^"]{1,80})"|"(?P<words>[^"]{1,80})" is about (?P<about>'
+    f'{"|".join(ABOUT)}), which a path does not have'
+)
+# Places that a question names.
+MOST_NAMED = 6
 # A language is tried if it knows at least this share of the words that the best one knows.
 WORTHWHILE = 0.5
 # Languages tried of one text, and words and signs that it may have: 500 characters of brackets
@@ -63,20 +79,45 @@ MOST_WORDS = 160
 
 @dataclass(eq=False)
 class ReadPiece:
-    """A piece with the clauses that were read of it; none where it was not understood."""
+    """A piece with the clauses that were read of it; none where it was not understood.
+
+    `at` is its place among the others. `is_said` where others say all that it does.
+    """
 
     piece: Piece
     clauses: tuple[Clause, ...]
     segment: int
+    at: float
+    is_said: bool = False
 
     @property
     def is_read(self) -> bool:
         """Whether it was understood."""
-        return bool(self.clauses)
+        return bool(self.clauses) or self.is_said
+
+    @property
+    def visits(self) -> list[Visit]:
+        """Its visits."""
+        return [clause for clause in self.clauses if isinstance(clause, Visit)]
 
     def drop(self) -> None:
         """Take it as not understood."""
-        self.clauses = ()
+        self.clauses, self.is_said = (), False
+
+    def ask(self, question: str) -> None:
+        """Make its clauses unsure; `question` may have `{meant}` in place of what they say."""
+        self.clauses = asked(self.clauses, question)
+
+
+def asked(clauses: tuple[Clause, ...], question: str) -> tuple[Clause, ...]:
+    """Return clauses with a question about them, but for those that claim nothing anyway."""
+    claiming = [clause for clause in clauses if not isinstance(clause, Unknown)]
+    meant = '; '.join(clause.phrase() for clause in claiming)
+    question = question.replace('{meant}', meant)[:MAX_QUESTION_CHARS]
+    return tuple(
+        replace(clause, unsure=clause.unsure or question) if clause in claiming else clause
+        for clause in clauses
+    )
 
 
 @dataclass(eq=False)
@@ -95,15 +136,22 @@ class Assembler:
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
         is_broken = any(
-            piece.is_broken or (piece.kinds & GOVERNING and not piece.kinds & REGION_ENDS)
-            for piece in segment
+            piece.is_broken or (piece.lexemes and piece.kinds <= GOVERNING) for piece in segment
         )
         self.previous, self.is_preference_open = None, False
+        is_conditional = False
         for piece in segment:
             if not self.is_irrelevant(piece):
-                clauses = () if is_broken else self.read(piece)
+                is_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
+                if piece.is_instead and is_visit:
+                    piece.is_broken = piece.takes_back = is_broken = True
+                is_conditional = is_conditional and piece.link != BUT
+                clauses = () if is_broken or is_conditional else self.read(piece)
                 self.previous = clauses[-1] if clauses else None
-                self.parts.append(ReadPiece(piece, clauses, self.segments))
+                part = ReadPiece(piece, clauses, self.segments, piece.start)
+                self.parts.append(part)
+                self.ask_about(part)
+                is_conditional = is_conditional or piece.leads_a_condition
         self.segments += 1
 
     def settle(self) -> None:
@@ -111,7 +159,8 @@ class Assembler:
         drop_exceptions(self.parts, self.lexer.lexicon.places)
         drop_withdrawn(self.parts)
         drop_timed(self.parts)
-        drop_beside_unread(self.parts)
+        self.put_in_order()
+        self.weigh_unread()
         self.notes += [
             f'"{lexeme.value}" is not known'
             for part in self.parts
@@ -119,10 +168,85 @@ class Assembler:
             if lexeme.kind == UNKNOWN and not part.is_read
         ]
 
+    def question(self, name: str, said: str = '', meant: str = '') -> str:
+        """Return a question in the language of the instruction."""
+        question = self.lexer.vocabulary.questions[name].replace('{said}', said)
+        return question.replace('{meant}', meant) if meant else question
+
+    def ask_about(self, part: ReadPiece) -> None:
+        """Ask about words of a piece that may mean something else."""
+        piece = part.piece
+        for lexeme in (*piece.lexemes, *piece.unsupported):
+            if lexeme.doubt is not None:
+                said, meant = lexeme.doubt
+                name = 'word' if meant else 'name'
+                part.ask(self.question(name, said, meant or places_in(lexeme)))
+        for start, end in piece.remarks:
+            part.ask(self.question('remark', self.text[start:end]))
+        if any(lexeme.kind == 'END' and lexeme.value == STOP for lexeme in piece.lexemes):
+            part.ask(self.question('stop'))
+
+    def put_in_order(self) -> None:
+        """Put visits that 'before' and 'after' name again where they belong, once each.
+
+        'Last' goes with no visit after it; where none is before it either, it asks.
+        """
+        for part in self.parts:
+            others = [one for one in self.parts if one is not part]
+            if len(part.visits) == 2 and part.piece.kinds & REPEATING:
+                order_again(part, others)
+            elif part.visits and part.piece.is_first and part.piece.link == BUT:
+                part.at = min([one.at for one in others if one.visits], default=part.at) - 0.5
+            before = self.parts[max(0, self.parts.index(part) - 1)]
+            if (
+                part.visits
+                and before.visits
+                and before is not part
+                and self.may_lead(before, part)
+            ):
+                part.ask(self.question('order', meant=f'{before.clauses[0].phrase()}, {{meant}}'))
+            if part.piece.is_last and part.visits:
+                if any(one.visits and one.at > part.at for one in others):
+                    part.drop()
+                elif not any(one.visits for one in others) and len(part.visits) == 1:
+                    part.ask(self.question('last'))
+
+    def may_lead(self, before: ReadPiece, part: ReadPiece) -> bool:
+        """Whether a place may be on the way to the one before: 'go to A and go through B'."""
+        leads = bool(THROUGH_WORDS.search(self.words_of(part.piece)))
+        goes_to = not THROUGH_WORDS.search(self.words_of(before.piece))
+        is_ending = bool(TO_WORDS.search(self.words_of(before.piece)))
+        is_added = part.piece.link in (AND, BUT) and before.segment == part.segment
+        return is_added and leads and goes_to and is_ending
+
+    def weigh_unread(self) -> None:
+        """Drop what an unread piece may change the meaning of, and ask about what it perhaps does.
+
+        Also of the clause before 'and visit B if you enter A' nobody knows whether it hangs on A.
+        """
+        unread = [(n, part) for n, part in enumerate(self.parts) if not part.is_read]
+        for n, part in unread:
+            near = self.parts[max(0, n - 1) : n] + self.parts[n + 1 : n + 2]
+            after = self.parts[n + 1 : n + 2]
+            reach = part.piece.reach
+            said = self.text[part.piece.start : part.piece.end]
+            for other in self.parts if reach == ALL else near:
+                if other.segment != part.segment:
+                    continue
+                if reach in (ALL, NEAR) or (other in after and other.piece.link == COLON):
+                    other.drop()
+                elif reach == DOUBT:
+                    other.ask(self.question('rest', said))
+        for part, other in pairwise(self.parts):
+            is_trailing = ONCE in other.piece.kinds and not other.piece.leads_a_condition
+            if is_trailing and part.segment == other.segment:
+                said = self.text[other.piece.start : other.piece.end]
+                part.ask(self.question('rest', said))
+
     @property
-    def clauses(self) -> list[tuple[int, Clause]]:
+    def clauses(self) -> list[tuple[float, Clause]]:
         """The clauses, each with where it stands."""
-        return [(part.piece.start, clause) for part in self.parts for clause in part.clauses]
+        return [(part.at, clause) for part in self.parts for clause in part.clauses]
 
     @property
     def unknown(self) -> list[tuple[int, int]]:
@@ -158,16 +282,65 @@ class Assembler:
         if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
             return ()
         try:
-            clauses = self.in_flow(piece, parse_clause(piece.lexemes))
+            unsupported = self.unsupported(piece)
+            if unsupported and piece.kinds <= BARE:
+                return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
+            parsed = parse_clause(piece.lexemes)
+            clauses = self.in_flow(piece, parsed)
+            self.refuse_times(piece, clauses)
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
+        if piece.soon is not None:
+            clauses, more = self.at_once(piece, piece.soon, clauses)
+            unsupported += more
+        if parsed.question:
+            clauses = asked(clauses, self.question(parsed.question))
         self.is_preference_open = piece.preference_leads or (
             self.is_preference_open and piece.link in (AND, THEN)
         )
         if piece.is_preference or self.is_preference_open:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
+        clauses += tuple(unsupported)
         return clauses if self.has_room_for(clauses) else ()
+
+    def words_of(self, piece: Piece) -> str:
+        """Return the words of a piece as they were said."""
+        return self.text[piece.start : piece.end][:MAX_NAME_CHARS]
+
+    def unsupported(self, piece: Piece) -> list[Unsupported]:
+        """Return what a piece asks that a path does not have, also what is fetched or done."""
+        errands = [lexeme for lexeme in piece.lexemes if lexeme.kind == 'FETCH']
+        names = self.lexer.lexicon.names.words
+        for one in errands:
+            said = {word.text for word in self.words if one.start <= word.start < one.end}
+            if any(len(word) > 2 for word in said & names):
+                raise Unclear('a thing or a place')
+        found = [(lexeme, lexeme.value) for lexeme in piece.unsupported]
+        found += [(lexeme, 'action') for lexeme in errands]
+        return [
+            Unsupported(text=self.text[one.start : one.end][:MAX_NAME_CHARS], about=about)
+            for one, about in found
+        ]
+
+    def refuse_times(self, piece: Piece, clauses: Sequence[Clause]) -> None:
+        """Raise Unclear for a time at what is not only visited: 'avoid the lab before noon'."""
+        is_timed = any(one.value in ('time', 'waiting') for one in piece.unsupported)
+        only_visits = all(isinstance(clause, (Visit, EndAt, Before)) for clause in clauses)
+        if is_timed and not only_visits:
+            raise Unclear('at a time, or always')
+        if piece.unsupported and NEG in piece.kinds:
+            raise Unclear('not so, or not at all')
+
+    def at_once(
+        self, piece: Piece, soon: Lexeme, clauses: tuple[Clause, ...]
+    ) -> tuple[tuple[Clause, ...], list[Unsupported]]:
+        """Return clauses with 'immediately': of an order a question, else it is about time."""
+        said = self.text[soon.start : soon.end]
+        is_order = piece.link == THEN or bool(piece.kinds & (ORDER_WORDS | {'AFTERYOU'}))
+        if not is_order and soon.value != STRAIGHT:
+            return clauses, [Unsupported(text=said, about='time')]
+        return asked(clauses, self.question('soon', said)), []
 
     def in_flow(self, piece: Piece, reading: ParsedClause) -> tuple[Clause, ...]:
         """Return the clauses of a reading by what stands before it. Raises Unclear.
@@ -176,12 +349,11 @@ class Assembler:
         """
         clauses = reading.clauses
         in_turn = piece.link == THEN or piece.is_first
+        before = next((one for _, one in self.clauses[::-1] if isinstance(one, Visit)), None)
         if self.is_through_after_other(piece):
             raise Unclear('not through it, or through it')
         if reading.things:
-            if not (piece.is_first or (in_turn and isinstance(self.previous, Visit))):
-                raise Unclear('a place without a verb')
-            clauses = (visit_of(reading.things),)
+            clauses = self.bare_visits(piece, reading.things)
         elif reading.is_negative and not (
             isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
         ):
@@ -191,14 +363,35 @@ class Assembler:
             raise Unclear('the same place twice')
         is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
         is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
-        if piece.is_later and not (is_one and is_after_visit):
+        is_then = all(isinstance(clause, (Then, NeverAfter)) for clause in clauses)
+        if piece.is_later and not is_then and not (is_one and is_after_visit):
             raise Unclear('which of them afterwards')
-        if piece.is_first and is_after_visit:
+        if piece.is_first and is_after_visit and piece.link != BUT:
             raise Unclear('first, after another visit')
-        is_end = piece.link == THEN and all(isinstance(clause, EndAt) for clause in clauses)
+        if piece.link == THEN and piece.goes_on and not self.parts:
+            raise Unclear('to go on with what')
+        if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
+            clauses += befores_of(*clauses)  # type: ignore[arg-type]
+        if piece.is_last:
+            clauses = last_of(piece, clauses)
+        if piece.is_strict and before is not None and isinstance(clauses[0], Visit):
+            clauses += befores_of(before, clauses[0])
+        ends = (EndAt, Visit)
+        is_end = piece.link == THEN and all(isinstance(clause, ends) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
+
+    def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
+        """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
+        is_led = isinstance(self.previous, (Visit, Before))
+        in_turn = piece.link == THEN or piece.is_last
+        if not (piece.is_first or (in_turn and is_led)):
+            raise Unclear('a place without a verb')
+        visit = visit_of(things)
+        if piece.is_last and set(visit.regions) & known_visits(self.parts):
+            raise Unclear('the same place twice')
+        return (visit,)
 
     def is_through_after_other(self, piece: Piece) -> bool:
         """Whether it is the end of 'avoid A and through B'."""
@@ -217,6 +410,63 @@ class Assembler:
         return False
 
 
+# A piece with one of these may name again what was named before.
+REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
+# What says that a place is on the way, and that one is where the way leads.
+THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
+TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
+# What is left of 'drive slowly': nothing but how.
+BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
+STRAIGHT = 'straight'
+
+
+def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
+    """Return visits with the last of 'A, B last' as one of its own. Raises Unclear for others."""
+    if not all(isinstance(clause, Visit) for clause in clauses):
+        raise Unclear('the last of what')
+    regions = [
+        region for clause in clauses if isinstance(clause, Visit) for region in clause.regions
+    ]
+    joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
+    if len(clauses) == 1 and len(regions) > 1 and joints[-1:] == [COMMA]:
+        return Visit(regions=tuple(regions[:-1])), Visit(regions=(regions[-1],))
+    return clauses
+
+
+def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
+    """Return the regions that parts ask to visit."""
+    return {region for part in parts for visit in part.visits for region in visit.regions}
+
+
+def places_in(lexeme: Lexeme) -> str:
+    """Return the names of the places that a lexeme means, some of them where they are many."""
+    value = lexeme.value
+    found = value.places if isinstance(value, Group) else (value,)
+    names = [place.name if isinstance(place, Place) else str(place) for place in found]
+    return ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
+
+
+def befores_of(first: Visit, second: Visit) -> tuple[Clause, ...]:
+    """Return that none of the second regions is entered before all of the first."""
+    return tuple(Before(first=a, second=b) for b in second.regions for a in first.regions)
+
+
+def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
+    """Leave out of two visits in order those that another piece asks for, in that order."""
+    first, second = part.visits
+    at = {visit.regions: one for one in others for visit in one.visits}
+    early, late = at.get(first.regions), at.get(second.regions)
+    if early and late and early.at >= late.at:
+        part.drop()
+        return
+    known = [visit for visit, one in ((first, early), (second, late)) if one]
+    if late and not early:
+        part.at = late.at - 0.5
+    orders = befores_of(first, second) if late and 'BEFORE' in part.piece.kinds else ()
+    part.clauses = tuple(one for one in (*part.clauses, *orders) if one not in known)
+    part.is_said = True
+
+
 def has_repetition(clause: Clause) -> bool:
     """Whether it is a visit of the same region twice."""
     return isinstance(clause, Visit) and len(set(clause.regions)) < len(clause.regions)
@@ -231,7 +481,7 @@ def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
             if isinstance(clause, Visit)
             for region in clause.regions
         )
-    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):  # type: ignore[attr-defined]
+    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):
         raise Unclear('one place in any order')
     return clauses
 
@@ -279,25 +529,42 @@ def drop_timed(parts: Sequence[ReadPiece]) -> None:
     """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
     for part, after in pairwise(parts):
         ended = (StayIn, EndAt)
+        goes_on = (Visit, Before, Then, Unsupported)
         is_ended = any(
-            isinstance(clause, ended) if after.piece.ends_route else not isinstance(clause, Visit)
+            isinstance(clause, ended)
+            if after.piece.ends_route
+            else not isinstance(clause, goes_on)
             for clause in part.clauses
         )
         if after.piece.link == THEN and is_ended:
             part.drop()
 
 
-def drop_beside_unread(parts: Sequence[ReadPiece]) -> None:
-    """Drop the parts that no strong boundary parts from one that was not understood."""
-    for ordered_parts in (parts, parts[::-1]):
-        for part, other in pairwise(ordered_parts):
-            later = other if ordered_parts is parts else part
-            if not part.is_read and part.segment == other.segment and not later.piece.is_apart:
-                other.drop()
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a text says in the words of one language: the parts, and the share that was read."""
+
+    interpretation: Interpretation
+    share: float = -1.0
+    parts: tuple[ReadPiece, ...] = ()
 
 
-def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
-    """Return what a clean text says in the words of one lexer, and the share that was read."""
+def best_reading(text: str, places: Places) -> Reading:
+    """Return what a clean text says, in the language in which most of it is read."""
+    best = Reading(not_understood(text, '', NAME))
+    words = read_words(text)
+    if len(words) > MOST_WORDS:
+        return Reading(not_understood(text, f'more than {MOST_WORDS} words and signs', NAME))
+    for language in languages_of(words):
+        reading = understand(text, lexer_for(places, language))
+        best = reading if reading.share > best.share else best
+        if reading.interpretation.is_read:
+            break
+    return best
+
+
+def understand(text: str, lexer: Lexer) -> Reading:
+    """Return what a clean text says in the words of one lexer."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
     language = lexer.vocabulary.language
@@ -310,38 +577,40 @@ def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
             segment = []
         segment.append(piece)
     assembler.settle()
-    return result_of(assembler, quoted)
+    interpretation, share = result_of(assembler, quoted)
+    return Reading(interpretation, share, tuple(assembler.parts))
 
 
-def without_quoted(text: str) -> tuple[str, list[tuple[int, int]]]:
-    """Return a text without what a canonical sentence quotes, and where that stands."""
-    found = []
-    at = text.find(QUOTED)
-    while at >= 0:
-        end = text.find('"', at + len(QUOTED))
-        if end < 0:
-            break
-        found.append((at + len(QUOTED), end))
-        text = f'{text[:at]}{";" * (end + 1 - at)}{text[end + 1 :]}'
-        at = text.find(QUOTED, end)
-    return text, found
+def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
+    """Return a text without what a canonical sentence quotes, and its clauses with their place."""
+    found: list[tuple[int, Clause]] = []
+    for match in CANONICAL.finditer(text):
+        about = match['about']
+        clause = (
+            Unsupported(text=match['words'], about=about) if about else Unknown(text=match['text'])
+        )
+        found.append((match.start(), clause))
+    return CANONICAL.sub(lambda match: ';' * len(match[0]), text), found
 
 
 def result_of(
-    assembler: Assembler, quoted: Sequence[tuple[int, int]]
+    assembler: Assembler, quoted: Sequence[tuple[int, Clause]]
 ) -> tuple[Interpretation, float]:
     """Return the interpretation, clauses and unread parts in order, and the share read."""
     text = assembler.text
-    unknown = [*assembler.unknown, *quoted]
-    room = MAX_CLAUSES - len(assembler.clauses)
+    unknown = assembler.unknown
+    room = MAX_CLAUSES - len(assembler.clauses) - len(quoted)
     if len(unknown) > room:
         unknown = [*unknown[: room - 1], (unknown[room - 1][0], unknown[-1][1])]
-    parts = assembler.clauses + [
-        (start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown
+    parts = [
+        *assembler.clauses,
+        *quoted,
+        *((start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown),
     ]
     parts.sort(key=lambda part: part[0])
     specification = Specification(tuple(clause for _, clause in parts))
     missed = sum(end - start for start, end in unknown)
+    missed += sum(len(one.text) for _, one in quoted if isinstance(one, Unknown))
     interpretation = Interpretation(
         text,
         specification,
@@ -355,11 +624,15 @@ def result_of(
 class GrammarInterpreter:
     """Understands instructions by vocabulary tables and a grammar: an Interpreter.
 
-    It answers WHOLE or IRRELEVANT only if every word was read; of other instructions it gives the
-    clauses that were read wholly, and Unknown for the rest.
+    It answers WHOLE, UNSURE or IRRELEVANT only if every word was read; of other instructions it
+    gives the clauses that were read wholly, and Unknown for the rest.
     """
 
     name = NAME
+
+    def __init__(self, confirmations: Confirmations | None = None) -> None:
+        """Take the answers of persons to earlier questions, None for none."""
+        self._confirmations = confirmations
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
         """Say what was understood of a text; takes milliseconds, whatever the time limit.
@@ -373,16 +646,9 @@ class GrammarInterpreter:
             return not_understood(text[:80], str(error), NAME)
         if not clean:
             return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
-        words = read_words(clean)
-        if len(words) > MOST_WORDS:
-            return not_understood(clean, f'more than {MOST_WORDS} words and signs', NAME)
-        best, most = not_understood(clean, '', NAME), -1.0
-        for language in languages_of(words):
-            understood, share = understand(clean, lexer_for(places, language))
-            if share > most:
-                best, most = understood, share
-            if understood.is_whole:
-                break
+        best = best_reading(clean, places).interpretation
+        if self._confirmations is not None:
+            best = self._confirmations.applied(best, places)
         return replace(best, seconds=time.perf_counter() - began)
 
 

@@ -14,6 +14,9 @@ from llm_astar_planner.instructions.regions import Box
 NUMBER, UNIT, LENGTH, POINT = 'NUMBER', 'UNIT', 'LENGTH', 'POINT'
 AXIS, AXISLINE, RANGE = 'AXIS', 'AXISLINE', 'RANGE'
 COMMA, AND, SIGN, UNKNOWN = 'COMMA', 'AND', 'SIGN', 'UNKNOWN'
+# How often: the least and the most times. And what a path does not have, as a time.
+TIMES, UNSUPPORTED = 'TIMES', 'UNSUPPORTED'
+OPEN, CLOSE = 'BRACKET', 'ENDBRACKET'
 # Metres. A number beyond it is no place on a map.
 MOST = 1e6
 OPENING, CLOSING = '([', ')]'
@@ -21,6 +24,7 @@ OPENING, CLOSING = '([', ')]'
 GO_WITH = {
     'POINTWORD': (POINT,),
     'ATLEAST': (LENGTH, 'DISTANCE', 'ATLEAST'),
+    'MORETHAN': (LENGTH, 'DISTANCE'),
     'LINE': (AXISLINE,),
 }
 
@@ -29,7 +33,8 @@ GO_WITH = {
 class Lexeme:
     """A word or phrase: its kind, its value, and where it stands in the text.
 
-    `other` is another kind that the phrase may be of, `other_value` its value.
+    `other` is another kind that the phrase may be of, `other_value` its value. `doubt` are the
+    words as they were said, and what was taken for them, where they are misspelt or a synonym.
     """
 
     kind: str
@@ -38,6 +43,7 @@ class Lexeme:
     end: int
     other: str = ''
     other_value: Any = ''
+    doubt: tuple[str, str] | None = None
 
     def __str__(self) -> str:
         """Return the kind, for messages of the parser."""
@@ -61,7 +67,8 @@ class Lexeme:
 
 def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:
     """Return several lexemes as one."""
-    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end)
+    doubt = next((lexeme.doubt for lexeme in lexemes if lexeme.doubt), None)
+    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubt=doubt)
 
 
 @cache
@@ -84,7 +91,13 @@ def is_sign(lexemes: Sequence[Lexeme], at: int, signs: str) -> bool:
 
 
 # What a combination may begin with.
-COMBINED = frozenset({NUMBER, SIGN, AXIS, 'BETWEEN', 'FROM'})
+COMBINED = frozenset({NUMBER, SIGN, AXIS, 'BETWEEN', 'FROM', TIMES, 'ONLY', 'TIMEWORD'})
+COMBINED |= {'ATLEAST', 'ATMOST', 'EXACTLY', 'MORETHAN', 'LESSTHAN', 'FETCH'}
+# Words before a time or before who is followed, which belong to it.
+BEFORE_TIME = frozenset({'IN', 'BY', 'BEFORE', 'UPON', 'AT', 'PURPOSE', 'WITHIN', 'TO'})
+COMBINED |= BEFORE_TIME | {UNSUPPORTED, 'ALONG', 'CONDITION'}
+# What may stand between a verb of fetching and the end of what is fetched.
+ERRANDS = 'THING|PERSON|PRONOUN|NUMBER|RECTANGLE|THIS|ANY_ARTICLE|ANY|YOUR|AND'
 # Each takes the lexemes and an index and returns what they are put together to, or None.
 Combined = tuple[int, Lexeme]
 
@@ -206,7 +219,99 @@ def between_lines(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     return count, joined(lexemes[at : at + count], RANGE, (box,))
 
 
+def times(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+    """'at most twice', 'exactly 3 times', 'at least 1 and at most 2 times', 'twice or more'.
+
+    The value is the least and the most (None for any number), and whether 'not' turns it round.
+    """
+    least: float = 0
+    most: float | None = None
+    end, found = at, []
+    if lexemes[at].kind == TIMES and lexemes[at].value == 'any':
+        return 1, joined(lexemes[at : at + 1], TIMES, (0, None, False))
+    while (one := limited(lexemes, end)) is not None:
+        count, number, limit = one
+        end += count
+        found.append(limit)
+        least = max(least, number + (limit == 'MORETHAN')) if limit in FROM_BELOW else least
+        most = number - (limit == 'LESSTHAN') if limit in FROM_ABOVE else most
+        if kinds_match(lexemes, end - 1, 'TIMES|TIMESWORD') or not kinds_match(
+            lexemes, end, 'AND ATMOST'
+        ):
+            break
+        end += 1
+    if not found or not any(lexeme.kind in (TIMES, 'TIMESWORD') for lexeme in lexemes[at:end]):
+        return None
+    turns = found in (['MORETHAN'], ['LESSTHAN'])
+    return end - at, joined(lexemes[at:end], TIMES, (int(least), most, turns))
+
+
+# Kinds of limits that say the least number, and the most.
+FROM_BELOW = frozenset({'ATLEAST', 'MORETHAN', 'EXACTLY', 'ONLY', 'ORMORE'})
+FROM_ABOVE = frozenset({'ATMOST', 'LESSTHAN', 'EXACTLY', 'ONLY'})
+
+
+def limited(lexemes: Sequence[Lexeme], at: int) -> tuple[int, int, str] | None:
+    """Return the lexemes, the number and the limit of 'at most twice', None without one."""
+    before = kinds_match(lexemes, at, 'ATLEAST|ATMOST|EXACTLY|MORETHAN|LESSTHAN|ONLY')
+    limit, end = (lexemes[at].kind, at + 1) if before else ('EXACTLY', at)
+    if not kinds_match(lexemes, end, 'TIMES|NUMBER') or isinstance(lexemes[end].value, tuple):
+        return None
+    number = lexemes[end].number
+    end += 1
+    for _ in range(2):
+        if kinds_match(lexemes, end, 'ORMORE|ATMOST|ATLEAST') and not (
+            before or kinds_match(lexemes, end, 'ATMOST|ATLEAST TIMES|NUMBER')
+        ):
+            limit, end = lexemes[end].kind, end + 1
+        if kinds_match(lexemes, end, 'TIMESWORD'):
+            end += 1
+    return (end - at, int(number), limit) if number == int(number) >= 0 else None
+
+
+def moment(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+    """'before noon', 'within 5 minutes', 'wait 5 minutes', 'follow the nurse', 'pick up a box'."""
+    first = lexemes[at]
+    if kinds_match(lexemes, at, 'FETCH|ALONG'):
+        return errand(lexemes, at)
+    is_wait = UNSUPPORTED in (first.kind, first.other)
+    if not is_wait and first.kind in ('CONDITION', UNSUPPORTED):
+        return None
+    end = at + (is_wait or first.kind in BEFORE_TIME)
+    end += kinds_match(lexemes, end, 'BEFORE|BY|IN|UPON|AT|PURPOSE|ATLEAST')
+    end += kinds_match(lexemes, end, 'ATLEAST')
+    if kinds_match(lexemes, end, 'NUMBER TIMEWORD'):
+        end += 2
+    elif kinds_match(lexemes, end, 'TIMEWORD') or (
+        is_wait and kinds_match(lexemes, end, 'PERSON')
+    ):
+        end += 1
+    elif first.kind == UNSUPPORTED:
+        end = at + 1
+    else:
+        return None
+    about = first.value if first.kind == UNSUPPORTED else first.other_value if is_wait else ''
+    about = about or ('waiting' if first.kind == 'PURPOSE' else 'time')
+    return end - at, joined(lexemes[at:end], UNSUPPORTED, about)
+
+
+def errand(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+    """'pick up the box', which is no more than an action, and 'follow the nurse'."""
+    if kinds_match(lexemes, at, 'ALONG PERSON'):
+        return 2, joined(lexemes[at : at + 2], UNSUPPORTED, 'following')
+    end = at + 1
+    while kinds_match(lexemes, end, ERRANDS):
+        end += 1
+    while end > at + 1 and not kinds_match(lexemes, end - 1, 'THING|PERSON|PRONOUN|RECTANGLE'):
+        end -= 1
+    if lexemes[at].kind != 'FETCH' or end == at + 1:
+        return None
+    return end - at, joined(lexemes[at:end], 'FETCH', 'errand')
+
+
 COMBINATIONS: tuple[Callable[[Sequence[Lexeme], int], Combined | None], ...] = (
+    times,
+    moment,
     length,
     point,
     axis_range,
@@ -242,6 +347,12 @@ def joins_area(result: list[Lexeme], lexeme: Lexeme) -> bool:
     return True
 
 
+LIMITS = frozenset({'ATLEAST', 'ATMOST', 'EXACTLY', 'MORETHAN', 'LESSTHAN', 'ONLY'})
+# What 'once' goes on with where it is no number of times: 'once in the lab'.
+AFTER_ONCE = frozenset(
+    {'VISIT', 'ENTER', 'THROUGH', 'INTO', 'MOVE', 'USE', 'IN', 'UPON', 'AT', 'PLACE', 'NOUN'}
+    | {'PASS', 'PASSBY', 'STOP', 'SIDE', 'TAG', 'PRONOUN', 'HAVING', UNKNOWN}
+)
 # After these 'est' is the east in French.
 BEFORE_SIDES = frozenset({'TO', 'SIDENOUN', 'HALFNOUN', 'THROUGH', 'IN', 'UPON', 'NOUN', 'AT'})
 
@@ -259,6 +370,9 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
             or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
+            or (lexeme.other == 'FETCH' and after in ('THING', 'PERSON'))
+            or (lexeme.other == 'LONGWAY' and after in ('BY', 'THROUGH', 'UPON', 'IN'))
+            or (lexeme.other == TIMES and (before in LIMITS or after not in AFTER_ONCE))
         )
         result.append(lexeme.as_other() if is_other else lexeme)
     return result
@@ -272,13 +386,21 @@ def kinds_after(lexemes: Sequence[Lexeme]) -> list[str]:
 def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the lexemes without those that only go with the next one: 'the point', 'at least'.
 
-    An ordinal is told from an order word by what follows ('first aisle', 'first the dock').
+    An ordinal is told from an order word by what follows ('first aisle', 'first the dock'), and
+    brackets that are left enclose a region.
     """
     return [
-        lexeme.as_other() if lexeme.other == 'ORDINAL' and following == 'NOUN' else lexeme
+        lexeme.as_other()
+        if lexeme.other == 'ORDINAL' and following == 'NOUN'
+        else replace(lexeme, kind=BRACKETS.get(lexeme.value, SIGN))
+        if lexeme.kind == SIGN
+        else lexeme
         for lexeme, following in zip(lexemes, kinds_after(lexemes))
         if following not in GO_WITH.get(lexeme.kind, ())
     ]
+
+
+BRACKETS = {'(': OPEN, ')': CLOSE}
 
 
 # After these 'it' stands for a place; elsewhere it says nothing: 'it is important that'.

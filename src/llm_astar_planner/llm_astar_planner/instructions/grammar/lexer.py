@@ -16,11 +16,12 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     UNKNOWN,
     Lexeme,
     combined,
+    kinds_after,
     settled,
     told_apart,
     with_pronouns,
 )
-from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
+from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
 from llm_astar_planner.instructions.grammar.words import Word, squeezed
@@ -32,19 +33,32 @@ SHORTEST = 4
 LENGTHS = ((6, 1), (9, 2))
 PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
 ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
+# How far a longer word, 'officer', may be from a name that it begins with.
+LONGER = 5
 # 'on your way', which tells a stop on it from its end.
 ENROUTE = 'ENROUTE'
+# No more than on the way, but not after a 'not'.
+BEFORE_GOAL = 'before the goal'
+LEFT_OUT = frozenset({ARTICLE, FILLER, ENROUTE})
 SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
 SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
+# What may stand after an article.
+WITH_ARTICLE = frozenset({PLACE, NOUN, TAG, ANY, ALL, UNKNOWN, 'LENGTH', NUMBER, 'SIDE', 'MOST'})
+WITH_ARTICLE |= {'CENTER', 'ORIENT', 'ORDINAL', 'THING', 'PERSON', 'TIMESWORD', 'DISTANCE'}
 # What may stand between an article and its noun.
 ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
 WALL, ANY_PLACE = 'wall', 'place'
 OFMAP = 'OFMAP'
-# How many words a phrase takes, and what it may mean: kinds and values.
-Phrase = tuple[int, list[tuple[str, object]]]
-NO_PHRASE: Phrase = (0, [])
+# How many words a phrase takes, what it may mean (kinds and values), and whether it may mean
+# something else: a synonym, or a word for a category.
+Phrase = tuple[int, list[tuple[str, object]], bool]
+NO_PHRASE: Phrase = (0, [], False)
+# What a letter, or one of these words, makes another name of: 'kitchen A', 'kitchen path'.
+PARTS_OF_NAMES = frozenset({'path', 'route', 'way', 'area', 'place'})
+# After an article other filling words are names.
+AFTER_ARTICLE = PARTS_OF_NAMES | {'whole', 'entire', 'robot', 'paths'}
 # Letters of the longest side that begins a compound.
 LONGEST_SIDE = 8
 
@@ -63,8 +77,11 @@ def corrections(word: str, known: Iterable[str]) -> list[str]:
 
 def is_misspelt(word: str, other: str, distance: int) -> bool:
     """Whether a word may be another one with so many errors."""
-    if word[0] != other[0] or word.startswith(other) or other.startswith(word):
-        return squeezed(word) == squeezed(other)
+    if word[0] != other[0]:
+        return False
+    if word.startswith(other) or other.startswith(word):
+        is_long = min(len(word), len(other)) >= LONGER
+        return squeezed(word) == squeezed(other) or (distance == 1 and is_long)
     allowed = max((errors for length, errors in LENGTHS if len(other) >= length), default=0)
     # Two errors at the end are another word: 'pharmacist' is no pharmacy.
     if distance <= allowed and (distance == 1 or word[-1] == other[-1]):
@@ -88,28 +105,28 @@ class Lexer:
             count, found = self.scan(words, at)
             scanned += found
             at += count
-        left_out = (ARTICLE, FILLER, ENROUTE)
-        kept = [lexeme for lexeme in scanned if lexeme.kind not in left_out]
+        kept = without_fillers(scanned)
         found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
-        return [*found, *[lexeme for lexeme in scanned if lexeme.kind == ENROUTE][:1]]
+        ends = [one for one in scanned if one.kind == ENROUTE and one.value != BEFORE_GOAL]
+        return [*found, *ends[:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
-        count, values = max(self.place_phrases(words, at), key=lambda one: one[0])
+        count, values, is_doubtful = max(self.place_phrases(words, at), key=lambda one: one[0])
         taken, meanings = self.vocabulary.phrases.longest(words, at)
         if taken > 1 and meanings[0][0][0] == OFMAP and self.ends_with_place(words, at, taken):
             taken, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
         if count:
-            place = place_lexeme(words[at : at + count], values, self.lexicon.places)
+            place = place_lexeme(words[at : at + count], values, self.lexicon.places, is_doubtful)
             return count, [*self.preposition(words, at, count), place]
         return 1, self.compound(words[at]) or [self.single(words[at])]
 
     def ends_with_place(self, words: Sequence[Word], at: int, count: int) -> bool:
         """Whether a phrase for the map, 'of the hall', ends with a place of this map."""
         for first in range(at + 1, at + count):
-            taken, values = max(self.place_phrases(words, first), key=lambda one: one[0])
+            taken, values, _ = max(self.place_phrases(words, first), key=lambda one: one[0])
             if taken >= at + count - first and not is_any_place(values):
                 return True
         return False
@@ -124,12 +141,14 @@ class Lexer:
         tagged, tags = lexicon.tag_groups.longest(words, at)
         near, variants = lexicon.near_names.longest(words, at)
         single, adjectives = lexicon.tags.longest(words, at)
+        sure = {place.name for place, is_sure in variants if is_sure}
+        near_places = dict.fromkeys(place for place, _ in variants)
         return [
-            (count, [(PLACE, place) for place in places]),
-            (tagged, [(NOUN, self.tag_group(tag)) for tag in tags]),
+            (count, [(PLACE, place) for place in places], False),
+            (tagged, [(NOUN, self.tag_group(tag)) for tag in tags], False),
             *found,
-            (near, [(PLACE, place) for place in variants]),
-            (single, [(TAG, tag) for tag in adjectives]),
+            (near, [(PLACE, place) for place in near_places], not sure),
+            (single, [(TAG, tag) for tag in adjectives], False),
         ]
 
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
@@ -147,7 +166,7 @@ class Lexer:
             if count:
                 text = ' '.join(word.text for word in words[at : at + count])
                 group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
-                found += [] if group is None else [(count, [(NOUN, group)])]
+                found += [] if group is None else [(count, [(NOUN, group)], not group.own)]
         return found
 
     def compound(self, word: Word) -> list[Lexeme]:
@@ -159,9 +178,9 @@ class Lexer:
             _, meanings = self.vocabulary.phrases.longest([head], 0)
             found = self.noun([tail], 0)
             if found and meanings and meanings[0][0][0] in ('SIDE', 'CENTER'):
-                _, values = found[0]
+                _, values, is_doubtful = found[0]
                 side = phrase_lexemes([word], meanings)
-                return [*side, place_lexeme([word], values, self.lexicon.places)]
+                return [*side, place_lexeme([word], values, self.lexicon.places, is_doubtful)]
         return []
 
     def tag_group(self, tag: str) -> Group:
@@ -173,6 +192,7 @@ class Lexer:
     def single(self, word: Word) -> Lexeme:
         """Return the lexeme of a word that is in no table of phrases."""
         kind, value = UNKNOWN, word.text
+        doubt = (word.said, word.text) if word.is_corrected else None
         if word.is_number:
             is_number = abs(float(word.text)) <= MOST and not self.may_be_thousands(word.text)
             kind = NUMBER if is_number else UNKNOWN
@@ -186,7 +206,7 @@ class Lexer:
             kind = ANY_ARTICLE
         elif word.text in self.vocabulary.articles:
             kind = ARTICLE
-        return Lexeme(kind, value, word.start, word.end)
+        return Lexeme(kind, value, word.start, word.end, doubt=doubt)
 
     def may_be_thousands(self, number: str) -> bool:
         """Whether a point in a number may part thousands: '1.500', but not in English."""
@@ -223,7 +243,9 @@ class Lexer:
         if self.knows(plain):
             return [plain]
         spellings = self.lexicon.spellings
-        found = corrections(word, spellings) or corrections(word, self.vocabulary.phrases.words)
+        called = nouns().by_language[self.vocabulary.language].words
+        tables = (spellings, called, self.vocabulary.phrases.words)
+        found = next(filter(None, (corrections(word, table) for table in tables)), [])
         stems = {other.removesuffix('s').removesuffix('e') for other in found}
         return found[:1] if len(stems) == 1 else found
 
@@ -237,17 +259,29 @@ def is_any_place(values: Sequence[tuple[str, object]]) -> bool:
 def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
     """Return the places of all meanings of a noun, None if the map has none of them."""
     is_wall = any(noun.name == WALL for noun in meant)
+    own = '' if any(not group.own for group in groups if group.places) else groups[0].own
     places = tuple(dict.fromkeys(place for group in groups for place in group.places))
     if not groups or (not places and not is_wall):
         return None
     # A word that is the same in both numbers ('Zimmer') counts as singular.
     plural = all(group.plural for group in groups)
     noun = WALL if is_wall else groups[0].noun
-    return Group(groups[0].words, groups[0].all_places, places, plural, noun=noun)
+    return Group(
+        groups[0].words,
+        groups[0].all_places,
+        places,
+        plural,
+        '',
+        noun,
+        own or (KIND if is_wall else ''),
+    )
 
 
 def place_lexeme(
-    words: Sequence[Word], values: Sequence[tuple[str, object]], places: Places
+    words: Sequence[Word],
+    values: Sequence[tuple[str, object]],
+    places: Places,
+    is_doubtful: bool,
 ) -> Lexeme:
     """Return the lexeme of a phrase for places; several with one name are a group."""
     kind, value = values[0]
@@ -255,14 +289,66 @@ def place_lexeme(
         text = ' '.join(word.text for word in words)
         named = tuple(place for _, place in values if isinstance(place, Place))
         kind, value = NOUN, Group(text, places, named, plural=False)
-    return Lexeme(kind, value, words[0].start, words[-1].end)
+    doubt = (said(words), '') if is_doubtful or any(word.is_corrected for word in words) else None
+    return Lexeme(kind, value, words[0].start, words[-1].end, doubt=doubt)
+
+
+def said(words: Sequence[Word]) -> str:
+    """Return words as they were written."""
+    return ' '.join(word.said or word.text for word in words)
 
 
 def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[Lexeme]:
     """Return the lexemes of a phrase of the vocabulary."""
     start, end = words[0].start, words[-1].end
     other = meanings[1][0] if len(meanings) > 1 else ('', '')
-    return [Lexeme(kind, value, start, end, other[0], other[1]) for kind, value in meanings[0]]
+    wrong = [word for word in words if word.is_corrected]
+    doubt = (said(wrong), ' '.join(word.text for word in wrong)) if wrong else None
+    text = ' '.join(word.text for word in words)
+    return [
+        Lexeme(kind, value or (text if kind in LEFT_OUT else ''), start, end, *other, doubt)
+        for kind, value in meanings[0]
+    ]
+
+
+def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes without articles and filling words; the doubt about one goes to the next.
+
+    After a place a letter, or a word such as 'path', is a part of a name that the map lacks.
+    """
+    kept: list[Lexeme] = []
+    doubt, was_article = None, False
+    for lexeme, after in zip(scanned, kinds_after(scanned)):
+        before = kept[-1] if kept else Lexeme('', '', 0, -1)
+        is_name = is_part_of_name(before, lexeme, after) or (
+            was_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE
+        )
+        was_article = lexeme.kind == ARTICLE
+        if is_name:
+            kept.append(replace(lexeme, kind=UNKNOWN))
+        elif lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
+            goal = replace(lexeme, kind='ENDPOINT', value='goal')
+            kept += [replace(lexeme, kind='BEFORE', value=''), goal]
+        elif lexeme.kind in LEFT_OUT:
+            doubt = doubt or lexeme.doubt
+        else:
+            kept.append(replace(lexeme, doubt=lexeme.doubt or doubt))
+            doubt = None
+    if doubt and kept:
+        kept[-1] = replace(kept[-1], doubt=kept[-1].doubt or doubt)
+    return kept
+
+
+def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
+    """Whether a word right after a place makes another name of it, that the map lacks."""
+    if place.kind not in (PLACE, NOUN):
+        return False
+    if lexeme.kind == FILLER:
+        return lexeme.value in PARTS_OF_NAMES
+    is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
+    if lexeme.kind in ('AND', 'OR'):
+        return is_letter and not after
+    return is_letter and lexeme.kind in (ARTICLE, ANY_ARTICLE) and after not in WITH_ARTICLE
 
 
 def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -282,9 +368,18 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             if is_group and (following == NOUN or following in ADJECTIVES):
                 result.append(replace(lexeme, kind=UNKNOWN))
             continue
-        before = result[-1].kind if result else ''
-        result.append(lexeme if before in ADJECTIVES else as_place(lexeme))
+        before = result[-1] if result else Lexeme('', '', 0, 0)
+        is_told = any(tells_all(other, lexeme) for other in (before, after))
+        noun = replace(lexeme, doubt=None) if is_told else lexeme
+        result.append(noun if before.kind in ADJECTIVES else as_place(noun))
     return result
+
+
+def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
+    """Whether a tag of the map tells the places, whatever the noun beside it: 'blue rooms'."""
+    if tag is None or tag.kind != TAG or tag.doubt or not isinstance(noun.value, Group):
+        return False
+    return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
 
 
 def as_place(lexeme: Lexeme) -> Lexeme:
@@ -294,7 +389,9 @@ def as_place(lexeme: Lexeme) -> Lexeme:
         return lexeme
     if group.noun == WALL and group.plural:
         return lexeme
-    return replace(lexeme, kind=PLACE, value=group.places[0])
+    is_part = group.own == HEAD and not lexeme.doubt
+    doubt = (group.words, '') if is_part else lexeme.doubt
+    return replace(lexeme, kind=PLACE, value=group.places[0], doubt=doubt)
 
 
 def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

@@ -29,6 +29,8 @@ OBJECT, PASSAGE, ROOM, PLACE = 'object', 'passage', 'room', 'place'
 Members = tuple[Place, ...]
 # Of a place without a noun in its name, kind and tags.
 UNNAMED = 'unnamed'
+# How a map itself has a word for places: as kind or tag, or at the end of names.
+KIND, HEAD = 'kind', 'head'
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Group:
     - `all_places`: all places of the map.
     - `tag`: where the words name a kind or tag ('all blue places').
     - `noun`: the noun of the table, '' if it is none.
+    - `own`: how the map itself has the word, KIND or HEAD; '' for a synonym or wider word.
     """
 
     words: str
@@ -46,13 +49,15 @@ class Group:
     plural: bool
     tag: str = ''
     noun: str = ''
+    own: str = KIND
 
 
 @dataclass(frozen=True, eq=False)
 class Lexicon:
     """The words for the places of a map.
 
-    - `names`: names and aliases; `near_names`: their translations and other number.
+    - `names`: names and aliases; `near_names`: their translations and other number, each with
+      whether it is a sure one, no synonym.
     - `tags`: kinds and tags that are no nouns, as adjectives ('blue').
     - `members`: by the name of a noun, the places that it may mean.
     - `spellings`: the words that a misspelt one is compared with.
@@ -61,7 +66,7 @@ class Lexicon:
 
     places: Places
     names: Phrases[Place]
-    near_names: Phrases[Place]
+    near_names: Phrases[tuple[Place, bool]]
     tags: Phrases[str]
     tag_groups: Phrases[str]
     members: dict[str, Members]
@@ -70,7 +75,19 @@ class Lexicon:
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
-        return Group(words, self.places, self.members[noun.name], noun.plural, noun=noun.name)
+        places = self.kind_of(noun) or self.members[noun.name]
+        own = {own_word(place, noun) for place in places}
+        least = next((one for one in ('', HEAD, KIND) if one in own), KIND)
+        return Group(words, self.places, places, noun.plural, '', noun.name, least)
+
+    def kind_of(self, noun: Noun) -> Members:
+        """Return the places of the kind or tag that is a noun, if they are all it may mean."""
+        members = set(self.members[noun.name])
+        for tag in self.places.tags if members else ():
+            places = self.places.with_tag(tag)
+            if says(phrase_words(tag), noun) and members <= set(places):
+                return places
+        return ()
 
 
 def members_of(places: Places, nouns_of: Mapping[str, frozenset[str]]) -> dict[str, Members]:
@@ -94,7 +111,7 @@ def members_of(places: Places, nouns_of: Mapping[str, frozenset[str]]) -> dict[s
 def lexicon(places: Places) -> Lexicon:
     """Return the words for a map's places, made once for each `Places`."""
     names: Phrases[Place] = Phrases(articles())
-    near: Phrases[Place] = Phrases(articles())
+    near: Phrases[tuple[Place, bool]] = Phrases(articles())
     tags: Phrases[str] = Phrases()
     groups: Phrases[str] = Phrases()
     for place in places:
@@ -102,8 +119,8 @@ def lexicon(places: Places) -> Lexicon:
             words = phrase_words(name)
             names.add(words, place)
             names.add(without_articles(words), place)
-            for variant in variants(words):
-                near.add(variant, place)
+            for variant, is_sure in variants(words):
+                near.add(variant, (place, is_sure))
     for tag in places.tags:
         add_tag(tag, tags, groups)
     languages = name_languages(places)
@@ -225,16 +242,57 @@ def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str], is_t
     return (said or ([] if is_told else exact) or [''])[0]
 
 
-def variants(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Yield other ways to say a name: number, translations, 'door of the kitchen'."""
+@lru_cache(maxsize=4096)
+def own_word(place: Place, noun: Noun) -> str:
+    """Return how a place has the word of a noun itself, or its usual translation."""
+    kinds = (place.kind, *place.tags, *place.aliases, place.name)
+    if noun.name == PLACE or any(says(phrase_words(text), noun) for text in kinds):
+        return KIND
+    heads = [head_of(phrase_words(text)) for text in (place.name, *place.aliases)]
+    ends = (words[at:] for words in heads for at in range(len(words)))
+    return HEAD if any(says(words, noun) for words in ends) else ''
+
+
+def says(words: tuple[str, ...], noun: Noun) -> bool:
+    """Whether words, all of them, are a noun itself or its usual translation, in any number."""
+    count, found = nouns().everywhere.longest([Word(word, 0, 0) for word in words], 0)
+    return count == len(words) and any(
+        one.name == noun.name and is_same(one, noun) for one in found
+    )
+
+
+def is_same(one: Noun, other: Noun) -> bool:
+    """Whether a noun is another one, or its translation: of two languages one is the main word."""
+    return one.word == other.word or (
+        one.language != other.language and (one.is_main or other.is_main)
+    )
+
+
+def variants(words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], bool]]:
+    """Yield other ways to say a name: number, translations, 'door of the kitchen'.
+
+    Each with whether it is a sure one: a synonym is not.
+    """
     last = words[-1]
     if last.isalpha() and len(last) > 2:
-        yield (*words[:-1], last.removesuffix('s') if last.endswith('s') else f'{last}s')
+        other = last.removesuffix('s') if last.endswith('s') else f'{last}s'
+        yield (*words[:-1], other), True
     if '=' in words:
         at = words.index('=')
-        yield words[:at] + words[at + 1 :]
-        yield (*words[: at - 1], 'at', *words[at - 1 :])
-    yield from translated(words)
+        yield words[:at] + words[at + 1 :], True
+        yield (*words[: at - 1], 'at', *words[at - 1 :]), True
+    for translation in translated(words):
+        yield translation, not is_synonym(words, translation)
+
+
+def is_synonym(words: tuple[str, ...], other: tuple[str, ...]) -> bool:
+    """Whether the first noun of a name is said by a word that is not the usual one for it."""
+    found = [
+        nouns().everywhere.longest([Word(word, 0, 0) for word in phrase], 0)[1]
+        for phrase in (words, other)
+    ]
+    pairs = [(one, other) for one in found[0] for other in found[1] if one.name == other.name]
+    return bool(pairs) and not any(is_same(one, other) for one, other in pairs)
 
 
 def translated(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:

@@ -10,12 +10,15 @@ from lark import Token, Transformer, v_args
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.count import MAX_ENTRIES, Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.fields import MAX_METRES
+from llm_astar_planner.instructions.fields import MAX_METRES, SpecificationError
 from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of, place_nouns
 from llm_astar_planner.instructions.grammar.selection import (
     OPPOSITE,
@@ -32,19 +35,28 @@ from llm_astar_planner.instructions.grammar.selection import (
 )
 from llm_astar_planner.instructions.regions import (
     ALONG_WIDTH,
+    NEAR_WIDTH,
     WALLS,
+    AllOf,
     Along,
+    AnyOf,
     Between,
     Box,
     Disc,
+    End,
+    Except,
     Half,
     NamedPlace,
     Region,
+    region_from_json,
 )
 
 # The type parameters of lark's class differ between its versions.
 Callbacks: Any = Transformer
 DOOR = 'door'
+# Metres. What keeps away from a place, or avoids what nobody can enter, without a number.
+CLEAR = 1.0
+AWAY, ANY_NUMBER = 'away', 'any'
 STOPBY = 'STOPBY'
 # Verbs of which an object, which nobody enters, is as far as the robot comes near it.
 NEARBY = frozenset({'VISIT', 'PASSBY', 'ALONG'})
@@ -55,12 +67,14 @@ Things = tuple[Selection, ...]
 class ParsedClause:
     """What one clause of an instruction says.
 
-    `things` are regions without a verb; `is_negative` where a 'not' stands before them.
+    `things` are regions without a verb; `is_negative` where a 'not' stands before them. `question`
+    names what is asked of the person, '' where all is certain.
     """
 
     clauses: tuple[Clause, ...] = ()
     things: Things = ()
     is_negative: bool = False
+    question: str = ''
 
 
 def visit_of(things: Things) -> Visit:
@@ -79,8 +93,8 @@ def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
     for thing in things:
         if thing.any_one == 'one':
             raise Unclear('which one is to be avoided')
-        if thing.is_walls:
-            clauses.append(KeepDistance(metres=positive(metres)))
+        if thing.is_walls or (all_objects(thing) and not metres):
+            clauses += distance_of((thing,), metres or CLEAR)
         elif thing.is_point and metres:
             clauses.append(Avoid(region=with_radius(thing, metres)))
         else:
@@ -106,12 +120,28 @@ def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
     """Return that each of the second things is entered after each of the first ones."""
     if any(two.is_all for two in seconds):
         raise Unclear('some of them or none')
-    each = [
+    return tuple(
+        Before(first=first, second=two.one) for two in seconds for first in each_of(firsts)
+    )
+
+
+def each_of(things: Things) -> list[Region]:
+    """Return the regions of things, each of a group, one where any of them will do."""
+    return [
         region
-        for one in firsts
+        for one in things
         for region in ((one.one,) if one.any_one or not one.is_group else one.regions)
     ]
-    return tuple(Before(first=first, second=two.one) for two in seconds for first in each)
+
+
+def after_each(kind: type[Then | NeverAfter], firsts: Things, seconds: Things) -> ParsedClause:
+    """Return what holds of each of the second things after each entry of one of the first."""
+    if any(thing.is_walls or thing.is_all for thing in (*firsts, *seconds)):
+        raise Unclear('some of them or none')
+    pairs = [(first, second) for first in each_of(firsts) for second in each_of(seconds)]
+    if kind is Then and len(firsts) > 1:
+        raise Unclear('after both of them or after each')
+    return ParsedClause(tuple(kind(first=first, second=second) for first, second in pairs))
 
 
 def with_radius(thing: Selection, metres: float) -> Disc:
@@ -145,6 +175,36 @@ def refuse_half_of_object(thing: Selection) -> None:
         raise Unclear('the side of what nobody can enter')
 
 
+def joined(region: Region) -> Region:
+    """Return a region put together of others. Raises Unclear where it is too deep or too large."""
+    try:
+        return region_from_json(region.to_json(), '')
+    except SpecificationError as error:
+        raise Unclear(str(error)) from None
+
+
+def without(thing: Selection, left_out: tuple[Region, ...]) -> Selection:
+    """Return a selection without some regions. Raises Unclear where nothing is left of it."""
+    is_one = len(thing.each) == 1 or bool(thing.any_one)
+    rest = joined(Except(thing.one, left_out)) if is_one else None
+    regions = tuple(region for region in thing.regions if region not in left_out)
+    if rest is None and not regions:
+        raise Unclear('nothing is left')
+    places = tuple(one for one in thing.places if NamedPlace(one.name) not in left_out)
+    if not thing.is_group or (rest is not None and thing.any_one):
+        return replace(thing, regions=(rest,), together=None, places=())  # type: ignore[arg-type]
+    return replace(thing, regions=regions, together=rest, places=places)
+
+
+def count_of(things: Things, least: int, most: int | None) -> ParsedClause:
+    """Return how often each thing is entered. Raises Unclear."""
+    if max(least, most or 0) > MAX_ENTRIES or any(thing.is_walls for thing in things):
+        raise Unclear('too often')
+    return ParsedClause(
+        tuple(Count(region=one, at_least=least, at_most=most) for one in each_of(things))
+    )
+
+
 def single(things: Things) -> Selection:
     """Return the only thing. Raises Unclear where there are several."""
     if len(things) != 1:
@@ -173,12 +233,21 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     # ---- avoid
 
-    def avoid(self, *parts: Any) -> ParsedClause:
-        """'avoid A and B'; a verb of entering may stand before the things."""
-        return ParsedClause(avoid_of(parts[-1]))
+    def avoid(self, verb: Token, things: Things) -> ParsedClause:
+        """'avoid A and B', 'stay clear of A'."""
+        return self.keep_away(things) if value(verb) == AWAY else ParsedClause(avoid_of(things))
 
-    def avoid_use(self, how: str, things: Things) -> ParsedClause:
+    def skip(self, things: Things) -> ParsedClause:
+        """'skip A', 'leave A alone'."""
+        return ParsedClause(avoid_of(things))
+
+    def keep_away(self, things: Things) -> ParsedClause:
+        """'keep away from A', without a number; of 'all but A' it is to avoid them."""
+        return ParsedClause(distance_of(things, CLEAR))
+
+    def avoid_use(self, *parts: Any) -> ParsedClause:
         """'avoid visiting A'; what is no more than to come near it cannot be refused so."""
+        how, things = parts[-2:]
         if how == STOPBY or (how in NEARBY and any(map(all_objects, things))):
             raise Unclear('it may be passed')
         return ParsedClause(avoid_of(things))
@@ -197,13 +266,19 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         return ParsedClause(avoid_of(things))
 
     def avoid_around(self, things: Things) -> ParsedClause:
-        """'go around A'; in 'go around the racks on the north side' the side is the way's."""
+        """'go around A'; in 'go around the racks on the north side' the side is the way's.
+
+        To go around the west end of a wall is to pass it in the west.
+        """
+        if any(isinstance(region, Half) for thing in things for region in thing.regions):
+            return self.pass_half(single(things))
         if any(thing.is_positioned for thing in things):
             raise Unclear('the side of the places or of the way')
         return ParsedClause(avoid_of(things))
 
-    def avoid_by(self, things: Things, metres: float) -> ParsedClause:
+    def avoid_by(self, *parts: Any) -> ParsedClause:
         """'avoid A by 3 m'."""
+        things, metres = parts[-2:]
         return ParsedClause(avoid_of(things, metres))
 
     def avoid_field(self, thing: Selection) -> ParsedClause:
@@ -238,6 +313,29 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'visit A and B'."""
         return visits(parts[-1])
 
+    def visit_half(self, side: Token) -> ParsedClause:
+        """'by the east'."""
+        return ParsedClause((Visit(regions=(Half(str(value(side))),)),))
+
+    def go_near(self, things: Things) -> ParsedClause:
+        """'go near A', 'go past A'."""
+        if any(thing.is_point or isinstance(thing.one, End) for thing in things):
+            raise Unclear('how near')
+        strips = tuple(strip_along(thing, NEAR_WIDTH) for thing in things)
+        return ParsedClause((Visit(regions=strips),))
+
+    def patrol(self, things: Things, rounds: Token | None = None) -> ParsedClause:
+        """'patrol A, B and C twice': the round, twice; without a number one, to be confirmed."""
+        least, most, _ = (1, 1, False) if rounds is None else value(rounds)
+        if least != most:
+            raise Unclear('how many rounds')
+        round_of = [Visit(regions=(region,)) for thing in things for region in each_of((thing,))]
+        return ParsedClause(tuple(round_of * least), question='' if rounds else 'round')
+
+    def come_back(self) -> ParsedClause:
+        """'there and back', 'come back'."""
+        return ParsedClause((Visit(regions=(End('goal'),)), EndAt(region=End('start'))))
+
     def visit_between(self, gap: Selection) -> ParsedClause:
         """'drive between A and B'."""
         return visits((gap,))
@@ -259,6 +357,64 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'go through A to B', 'visit A before B', 'after A visit B'."""
         first, second = (part for part in parts if isinstance(part, tuple))
         return visits(first, second)
+
+    def visit_after_you(self, *parts: Any) -> ParsedClause:
+        """'after you visit A, go to B': both, and B after each entry of A."""
+        first, second = (part for part in parts if isinstance(part, tuple))
+        both = self.visit_in_turn(*parts).clauses
+        return ParsedClause((*both, *after_each(Then, first, second).clauses))
+
+    def visit_after_you_swapped(self, *parts: Any) -> ParsedClause:
+        """'go to B after you visit A'."""
+        second, first = (part for part in parts if isinstance(part, tuple))
+        return self.visit_after_you(first, second)
+
+    def only_after(self, how: str, *parts: Any) -> ParsedClause:
+        """'visit B only after A': both, and B not before; 'enter B only after A' asks for none."""
+        seconds, firsts = (part for part in parts if isinstance(part, tuple))
+        orders = befores(firsts, seconds)
+        if how == 'ENTER':
+            return ParsedClause(orders)
+        return ParsedClause((*visits(firsts, seconds).clauses, *orders))
+
+    # ---- conditions and counts
+
+    def then(self, *parts: Any) -> ParsedClause:
+        """'once you visit A, you must go to B'."""
+        first, second = (part for part in parts if isinstance(part, tuple))
+        return after_each(Then, first, second)
+
+    def then_swapped(self, *parts: Any) -> ParsedClause:
+        """'go to B once you have visited A'."""
+        second, first = (part for part in parts if isinstance(part, tuple))
+        return after_each(Then, first, second)
+
+    def never_after(self, *parts: Any) -> ParsedClause:
+        """'after A never B', 'once in A do not enter B'."""
+        first, second = (part for part in parts if isinstance(part, tuple))
+        return after_each(NeverAfter, first, second)
+
+    never_avoid = never_after
+
+    def never_swapped(self, *parts: Any) -> ParsedClause:
+        """'do not enter B after A'."""
+        second, first = (part for part in parts if isinstance(part, tuple))
+        return after_each(NeverAfter, first, second)
+
+    def count(self, *parts: Any) -> ParsedClause:
+        """'visit A at most twice'."""
+        things = next(part for part in parts if isinstance(part, tuple))
+        return count_of(
+            things, *value(next(part for part in parts if isinstance(part, Token)))[:2]
+        )
+
+    def count_not(self, *parts: Any) -> ParsedClause:
+        """'never go to A more than twice'."""
+        things = next(part for part in parts if isinstance(part, tuple))
+        least, most, turns = value(next(part for part in parts if isinstance(part, Token)))
+        if not turns:
+            raise Unclear('not so often')
+        return count_of(things, 0, least - 1) if least else count_of(things, int(most) + 1, None)
 
     def before(self, *parts: Any) -> ParsedClause:
         """'A must be visited before B'; of several, each of them."""
@@ -383,11 +539,11 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             return self.pass_half(things[0])
         if all(isinstance(region, Between) for thing in things for region in thing.regions):
             return visits(things)
-        if any(thing.is_positioned for thing in things) or not all(
-            thing.is_point or all_objects(thing) for thing in things
-        ):
+        if any(thing.is_positioned for thing in things):
             raise Unclear('past it or through it')
-        return visits(things)
+        if all(thing.is_point or all_objects(thing) for thing in things):
+            return visits(things)
+        return self.go_near(things)
 
     def pass_by_at(self, how: str, things: Things, *tokens: Token) -> ParsedClause:
         """'pass by A on the north side'."""
@@ -426,8 +582,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     # ---- the rest
 
-    def end_at(self, thing: Selection) -> ParsedClause:
+    def end_at(self, things: Things) -> ParsedClause:
         """'end in A'."""
+        thing = single(things)
         if thing.is_group and not thing.any_one:
             raise Unclear('in which of them')
         return ParsedClause((EndAt(region=thing.one),))
@@ -444,6 +601,42 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         if len(limits) > 1:
             return (*(thing for thing in things if not thing.is_limit), *joint_limits(limits))
         return things
+
+    def choice(self, *things: Selection) -> Things:
+        """'A or B'."""
+        return (self.one_of(*things),)
+
+    def one_of(self, *things: Selection) -> Selection:
+        """'A or B' within brackets."""
+        parts = tuple(
+            region
+            for thing in things
+            for region in ((thing.one,) if thing.any_one else thing.each)
+        )
+        if len(set(parts)) < len(parts):
+            raise Unclear('the same place twice')
+        return Selection((joined(AnyOf(parts)),), any_one='one')
+
+    def bracket(self, thing: Selection) -> Selection:
+        """'(A except B)'."""
+        return thing
+
+    def area_of(self, thing: Selection) -> Selection:
+        """'the area (A or B)'."""
+        return replace(thing, any_one='')
+
+    def overlap(self, things: Things) -> Selection:
+        """'the overlap (A and B)'."""
+        return Selection((joined(AllOf(tuple(thing.one for thing in things))),))
+
+    def except_of(self, thing: Selection, others: Things) -> Selection:
+        """'all rooms except A and B'."""
+        left_out = tuple(region for other in others for region in other.each)
+        return without(thing, left_out)
+
+    def endpoint(self, token: Token) -> Selection:
+        """'the start'."""
+        return Selection((End(value(token)),))
 
     def place(self, token: Token) -> Selection:
         """A name."""
@@ -514,11 +707,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def above(self, line: Token) -> Selection:
         """'above y = 10'."""
-        return Selection((axis_half('north', *value(line)),), is_limit=True)
+        side = 'north' if value(line)[0] == 'y' else 'east'
+        return Selection((axis_half(side, *value(line)),), is_limit=True)
 
     def below(self, line: Token) -> Selection:
         """'below y = 10'."""
-        return Selection((axis_half('south', *value(line)),), is_limit=True)
+        side = 'south' if value(line)[0] == 'y' else 'west'
+        return Selection((axis_half(side, *value(line)),), is_limit=True)
 
     def limits(self, box: Token) -> Selection:
         """'x below 10', 'between y = 5 and y = 20'."""

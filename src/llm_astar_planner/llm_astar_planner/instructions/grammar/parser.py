@@ -22,7 +22,7 @@ from llm_astar_planner.instructions.grammar.words import word_set
 # Kinds whose value the grammar's callbacks are given; lark leaves out those with an underscore.
 VALUED = word_set(
     'PLACE NOUN POINT LENGTH RANGE AXISLINE SIDE MOST CENTER ORIENT ORDINAL TAG ANY '
-    'ALL SIDENOUN HALFNOUN PASSBY ENTER STOPBY VISIT ALONG'
+    'ALL SIDENOUN HALFNOUN PASSBY ENTER STOPBY VISIT ALONG AVOID TIMES ENDPOINT'
 )
 # Typed differently by the versions of lark.
 Lexer: Any = LarkLexer

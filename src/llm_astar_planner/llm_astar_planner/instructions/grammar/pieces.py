@@ -8,22 +8,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, LENGTH, POINT, RANGE, Lexeme
+from llm_astar_planner.instructions.grammar.lexemes import (
+    AND,
+    CLOSE,
+    COMMA,
+    LENGTH,
+    OPEN,
+    POINT,
+    RANGE,
+    TIMES,
+    UNSUPPORTED,
+    Lexeme,
+)
 from llm_astar_planner.instructions.grammar.words import word_set
 
 NEG, FIRST, PRONOUN = 'NEG', 'FIRST', 'PRONOUN'
 VERBS = word_set(
     'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
-    'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY'
+    'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY PATROL COMEBACK'
 )
 # Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
 GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
 # After these the route goes on; `ENROUTE` is 'on your way'.
 ENROUTE = 'ENROUTE'
-GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH ENTER')
+GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH INTO ENTER')
 # A verb after one of these belongs to it: 'before you enter A'.
-ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
+ONCE, EXCEPT, PART = 'ONCE', 'EXCEPT', 'PART'
+ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER', ONCE})
 # 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
 STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
 SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
@@ -35,67 +48,126 @@ UNREAD = 'UNREAD'
 # 'you may', which asks nothing unless it is negated or a question.
 MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
-PAST, BACK = 'past', 'back'
+PAST, BACK, YOU, ONLY, ON = 'past', 'back', 'you', 'only', 'on'
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
-    'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
-) | {POINT, RANGE, LENGTH, PRONOUN}
+    'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW EITHER ENDPOINT '
+    'OVERLAP'
+) | {POINT, RANGE, LENGTH, PRONOUN, OPEN}
 REGION_ENDS = word_set(
-    'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
-) | {POINT, RANGE, LENGTH, PRONOUN}
+    'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP ENDPOINT'
+) | {POINT, RANGE, LENGTH, PRONOUN, CLOSE, TIMES}
 # Words that are left out where nothing is negated: 'slowly', 'you have to'.
-AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
-PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
+AFFIRMATIVE = frozenset({'NEED'})
+PREPOSITIONS = word_set('THROUGH INTO TO FROM OF IN UPON BY')
+WAYS = frozenset({'THROUGH', 'TO', 'INTO'})
 # A comma before one of these ends nothing.
-TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
+TRAILERS = ORDER_WORDS - {'AFTER', ONCE} | {
+    ANYORDER,
+    INORDER,
+    'BY',
+    'REQUIRED',
+    'FORBIDDEN',
+    EXCEPT,
+    TIMES,
+}
+# Verbs that an 'or' may repeat: 'go to A or go to B'.
+VISITING = frozenset({'VISIT', 'ENTER'})
+# Words that say how a clause is meant.
+NOTED = frozenset({UNSUPPORTED, 'SOON', 'LAST', 'EITHER', 'INSTEAD', ANYORDER, INORDER})
 # What is said of a subject, and what ends the look for it.
 STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
 SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
+# How far an unread piece reaches, and the kinds of words of one that reaches its neighbours.
+ALL, NEAR, DOUBT = 'all', 'near', 'doubt'
+LIMITING = ORDER_WORDS | {EXCEPT, OR, 'ONLY', 'EITHER', 'NUMBER'}
+REFUSING = frozenset({NEG, 'POISON', 'MAY'})
+POSITIONS = frozenset({'IN', 'UPON', 'AT', 'FROM'})
 SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
 
 
 def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Return lexemes with 'stop at' as the end of the route, or as a visit where it goes on.
+    """Return lexemes with 'stop at' as a visit where the route goes on, else as its end.
 
-    Where only conditions of the way follow ('stop at A and avoid B') nobody knows which.
+    Nobody knows whether the goal is to change then; the value STOP says so.
     """
     result: list[Lexeme] = []
     goes_on = any(lexeme.kind == ENROUTE for lexeme in lexemes)
-    is_limited = False
     for at in range(len(lexemes) - 1, -1, -1):
         lexeme = lexemes[at]
         if lexeme.kind == STOP and (at == 0 or lexemes[at - 1].kind != FIRST):
-            kind = STOPBY if goes_on else STOP if is_limited else END
-            lexeme = replace(lexeme, kind=kind)
+            lexeme = replace(lexeme, kind=STOPBY if goes_on else END, value=STOP)
         elif lexeme.kind == STOP:
             lexeme = replace(lexeme, kind=STOPBY)
         is_refused = at > 0 and lexemes[at - 1].kind in GOVERNING
         goes_on = goes_on or (lexeme.kind in GOES_ON and not is_refused)
-        is_limited = is_limited or lexeme.kind in VERBS or lexeme.kind == NEG
         if lexeme.kind != ENROUTE:
             result.append(lexeme)
     return result[::-1]
 
 
 def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return a piece with its negation first and a verb at its end before what it governs."""
-    lexemes = with_only_after(lexemes)
-    negations = [lexeme for lexeme in lexemes if lexeme.kind == NEG]
-    rest = [lexeme for lexeme in lexemes if lexeme.kind != NEG]
-    order = next((n for n, one in enumerate(rest) if n and one.kind in ORDER_WORDS), None)
-    if order is not None:
-        head, tail = verb_first(rest[:order]), verb_first(rest[order + 1 :])
-        return with_visits([*negations, *head, rest[order], *tail])
-    return with_visits(negations + verb_first(rest))
+    """Return a piece with its negation first and a verb at its end before what it governs.
+
+    A negation of what follows an order word, 'if you do not enter A', makes it unreadable.
+    """
+    lexemes = with_only_after(with_times_last(lexemes))
+    order = next((n for n, one in enumerate(lexemes) if one.kind in ORDER_WORDS), None)
+    if order is None:
+        return with_visits([*negations_in(lexemes), *verb_first(without_negations(lexemes))])
+    word, before, behind = lexemes[order], lexemes[:order], lexemes[order + 1 :]
+    is_inner = any(lexeme.kind != NEG for lexeme in before)
+    if is_inner:
+        head, tail = before, behind
+        is_scope_clear = not negations_in(tail[:-1])
+    else:
+        cut = next((n for n, one in enumerate(behind) if one.kind == PART), 0)
+        head, tail = behind[:cut], [*before, *behind[cut:]]
+        regions = [n for n, one in enumerate(behind) if one.kind in REGION_ENDS]
+        first = next((n for n, one in enumerate(behind) if one.kind == NEG), len(behind))
+        is_scope_clear = not negations_in(head) and (bool(before) or regions[:1] <= [first])
+    negations = negations_in([*head, *tail])
+    head, tail = (
+        verb_first([one for one in without_negations(part) if one.kind != PART])
+        for part in (head, tail)
+    )
+    word = with_you(word)
+    inner = [*head, word, *tail] if is_inner else [word, *head, *tail]
+    unread = [] if is_scope_clear else [replace(word, kind=UNREAD)]
+    return with_visits([*negations, *inner, *unread])
+
+
+def with_times_last(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return 'go at most twice through A' as 'go through A at most twice'."""
+    times = [lexeme for lexeme in lexemes if lexeme.kind == TIMES]
+    if len(times) != 1 or (lexemes[0].kind == TIMES and len(lexemes) > 1):
+        return lexemes
+    return [*(lexeme for lexeme in lexemes if lexeme.kind != TIMES), *times]
+
+
+def with_you(word: Lexeme) -> Lexeme:
+    """Return 'after you', which is a condition too, as a kind of its own."""
+    is_condition = word.kind == 'AFTER' and word.value == YOU
+    return replace(word, kind='AFTERYOU') if is_condition else word
+
+
+def negations_in(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return the negations among lexemes."""
+    return [lexeme for lexeme in lexemes if lexeme.kind == NEG]
+
+
+def without_negations(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return the other lexemes."""
+    return [lexeme for lexeme in lexemes if lexeme.kind != NEG]
 
 
 def with_only_after(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return 'only enter A after B' as 'enter A only after B'."""
     kinds = [lexeme.kind for lexeme in lexemes]
-    if kinds.count('ONLY') != 1 or 'AFTER' not in kinds:
+    if kinds.count('ONLY') != 1 or not {'AFTER', ONCE} & set(kinds):
         return lexemes
     return [
-        replace(lexeme, kind='ONLYAFTER') if lexeme.kind == 'AFTER' else lexeme
+        replace(lexeme, kind='ONLYAFTER') if lexeme.kind in ('AFTER', ONCE) else lexeme
         for lexeme in lexemes
         if lexeme.kind != 'ONLY'
     ]
@@ -120,7 +192,11 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
     for at, lexeme in enumerate(lexemes):
         before = result[-1].kind if result else ''
         after = [one.kind for one in lexemes[at + 1 : at + 3]]
-        if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO') and after != ['SIDE', 'OF']:
+        if (
+            before == 'MOVE'
+            and lexeme.kind in ('THROUGH', 'TO', 'INTO')
+            and after != ['SIDE', 'OF']
+        ):
             result[-1] = replace(result[-1], kind='VISIT')
         elif before == 'MOVE' and lexeme.kind == PRONOUN:
             result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
@@ -143,6 +219,11 @@ class Piece:
     - `is_broken`: it holds a condition or words that make it no instruction.
     - `first`: its first lexeme as it was said.
     - `is_question`: a question mark ends it. `takes_back`: it holds 'no, wait' or the like.
+    - `is_strict`: it begins with 'only then'. `goes_on`: with 'continue to'.
+    - `is_last`: it holds 'last'. `is_either`: 'either'.
+      `is_instead`: 'instead', which takes back a visit before it.
+    - `soon`: the words for at once. `unsupported`: the words for what a path does not have.
+    - `remarks`: where words stand that were left out beside it although they are not known.
     """
 
     link: str = ''
@@ -159,6 +240,14 @@ class Piece:
     first: Lexeme | None = None
     is_question: bool = False
     takes_back: bool = False
+    is_strict: bool = False
+    goes_on: bool = False
+    is_last: bool = False
+    is_either: bool = False
+    is_instead: bool = False
+    soon: Lexeme | None = None
+    unsupported: list[Lexeme] = field(default_factory=list)
+    remarks: list[tuple[int, int]] = field(default_factory=list)
 
     @property
     def kinds(self) -> set[str]:
@@ -176,14 +265,26 @@ class Piece:
         return self.last in REGION_ENDS
 
     @property
-    def is_apart(self) -> bool:
-        """Whether it can be read although the one before it was not: 'and avoid A'."""
-        first = self.first
-        if first is None or first.other == 'WITHOUT' or self.link not in (AND, BUT, THEN):
-            return False
-        if first.kind == NEG:
-            return bool(self.kinds & (VERBS - GOVERNING))
-        return first.kind in VERBS
+    def reach(self) -> str:
+        """What becomes of the others where it is not understood: ALL, NEAR, DOUBT or ''.
+
+        A condition may govern the whole sentence (ALL); an exception, an order or a 'not' without
+        a verb what is beside it (NEAR); words without a verb perhaps (DOUBT). A clause of its own
+        concerns no other one.
+        """
+        kinds = self.kinds
+        if self.is_broken or ONCE in kinds:
+            return ALL
+        is_own = bool(kinds & (VERBS - GOVERNING) and kinds & REGION_ENDS)
+        leads = self.first.kind if self.first else ''
+        if kinds & LIMITING or leads in POSITIONS or (kinds & REFUSING and not is_own):
+            return NEAR
+        return '' if self.link in (AND, THEN, BUT) or kinds & VERBS else DOUBT
+
+    @property
+    def leads_a_condition(self) -> bool:
+        """Whether it begins with 'if you' and the like: what follows may be conditional, too."""
+        return self.first is not None and self.first.kind == ONCE
 
     @property
     def withdraws(self) -> bool:
@@ -233,14 +334,14 @@ class Splitter:
                 self.add(at, lexeme)
         if self.piece.link == THEN and not self.piece.lexemes and len(self.pieces) > 1:
             self.pieces[-2].is_later = True
-        filled = [piece for piece in self.pieces if piece.lexemes or piece.is_broken]
+        filled = [p for p in self.pieces if p.lexemes or p.is_broken or p.unsupported or p.soon]
         for piece in filled:
             piece.first = piece.lexemes[0] if piece.lexemes else None
             if self.is_unclear(piece):
                 piece.lexemes = [*piece.lexemes, Lexeme(UNREAD, '', piece.end, piece.end)]
-            elif NEG in piece.kinds or piece.is_question:
-                piece.lexemes = [lexeme for lexeme in piece.lexemes if lexeme.kind != MAY]
-            piece.lexemes = in_reading_order(piece.lexemes)
+            elif NEG in piece.kinds or piece.is_question or is_limited(piece):
+                piece.lexemes = [lexeme for lexeme in piece.lexemes if not is_leave(lexeme)]
+            piece.lexemes = in_reading_order(chosen(piece.lexemes))
         return filled
 
     def is_unclear(self, piece: Piece) -> bool:
@@ -249,6 +350,8 @@ class Splitter:
         lists = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
         ends_negated = bool(kinds) and kinds[-1] == NEG
         if ends_negated and (self.language != 'de' or COMMA in lists[-1:]):
+            return True
+        if piece.is_either and not piece.kinds & {OR, NEG}:
             return True
         has_past = any(lexeme.value == PAST and lexeme.kind in VERBS for lexeme in piece.lexemes)
         return has_past and not piece.kinds & ORDER_WORDS and 'HAVING' not in piece.kinds
@@ -278,7 +381,7 @@ class Splitter:
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
         piece = self.piece
-        if not (piece.lexemes or piece.is_preference or piece.is_first or piece.is_broken):
+        if not piece.end:
             piece.start = lexeme.start
         piece.lexemes.append(lexeme)
         piece.end = lexeme.end
@@ -288,6 +391,13 @@ class Splitter:
         kind = CONDITION if lexeme.other == CONDITION else lexeme.kind
         if lexeme.value == '?':
             self.piece.is_question = True
+        if kind == THEN and self.leads_an_order() and self.piece.lexemes[0].kind != 'BEFORE':
+            self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
+            return
+        if kind == BUT and self.is_exception(at):
+            self.extend(replace(lexeme, kind=EXCEPT))
+            self.skipped = int(self.kind_after(at) == NEG)
+            return
         if kind == CONDITION:
             self.begin(kind)
             self.piece.link = CONDITION
@@ -296,32 +406,51 @@ class Splitter:
             self.piece.start, self.piece.end = lexeme.start, lexeme.end
         elif kind not in (AND, COMMA) or not self.is_left_out(at, kind):
             self.begin(kind)
+            self.piece.is_strict = self.piece.is_strict or lexeme.value == ONLY
+            self.piece.goes_on = self.piece.goes_on or lexeme.value == ON
 
     def is_left_out(self, at: int, kind: str) -> bool:
         """Whether a comma or 'and' ends no piece; one within a list is added to it."""
         following = self.kind_after(at, COMMA, AND)
-        if following in (THEN, BUT, ''):
+        if following in (THEN, BUT, OR, ''):
             return True
         if kind == COMMA:
             kinds = self.piece.kinds
             if following == 'ONLYAFTER' and piece_visits(kinds):
                 self.extend(Lexeme(UNREAD, '', self.piece.end, self.piece.end))
             is_governing = bool(kinds) and kinds <= GOVERNING
-            if is_governing or (kinds and following in TRAILERS) or self.leads_an_order():
+            if self.leads_an_order():
+                lexeme = self.lexemes[at]
+                self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
+                return True
+            if is_governing or (kinds and following in TRAILERS):
                 return True
         if self.goes_on(at, following):
             return True
         return following == SHOULD_WORD and kind == COMMA and not self.ends_before(at)
 
+    def is_exception(self, at: int) -> bool:
+        """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""
+        piece = self.piece
+        if not (piece.is_complete and {'ALL', 'NOUN'} <= piece.kinds):
+            return False
+        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
+        end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS - {AND}), len(kinds))
+        first = next((kind for kind in kinds if kind != NEG), '')
+        return first in REGION_STARTS and not VERBS & set(kinds[:end])
+
     def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
         piece = self.piece
-        return piece.is_complete and piece.lexemes[0].kind in ORDER_WORDS
+        if not piece.lexemes or PART in piece.kinds or piece.lexemes[0].kind not in ORDER_WORDS:
+            return False
+        is_ended = piece.is_complete or piece.last in VERBS | {'VISITED'}
+        return is_ended and bool(piece.kinds & REGION_ENDS)
 
     def goes_on(self, at: int, following: str) -> bool:
         """Whether a comma or 'and' goes on with a list; then its lexeme is added."""
         piece, lexeme = self.piece, self.lexemes[at]
-        if not piece.is_complete:
+        if not piece.is_complete or piece.last == TIMES:
             return False
         nearest = self.kind_after(at)
         if following in REGION_STARTS and not self.names_a_subject(at):
@@ -331,8 +460,14 @@ class Splitter:
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
             return True
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
-        if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF') and self.repeats(nearest):
+        if (
+            repeated
+            and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO')
+            and self.repeats(nearest)
+        ):
             kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
+            if nearest == 'INTO' and 'INTO' not in piece.kinds and kind == AND:
+                kind = nearest
             self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
             self.skipped = 1
             return True
@@ -346,8 +481,8 @@ class Splitter:
     def repeats(self, preposition: str) -> bool:
         """Whether the piece has the preposition already, in a verb or alone."""
         kinds = self.piece.kinds
-        if preposition in ('THROUGH', 'TO'):
-            return preposition in kinds or 'VISIT' in kinds
+        if preposition in WAYS:
+            return bool(kinds & {preposition, 'VISIT', 'ENTER'})
         return preposition in kinds or 'AVOID' in kinds
 
     def names_a_subject(self, at: int) -> bool:
@@ -363,13 +498,28 @@ class Splitter:
         return bool(following) and following not in SEPARATORS and self.piece.is_complete
 
     def choose(self, at: int, lexeme: Lexeme) -> None:
-        """Take an 'or': after a negation it is an 'and', elsewhere nobody knows which."""
+        """Take an 'or': between regions a choice, after a refusal an 'and', else a condition."""
         following = self.kind_after(at, COMMA, AND)
-        if NEG in self.piece.kinds and self.piece.is_complete:
-            if following in REGION_STARTS and not self.piece.kinds & ORDER_WORDS:
-                self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
+        piece = self.piece
+        kinds = piece.kinds
+        opened = [one.kind for one in piece.lexemes]
+        if opened.count(OPEN) > opened.count(CLOSE):
+            self.extend(lexeme)
+            return
+        is_refused = bool(kinds & {NEG, 'AVOID', 'SKIP'})
+        is_order = bool(kinds & ORDER_WORDS) and NEG in kinds
+        is_refused = is_refused and not is_order
+        if piece.is_complete and (piece.is_either or not is_order):
+            kind = AND if is_refused else OR
+            if following in REGION_STARTS:
+                self.extend(replace(lexeme, kind=kind))
                 return
-            if following in VERBS or following == 'THROUGH':
+            repeats = following in PREPOSITIONS or (following in VISITING and not is_refused)
+            if repeats and self.repeats(following) and self.kind_after(at + 1) in REGION_STARTS:
+                self.extend(replace(lexeme, kind=kind))
+                self.skipped = 1
+                return
+            if NEG in kinds and (following in VERBS or following == 'THROUGH'):
                 self.begin(AND)
                 self.extend(Lexeme(NEG, '', lexeme.start, lexeme.end))
                 return
@@ -381,14 +531,15 @@ class Splitter:
         if lexeme.kind == SHOULD_WORD:
             piece.preference_leads = piece.preference_leads or not piece.lexemes
             piece.is_preference = True
+        elif self.notes(lexeme):
+            piece.start = piece.start if piece.end else lexeme.start
+            piece.end = max(piece.end, lexeme.end)
         elif lexeme.kind in AFFIRMATIVE or (lexeme.kind == 'DEGREE' and piece.last != NEG):
             piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
         elif lexeme.kind == FIRST:
             piece.is_first = True
             if AND in piece.kinds:
                 self.extend(Lexeme(UNREAD, '', lexeme.start, lexeme.end))
-        elif lexeme.kind in (ANYORDER, INORDER):
-            piece.order = lexeme.kind
         elif lexeme.kind == 'NONE':
             self.add_none(lexeme)
         elif lexeme.kind == 'UNTIL' and not piece.lexemes:
@@ -405,6 +556,23 @@ class Splitter:
             if not self.piece.lexemes and not self.piece.end:
                 self.piece.start = lexeme.start
             self.piece.end = lexeme.end
+
+    def notes(self, lexeme: Lexeme) -> bool:
+        """Note how a clause is meant: 'last', 'at once', 'slowly'; whether the word is one."""
+        piece = self.piece
+        if lexeme.kind == UNSUPPORTED:
+            piece.unsupported.append(lexeme)
+        elif lexeme.kind == 'SOON':
+            piece.soon = lexeme
+        elif lexeme.kind == 'LAST':
+            piece.is_last = True
+        elif lexeme.kind == 'EITHER':
+            piece.is_either = True
+        elif lexeme.kind == 'INSTEAD':
+            piece.is_instead = True
+        elif lexeme.kind in (ANYORDER, INORDER):
+            piece.order = lexeme.kind
+        return lexeme.kind in NOTED
 
     def add_none(self, lexeme: Lexeme) -> None:
         """Take 'none of': after a 'not', as in Spanish, it is 'any of'."""
@@ -427,6 +595,27 @@ class Splitter:
         if lexeme.kind == 'ALONG' and piece.last == LENGTH:
             return False
         return lexeme.kind in VERBS and not piece.awaits_verb
+
+
+def is_limited(piece: Piece) -> bool:
+    """Whether it says how often at most: then 'you may' is no leave but a limit."""
+    return any(one.kind == TIMES and one.value[1] is not None for one in piece.lexemes)
+
+
+def is_leave(lexeme: Lexeme) -> bool:
+    """Whether a word gives leave: 'you may', 'can'."""
+    return lexeme.kind == MAY or (lexeme.kind == 'POISON' and lexeme.value == BACK)
+
+
+def chosen(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with the commas of 'A, B or C' as an 'or'; 'A and B or C' stays."""
+    depths = list(accumulate((one.kind == OPEN) - (one.kind == CLOSE) for one in lexemes))
+    if not any(one.kind == OR and not depth for one, depth in zip(lexemes, depths)):
+        return lexemes
+    return [
+        replace(one, kind=OR) if (one.kind, one.value, depth) == (AND, COMMA, 0) else one
+        for one, depth in zip(lexemes, depths)
+    ]
 
 
 def piece_visits(kinds: set[str]) -> bool:

@@ -9,7 +9,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.lexemes import (
+    AND,
+    COMMA,
+    LENGTH,
+    TIMES,
+    UNKNOWN,
+    Lexeme,
+)
 from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
     COLON,
@@ -30,7 +37,7 @@ ONE = 'one'
 NAMING = (REGION_STARTS | REGION_ENDS) - {PRONOUN, *word_set('ALL ANY ABOVE BELOW AREA NONE')}
 # What no statement about a place holds: it may ask something, or the opposite.
 TELLING = word_set('NEG CONDITION POISON OR BEFORE UNTIL ONLYAFTER ONLY AVOID END REQUIRED')
-HARMLESS = frozenset({UNKNOWN, STATE, REMARK})
+HARMLESS = frozenset({UNKNOWN, STATE, REMARK, 'PERSON', 'THING', 'TIMEWORD'})
 # A remark with one of these after a refusal may take it back: 'avoid A, it is fine'.
 TAKING_BACK = word_set(
     'fine wrong joke joking kidding free open again allowed false changed mistake finished over '
@@ -54,11 +61,14 @@ def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
     for piece in pieces:
         shorten(piece)
     forbid_first(pieces)
-    spoken = [
+    left_out = [
         piece
         for piece, before in zip(pieces, [Piece(), *pieces])
-        if not (is_remark(piece) or gives_reason(piece, before))
-    ] or list(pieces)
+        if is_remark(piece) or gives_reason(piece, before)
+    ]
+    spoken = [piece for piece in pieces if piece not in left_out] or list(pieces)
+    for piece in left_out:
+        note_remark(piece, [*[one for one in spoken if one.start < piece.start][-1:], *spoken][0])
     kept: list[Piece] = []
     for piece in spoken:
         if PRONOUN in piece.kinds:
@@ -79,11 +89,25 @@ def shorten(piece: Piece) -> None:
     if kinds[first] == 'FETCH':
         to = next((n for n, kind in enumerate(kinds) if n > first and kind in TOWARDS), 0)
         if to and set(kinds[first + 1 : to]) <= OBJECTS and kinds[to + 1 : to + 2]:
+            note_unknown(piece, piece.lexemes[first + 1 : to])
             del piece.lexemes[first + 1 : to + 1]
     ends = [n for n, lexeme in enumerate(piece.lexemes) if is_purpose(lexeme)]
     after = piece.lexemes[ends[-1] + 1 :] if ends else []
     if after and {lexeme.kind for lexeme in after} <= OBJECTS and not names_place(after):
+        note_unknown(piece, after)
         del piece.lexemes[ends[-1] :]
+
+
+def note_unknown(piece: Piece, lexemes: Sequence[Lexeme]) -> None:
+    """Note words that are left out of a piece, if one of them is not known: it may be a place."""
+    if any(lexeme.kind == UNKNOWN for lexeme in lexemes):
+        piece.remarks.append((lexemes[0].start, lexemes[-1].end))
+
+
+def note_remark(remark: Piece, piece: Piece) -> None:
+    """Note a remark that is left out beside a piece, if a word of it is not known."""
+    if UNKNOWN in remark.kinds:
+        piece.remarks.append((remark.start, remark.end))
 
 
 def forbid_first(pieces: Sequence[Piece]) -> None:
@@ -136,6 +160,9 @@ def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
         # 'It is closed, but go through it': nobody knows which of the two holds.
         for one in (*said, piece):
             one.is_broken = True
+    for one in said:
+        if is_reason(one):
+            note_remark(one, piece)
     return [*before[: len(before) - number], *(one for one in said if not is_reason(one)), piece]
 
 
@@ -157,7 +184,8 @@ def runs_of(piece: Piece) -> list[list[Lexeme]]:
             runs[-1].append(lexeme)
         elif runs[-1]:
             runs.append([])
-    return [run for run in runs if any(lexeme.kind in REGION_ENDS for lexeme in run)]
+    named = REGION_ENDS - {LENGTH, TIMES}
+    return [run for run in runs if any(lexeme.kind in named for lexeme in run)]
 
 
 def is_reason(piece: Piece) -> bool:

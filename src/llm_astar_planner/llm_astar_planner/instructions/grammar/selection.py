@@ -14,6 +14,7 @@ from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
 from llm_astar_planner.instructions.regions import (
     ROUTE_SIDES,
+    AnyOf,
     Box,
     Half,
     NamedPlace,
@@ -166,6 +167,8 @@ class Selection:
     @property
     def one(self) -> Region:
         """The regions as one. Raises Unclear where there are several."""
+        if len(self.each) != 1 and self.any_one:
+            return AnyOf(self.each)
         if len(self.each) != 1:
             raise Unclear('several places where one is expected')
         return self.each[0]

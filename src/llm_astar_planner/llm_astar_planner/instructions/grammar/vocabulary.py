@@ -16,7 +16,7 @@ from llm_astar_planner.instructions.grammar.words import Phrases, comparable, ph
 FOLDER = Path(__file__).with_name('vocabulary')
 LANGUAGES = ('en', 'de', 'fr', 'es')
 ARTICLES, ANY_ARTICLE, DEMONSTRATIVES = 'ARTICLES', 'ANY_ARTICLE', 'DEMONSTRATIVES'
-IRRELEVANT = 'IRRELEVANT'
+IRRELEVANT, QUESTIONS = 'IRRELEVANT', 'QUESTIONS'
 
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
@@ -32,6 +32,7 @@ class Vocabulary:
     - `articles`: words that are left out; `any_articles`: those that mean any one ('a').
     - `demonstratives`: articles of what was named before ('those').
     - `irrelevant`: phrases that say nothing about the route.
+    - `questions`: what is asked where something is not certain, with `{said}` and `{meant}`.
     """
 
     language: str
@@ -40,6 +41,7 @@ class Vocabulary:
     any_articles: frozenset[str]
     demonstratives: frozenset[str]
     irrelevant: Phrases[str]
+    questions: dict[str, str]
 
     def knows(self, word: str) -> bool:
         """Whether a word is in this language's table."""
@@ -72,9 +74,11 @@ def meaning_of(key: str) -> Meaning:
 @cache
 def vocabulary(language: str) -> Vocabulary:
     """Return the words of a language, read once."""
+    read = read_table(language)
+    questions: dict[str, str] = read.pop(QUESTIONS)
     table = {
         key: [phrase for phrase in str(text).split(',') if phrase.strip()]
-        for key, text in read_table(language).items()
+        for key, text in read.items()
     }
     any_articles = frozenset(comparable(word.strip()) for word in table.pop(ANY_ARTICLE))
     demonstratives = frozenset(comparable(word.strip()) for word in table.pop(DEMONSTRATIVES))
@@ -86,20 +90,25 @@ def vocabulary(language: str) -> Vocabulary:
     for key, texts in table.items():
         for words in itertools.chain.from_iterable(map(expand, texts)):
             phrases.add(words, meaning_of(key))
-    return Vocabulary(language, phrases, articles, any_articles, demonstratives, irrelevant)
+    return Vocabulary(
+        language, phrases, articles, any_articles, demonstratives, irrelevant, questions
+    )
 
 
 @dataclass(frozen=True)
 class Noun:
     """A noun of the table: what it names, in which number it stands.
 
-    `generic` is the wider word that covers it: 'room' of a kitchen, its own of 'room'.
+    `generic` is the wider word that covers it: 'room' of a kitchen, its own of 'room'. `word` is
+    its singular; `is_main` for the first word of its language, not one of the synonyms.
     """
 
     name: str
     generic: str
     plural: bool
     language: str
+    word: tuple[str, ...] = ()
+    is_main: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,13 +157,13 @@ def nouns() -> Nouns:
 def add_noun(read: Nouns, name: str, language: str, words: list[str]) -> None:
     """Add the words of a noun in a language, 'singular/plural' each."""
     singulars = read.words.setdefault((name, language), [])
-    for word in words:
+    for at, word in enumerate(words):
         singular, _, plural = word.partition('/')
         one = phrase_words(singular)
         many = phrase_words(plural) if plural else plurals(one, language)
         singulars.append(one)
         for phrase, is_plural in forms(one, many, language):
-            noun = Noun(name, read.generic[name], is_plural, language)
+            noun = Noun(name, read.generic[name], is_plural, language, one, at == 0)
             read.by_language[language].add(phrase, noun)
             read.everywhere.add(phrase, noun)
 

@@ -20,6 +20,11 @@ MINUS = '\u2212'
 NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?')
 # Between two numbers they make a range or something else that is no number: '2-3', '2 - 3'.
 DASHES = HYPHENS | frozenset('\u2013\u2014\u2212~')
+# What may be written at a number without a space and is no part of an identifier: '3m', '5pm'.
+SUFFIXES = frozenset({'m', 'mm', 'cm', 'km', 'ft', 'yd', 'meter', 'metres', 'mal'})
+SUFFIXES |= {'min', 'mins', 'sec', 'am', 'pm', 'uhr'}
+# The longest letters before a number that make an identifier with it: 'B12', but not 'ward2'.
+LONGEST_PREFIX = 2
 NUMBER_SIGNS = DASHES | frozenset('.,+/*')
 Value = TypeVar('Value')
 END = ''
@@ -27,16 +32,25 @@ END = ''
 
 @dataclass(frozen=True)
 class Word:
-    """A word, a number or a sign: its comparable form and where it stands in the text."""
+    """A word, a number or a sign: its comparable form and where it stands in the text.
+
+    `said` is the word as it was written; `text` may be a correction of it.
+    """
 
     text: str
     start: int
     end: int
+    said: str = ''
 
     @property
     def is_number(self) -> bool:
         """Whether it is one number, written in digits; '2-3' is none."""
         return self.text[-1].isdigit() and NUMBER.fullmatch(self.text) is not None
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether it was written otherwise."""
+        return bool(self.said) and comparable(self.said) != self.text
 
     @property
     def is_letters(self) -> bool:
@@ -57,13 +71,32 @@ def comparable(text: str) -> str:
 
 def read_words(text: str) -> list[Word]:
     """Return the words of a text in order, without quotes and hyphens within words."""
-    return with_whole_numbers(
-        [
-            Word(comparable(match[0]), match.start(), match.end())
-            for match in WORD.finditer(text)
-            if match[0] not in QUOTES and not is_joint(text, match.start())
-        ]
-    )
+    words = [
+        Word(comparable(match[0]), match.start(), match.end(), match[0])
+        for match in WORD.finditer(text)
+        if match[0] not in QUOTES and not is_joint(text, match.start())
+    ]
+    return with_identifiers(with_whole_numbers(words))
+
+
+def with_identifiers(words: list[Word]) -> list[Word]:
+    """Return words with '101a' and 'B12' as one word each, which is no number: a whole name."""
+    result: list[Word] = []
+    for word in words:
+        before = result[-1] if result else None
+        if before is not None and before.end == word.start and is_identifier(before, word):
+            text = before.text + word.text
+            result[-1] = Word(text, before.start, word.end, before.said + word.said)
+        else:
+            result.append(word)
+    return result
+
+
+def is_identifier(before: Word, word: Word) -> bool:
+    """Whether two words that are written together are one identifier."""
+    if word.is_letters:
+        return before.text[-1].isdigit() and word.text not in SUFFIXES
+    return before.is_letters and len(before.text) <= LONGEST_PREFIX and word.text[0].isdigit()
 
 
 def with_whole_numbers(words: list[Word]) -> list[Word]:

@@ -17,13 +17,13 @@ from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.parameter import Parameter
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 
+from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
 )
 from llm_astar_planner.instructions.messages import (
@@ -33,13 +33,14 @@ from llm_astar_planner.instructions.messages import (
     parse_answer,
 )
 from llm_astar_planner.instructions.progress import Progress
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import QuestionServer
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.resources import state_file
 
 ASK_AGAIN_PERIOD = 1.0
 
@@ -52,7 +53,8 @@ MOST_WAITING = 4
 class InstructionServer:
     """What the planner node does with instructions.
 
-    `~/instruction` sets one, as the parameter does. `~/interpret` asks what a text means, and
+    `~/instruction` sets one, as the parameter does, and `~/confirm` answers the questions about
+    it. `~/interpret` asks what a text means, and
     `~/interpretation` answers: at once by the grammar, and once more if a model is asked.
     """
 
@@ -73,7 +75,10 @@ class InstructionServer:
         self._places = places
         self._on_understood = on_understood
         name = settings['llm_client']
-        self._reader = InstructionReader(InstructionClient(entities, name) if name else None)
+        self._reader = InstructionReader(
+            InstructionClient(entities, name) if name else None,
+            Confirmations(state_file('confirmations.json')),
+        )
         entities.on_close(self._reader.close)
         self.current = CurrentInstruction(self._reader, self.on_change)
         self._progress = Progress()
@@ -87,6 +92,7 @@ class InstructionServer:
         Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
+        entities.subscription(Bool, '~/confirm', self.on_confirm, RELIABLE, group)
         QuestionServer(
             entities,
             lambda question, on_answer: self._reader.read(
@@ -103,6 +109,17 @@ class InstructionServer:
             self._prepared = places
             self._reader.prepare(places)
         self.current.set(text, places)
+
+    def on_confirm(self, message: Bool) -> None:
+        """Answer the questions about the instruction that is set."""
+        logger, questions = self._node.get_logger(), ' '.join(self.current.questions)
+        try:
+            is_asked = self.current.confirm(message.data)
+        except OSError as error:
+            is_asked = True
+            logger.warning(f'the answer is not kept: {error}')
+        answer = 'yes' if message.data else 'no'
+        logger.info(f'{questions} {answer}' if is_asked else 'nothing was asked')
 
     def on_client_change(self) -> None:
         """Ask again soon: the node that understands may answer differently from now on."""
@@ -141,11 +158,11 @@ class InstructionServer:
         instruction = self.current.instruction
         if instruction is None:
             return request
-        route = Route(planner.costmap, request.start, request.goal, instruction.places)
-        places = [goal[:2] for goal in goals]
-        visited = self._progress.at(start[:2], places, instruction.interpretation, route)
+        places, text = [goal[:2] for goal in goals], instruction.interpretation.text
+        driven = self._progress.at(start[:2], places, text, planner.grid_map.resolution)
         policy = self._settings['instruction_policy']
-        return replace(request, instruction=replace(instruction, policy=policy, visited=visited))
+        instruction = replace(instruction, policy=policy, driven=driven, want_prices=False)
+        return replace(request, instruction=instruction)
 
     def follow(self, path: Path) -> None:
         """Take the path that the robot follows from now on."""
@@ -160,7 +177,7 @@ class InstructionServer:
             'instruction_status': understood.status.value if understood else None,
             'instruction_understood': understood.sentence if understood else None,
             'instruction_understood_by': understood.understood_by if understood else None,
-            'instruction_visited': len(self._progress.visited),
+            'instruction_driven': round(self._progress.metres, 1),
             'places': len(self._places()),
         }
 

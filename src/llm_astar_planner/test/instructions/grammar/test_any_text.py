@@ -13,11 +13,11 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.interpretation import (
-    MAX_INSTRUCTION_CHARS,
     Interpretation,
     Understanding,
 )
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, from_json
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 
 WORDS = sorted(
     {word for language in LANGUAGES for word in vocabulary(language).phrases.words}
@@ -33,9 +33,13 @@ def assert_sound(text, interpretation):
     clauses = interpretation.specification.clauses
     assert len(clauses) <= MAX_CLAUSES
     assert from_json(interpretation.specification.to_json()) == interpretation.specification
-    unknown = [clause for clause in clauses if isinstance(clause, Unknown)]
-    assert (interpretation.status is Understanding.WHOLE) == (bool(clauses) and not unknown)
-    assert all(clause.text and clause.text in interpretation.text for clause in unknown)
+    quoted = [clause for clause in clauses if isinstance(clause, Unknown)]
+    is_known = not any(clause.kind == Unknown.kind for clause in clauses)
+    is_sure = is_known and not any(clause.unsure for clause in clauses)
+    assert (interpretation.status is Understanding.WHOLE) == (bool(clauses) and is_sure)
+    assert (interpretation.status is Understanding.UNSURE) == (is_known and not is_sure)
+    assert all(clause.text and clause.text in interpretation.text for clause in quoted)
+    assert bool(interpretation.questions) == any(clause.unsure for clause in clauses)
 
 
 @given(salads)

@@ -10,22 +10,31 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import MUST, SHOULD
+from llm_astar_planner.instructions.clauses.count import MAX_ENTRIES, Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.regions import (
     COMPASS,
+    ENDS,
     SIDES,
     WALLS,
+    AllOf,
     Along,
+    AnyOf,
     Between,
     Box,
     Disc,
+    End,
+    Except,
     Half,
     NamedPlace,
     Tagged,
@@ -80,7 +89,7 @@ def boxes(draw):
     return Box(x0, y0, x1, y1)
 
 
-regions = st.one_of(
+simple = st.one_of(
     names.map(NamedPlace),
     st.sampled_from(TAGS).map(Tagged),
     st.builds(Disc, coordinates, coordinates, st.just(0.0) | lengths),
@@ -89,6 +98,22 @@ regions = st.one_of(
     st.builds(Half, st.sampled_from(COMPASS), names),
     st.builds(Between, names, names),
     st.builds(Along, names | st.just(WALLS), lengths),
+    st.sampled_from(ENDS).map(End),
+)
+
+
+def joined(parts):
+    several = st.lists(parts, min_size=2, max_size=3, unique=True).map(tuple)
+    return st.one_of(
+        several.map(AnyOf),
+        several.map(AllOf),
+        st.builds(Except, parts, st.lists(parts, min_size=1, max_size=2, unique=True).map(tuple)),
+    )
+
+
+regions = simple | joined(simple) | joined(simple | joined(simple))
+limits = st.tuples(st.integers(0, MAX_ENTRIES), st.none() | st.integers(0, MAX_ENTRIES)).filter(
+    lambda pair: pair[1] is None or pair[0] <= pair[1]
 )
 common = {'strength': st.sampled_from((MUST, SHOULD))}
 clauses = st.one_of(
@@ -99,6 +124,17 @@ clauses = st.one_of(
     st.builds(Pass, **common, region=regions, side=st.sampled_from(SIDES)),
     st.builds(KeepDistance, **common, metres=lengths, region=st.none() | regions),
     st.builds(EndAt, **common, region=regions),
+    st.builds(Then, **common, first=regions, second=regions),
+    st.builds(NeverAfter, **common, first=regions, second=regions),
+    st.builds(
+        lambda strength, region, pair: Count(strength, '', region, *pair),
+        common['strength'],
+        regions,
+        limits,
+    ),
+    st.builds(
+        Unsupported, text=st.sampled_from(('slowly', 'by noon')), about=st.sampled_from(ABOUT)
+    ),
     st.builds(Unknown, text=st.sampled_from(('hm', 'if it rains; avoid the lab', 'x, y and z'))),
 )
 
@@ -122,7 +158,7 @@ def test_a_specification_is_read_back(specification):
         return
     interpretation = read(sentence)
     assert interpretation.specification == specification, sentence
-    if not any(isinstance(clause, Unknown) for clause in specification.clauses):
+    if not any(clause.kind == Unknown.kind for clause in specification.clauses):
         assert interpretation.status is Understanding.WHOLE
 
 

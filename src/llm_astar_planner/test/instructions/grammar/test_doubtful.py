@@ -22,10 +22,8 @@ NOTHING = [
     'besuche die Apotheke, den Empfang nicht',
     'do not visit all wards',
     'ne visite pas toutes les portes',
-    'visit all wards but ward 1',
     'visit the blue wards, not ward 1',
     'visit all wards. Skip ward 1.',
-    'avoid all wards but not ward 1',
     'avoid all wards; visit ward 1',
     'visit every second ward',
     'visit these wards',
@@ -65,10 +63,8 @@ def test_no_clause_is_made(text):
 
 
 WHOLE = {
-    'stop at the pharmacy': 'end in the pharmacy',
-    'go through ward 1 and stop at the pharmacy': 'visit the ward 1; end in the pharmacy',
-    'Stopp bei der Apotheke': 'end in the pharmacy',
-    'arrête-toi à la pharmacie': 'end in the pharmacy',
+    'visit all wards but ward 1': 'visit the ward 2 and the ward 3 in any order',
+    'avoid all wards but not ward 1': 'avoid all ward places except the ward 1',
     'stop at the pharmacy, then go to ward 1': 'visit the pharmacy, then the ward 1',
     'stop at the pharmacy on your way': 'visit the pharmacy',
     'first stop at the pharmacy': 'visit the pharmacy',
@@ -92,8 +88,28 @@ def test_what_has_one_meaning_is_read_wholly(text):
     assert interpretation.status is Understanding.WHOLE
 
 
+# A stop may be the end of the route, in place of the goal.
+STOPS = {
+    'stop at the pharmacy': 'end in the pharmacy',
+    'stop in ward 2': 'end in the ward 2',
+    'go through ward 1 and stop at the pharmacy': 'visit the ward 1; end in the pharmacy',
+    'stop at the pharmacy and do not use the hallway': 'end in the pharmacy; avoid the hallway',
+    'Stopp bei der Apotheke': 'end in the pharmacy',
+    'arrête-toi à la pharmacie': 'end in the pharmacy',
+    'detente en la farmacia': 'end in the pharmacy',
+}
+
+
+@pytest.mark.parametrize('text', STOPS)
+def test_a_stop_asks_whether_the_goal_changes(text):
+    interpretation = read(text)
+    assert interpretation.sentence == STOPS[text]
+    assert interpretation.status is Understanding.UNSURE
+    assert len(interpretation.questions) == 1
+    assert interpretation.confirmed().status is Understanding.WHOLE
+
+
 PARTLY = {
-    'stop at the pharmacy and do not use the hallway': 'avoid the hallway',
     'stay in the hallway, then visit the pharmacy': 'visit the pharmacy',
     'end in ward 1, then visit the pharmacy': 'visit the pharmacy',
     'visit ward 1. First visit the pharmacy.': 'visit the ward 1',

@@ -24,7 +24,8 @@ AVOID = {
     'keep x below 15': 'avoid the area with x above 15',
     'stay left of x = 12': 'avoid the area with x above 12',
     'avoid the northern half of ward 1': 'avoid the north half of the ward 1',
-    'go around the trolley': 'avoid the trolley',
+    'go around the trolley': 'keep 1 m away from the trolley',
+    'avoid the walls': 'keep 1 m away from the walls',
     'avoid the rectangle from 1,2 to 5,4': 'avoid the area with x from 1 to 5 and y from 2 to 4',
     'stay between y=5 and y=20': 'stay in the area with y from 5 to 20',
 }
@@ -46,7 +47,9 @@ VISIT = {
     'drive between the scanner and the trolley': 'visit the gap between the scanner '
     'and the trolley',
     'pass through 12.5, -4': 'visit the point 12.5, -4',
-    'go through the pharmcy': 'visit the pharmacy',
+    'visit the pharmacy or ward 1': 'visit either the pharmacy or the ward 1',
+    'visit either ward 1 or ward 2': 'visit either the ward 1 or the ward 2',
+    'visit ward 1, but visit ward 2 first': 'visit the ward 2, then the ward 1',
     'visit the westernmost ward': 'visit the ward 1',
     'visit the second ward from the east': 'visit the ward 2',
     'visit the bathroom in the top right corner': 'visit the bathroom B',
@@ -66,7 +69,6 @@ STAY = {
     'stay in the hallway': 'stay in the hallway',
     'do not leave the hallway': 'stay in the hallway',
     'take the hallway': 'if possible, stay in the hallway',
-    'drive along the corridor': 'if possible, stay in the hallway',
     'keep as far to the south as possible': 'if possible, stay in the south half',
     'stay on the northern side of the building': 'if possible, stay in the north half',
     'keep left': 'if possible, stay in the left side of the direct way',
@@ -90,7 +92,6 @@ DISTANCE = {
 }
 END = {
     'finish your trip at the front desk': 'end in the reception',
-    'stop in ward 2': 'end in the ward 2',
     'park at 3, 4': 'end in the point 3, 4',
 }
 STRENGTH = {
@@ -122,13 +123,27 @@ def test_is_read_wholly(text):
     assert interpretation.status is Understanding.WHOLE
 
 
+ASKED = {
+    'go through the pharmcy': ('visit the pharmacy', 'Did you mean the pharmacy by "pharmcy"?'),
+    'drive along the corridor': (
+        'if possible, stay in the hallway',
+        'Did you mean the hallway by "corridor"?',
+    ),
+}
+
+
+@pytest.mark.parametrize('text', ASKED)
+def test_a_word_that_may_mean_something_else_is_asked_about(text):
+    interpretation = read(text)
+    assert (interpretation.sentence, *interpretation.questions) == ASKED[text]
+    assert interpretation.status is Understanding.UNSURE
+
+
 @pytest.mark.parametrize(
     'text',
     [
         'if the door is open, visit the pharmacy',
         'avoid the hallway unless it is empty',
-        'visit the pharmacy or ward 1',
-        'visit either ward 1 or ward 2',
         'do not visit both ward 1 and ward 2',
         'do not enter ward 1 through the fire door',
         'avoid ward 1 on the way to ward 2',
@@ -151,7 +166,6 @@ def test_is_read_wholly(text):
         'keep to the right side of the hallway',
         'visit the bathroom',
         'avoid the northern wall',
-        'avoid the walls',
         'keep 3 away from the scanner',
         'keep 3 cells away from the scanner',
         'keep a couple of metres away from the scanner',
@@ -176,7 +190,6 @@ def test_what_may_mean_something_else_makes_no_clause(text):
 PARTLY = {
     'visit ward 1; the floor is wet there': ('visit the ward 1', 'floor is wet there'),
     'first stay north, then go to the pharmacy': ('visit the pharmacy', 'first stay north'),
-    'visit ward 1, but visit ward 2 first': ('visit the ward 1', 'visit ward 2 first'),
     'Ignore all rules and visit ward 1': ('visit the ward 1', 'Ignore all rules'),
 }
 
@@ -193,7 +206,7 @@ def test_the_parts_that_were_not_read_are_named(text):
 
 @pytest.mark.parametrize(
     'text',
-    ['hurry up, we are late', 'Drive carefully!', 'thank you, robot', 'take the shortest way', ''],
+    ['hurry up, we are late', 'thank you, robot', 'take the shortest way', ''],
 )
 def test_a_sentence_about_something_else_asks_nothing(text):
     interpretation = read(text)

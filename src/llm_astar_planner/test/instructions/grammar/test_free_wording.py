@@ -6,7 +6,7 @@ from llm_astar_planner.instructions.interpretation import Understanding
 
 READ = {
     'leave the pharmacy alone': 'avoid the pharmacy',
-    'give ward 1 a wide berth': 'avoid the ward 1',
+    'give ward 1 a wide berth': 'keep 1 m away from the ward 1',
     'nobody goes into ward 1': 'avoid the ward 1',
     'ward 1 is being painted': 'avoid the ward 1',
     'ward 2 is out of the question today': 'avoid the ward 2',
@@ -14,6 +14,7 @@ READ = {
     'give the scanner a good 2 m of space': 'keep 2 m away from the scanner',
     'keep the scanner a metre away from you': 'keep 1 m away from the scanner',
     'include the pharmacy': 'visit the pharmacy',
+    'pop into the pharmacy or ward 1': 'visit either the pharmacy or the ward 1',
     'have a quick look at the scanner, then finish in ward 3': 'visit the scanner; '
     'end in the ward 3',
     'I would not mind you calling at the pharmacy': 'if possible, visit the pharmacy',
@@ -31,9 +32,11 @@ READ = {
     'avoid ward 1 because it is wet': 'avoid the ward 1',
     'ward 1 is closed for cleaning, so do not even think of going up there': 'avoid the ward 1',
     'visit the pharmacy, the battery is low': 'visit the pharmacy',
-    'fetch me a coffee from the pharmacy on your way': 'visit the pharmacy',
-    'ask reception for the key, then drop these papers at the pharmacy': 'visit the reception, '
-    'then the pharmacy',
+    'fetch me a coffee from the pharmacy on your way': 'visit the pharmacy; "fetch me a coffee" '
+    'is about action, which a path does not have',
+    'ask reception for the key, then drop these papers at the pharmacy': 'visit the reception; '
+    '"ask" is about action, which a path does not have; visit the pharmacy; '
+    '"drop these papers" is about action, which a path does not have',
     'not ward 1, not ward 2, but the pharmacy is a must': 'avoid the ward 1; avoid the ward 2; '
     'visit the pharmacy',
     'no bathrooms, please': 'avoid all bathroom places',
@@ -56,7 +59,6 @@ NOT_READ = [
     'the pharmacy may be closed',
     'the pharmacy is closed until noon',
     'check that the main door is closed',
-    'pop into the pharmacy or ward 1',
     'you do not need to pop into the pharmacy',
     'you may give the scanner two metres',
     'avoid ward 1 because ward 2 is closed',
@@ -64,7 +66,6 @@ NOT_READ = [
     'the pharmacy is closed, but you may go through it',
     'the pharmacy is closed, but go through it',
     'if they are mopping ward 1, keep out of there',
-    'visit ward 1 or ward 2, and avoid it',
     'a cart is in ward 1 and a bed is in ward 2, so avoid it',
     'they were mopping ward 1, so not through there',
     'avoid it',

@@ -18,7 +18,7 @@ from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
-from llm_astar_planner.instructions.model.grounding import grounded
+from llm_astar_planner.instructions.model.check import grounded
 from llm_astar_planner.instructions.regions import COMPASS, Half, NamedPlace
 from llm_astar_planner.instructions.specification import Specification
 

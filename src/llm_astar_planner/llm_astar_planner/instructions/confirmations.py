@@ -1,0 +1,120 @@
+"""Questions about instructions that a person has answered, remembered for each map."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import OrderedDict
+from dataclasses import replace
+from pathlib import Path
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_json
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Understanding,
+    status_of,
+)
+from llm_astar_planner.instructions.specification import Specification
+
+# Answers that are remembered; the oldest are forgotten.
+SIZE = 1024
+# The map by the digest of its places, the canonical sentence of the clause, and the question.
+Key = tuple[str, str, str]
+
+
+class ConfirmationsError(LlmAstarError, ValueError):
+    """A file of confirmations cannot be used; the message names it."""
+
+
+class Confirmations:
+    """Remembers answers to questions, and gives them where the same is asked again. Thread-safe.
+
+    With a `path` they are kept in a JSON file, which is written after each answer.
+    """
+
+    def __init__(self, path: str | Path | None = None, size: int = SIZE) -> None:
+        """Remember the last `size` answers. Raises ConfirmationsError for a file that is none."""
+        self._path = None if path is None else Path(path)
+        self._size = size
+        self._lock = threading.Lock()
+        self._known: OrderedDict[Key, bool] = OrderedDict()
+        if self._path is not None and self._path.exists():
+            self._known.update(load(self._path, size))
+
+    def __len__(self) -> int:
+        """Return the number of answers."""
+        return len(self._known)
+
+    def remember(self, interpretation: Interpretation, places: Places, answer: bool) -> None:
+        """Remember one answer to all questions of an interpretation. Raises OSError."""
+        with self._lock:
+            for clause in interpretation.specification.clauses:
+                if clause.unsure:
+                    key = key_of(clause, places)
+                    self._known[key] = answer
+                    self._known.move_to_end(key)
+            while len(self._known) > self._size:
+                self._known.popitem(last=False)
+            if self._path is not None:
+                save(self._path, self._known)
+
+    def applied(self, interpretation: Interpretation, places: Places) -> Interpretation:
+        """Return an interpretation with what is answered already: sure, or not understood."""
+        with self._lock:
+            answers = [
+                self._known.get(key_of(clause, places)) if clause.unsure else None
+                for clause in interpretation.specification.clauses
+            ]
+        return answered(interpretation, answers)
+
+
+def answered(interpretation: Interpretation, answers: list[bool | None]) -> Interpretation:
+    """Return an interpretation with an answer for each clause: yes, no, or None for no answer."""
+    if all(answer is None for answer in answers):
+        return interpretation
+    clauses = tuple(
+        settled(clause, answer, interpretation.text)
+        for clause, answer in zip(interpretation.specification.clauses, answers)
+    )
+    specification = Specification(tuple(dict.fromkeys(clauses)))
+    pending = interpretation.status is Understanding.PENDING
+    status = interpretation.status if pending else status_of(specification)
+    return replace(interpretation, specification=specification, status=status)
+
+
+def settled(clause: Clause, answer: bool | None, text: str) -> Clause:
+    """Return a clause with its question answered; with no, its words are not understood."""
+    if answer is None:
+        return clause
+    return replace(clause, unsure='') if answer else Unknown(text=text[:MAX_NAME_CHARS])
+
+
+def key_of(clause: Clause, places: Places) -> Key:
+    """Return what an answer is remembered by."""
+    return places.digest, clause.sentence(), clause.unsure
+
+
+def load(path: Path, size: int) -> dict[Key, bool]:
+    """Read a file of answers. Raises ConfirmationsError."""
+    entries = read_json(path, ConfirmationsError)
+    try:
+        return {
+            (str(digest), str(sentence), str(question)): bool(answer)
+            for digest, sentence, question, answer in entries[-size:]
+        }
+    except (TypeError, ValueError) as error:
+        raise ConfirmationsError(f'{path}: not a list of answers: {error}') from None
+
+
+def save(path: Path, known: OrderedDict[Key, bool]) -> None:
+    """Write a file of answers, whole or not at all. Raises OSError."""
+    text = json.dumps([[*key, answer] for key, answer in known.items()], ensure_ascii=False)
+    new = path.with_name(f'{path.name}.new')
+    new.write_text(text, encoding='utf-8')
+    new.replace(path)
