@@ -309,12 +309,14 @@ def clause_relation(truth, clause, court, seed=0):
     return STRONGER if (true & ~read_as).any() else SAME
 
 
-def can_be_met(truth, court, seed=0):
+def can_be_met(truth, court, tries=6):
     """Tell whether a trace from the start to the goal keeps the truth; it may say where to end."""
-    traces = court.traces(truth, truth.clauses, seed)
     wanted = {AT_GOAL, *(ANYWHERE for clause in truth.clauses if clause['kind'] == 'end_at')}
     fits = [ending(index % TRACES) in wanted for index in range(2 * TRACES)]
-    return bool((truth.of(traces) & fits).any())
+    return any(
+        bool((truth.of(court.traces(truth, truth.clauses, seed)) & fits).any())
+        for seed in range(tries)
+    )
 
 
 # --- Planned paths
@@ -434,7 +436,7 @@ def judge(interpreter, driver, text, truths, court, seed=0):
     relations = [best_clause_relation(truths, clause, court, seed) for clause in kept]
     return Verdict(
         reading,
-        any(truth.says and can_be_met(truth, court, seed) for truth in truths),
+        any(truth.says and can_be_met(truth, court) for truth in truths),
         met,
         outcome is not None and outcome.satisfied is True,
         best_relation(truths, reading.enforced, court, seed) if reading.enforced else UNCLEAR,
