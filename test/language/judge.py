@@ -13,6 +13,7 @@ import numpy as np
 from language import ltlf
 from language.semantics import Ground, Traces, keeps, keeps_one
 from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
@@ -20,6 +21,8 @@ TRACES, LONGEST = 320, 30
 # What readings of a whole sentence say of themselves.
 READ = ('understood', 'unsure')
 AT_GOAL, ANYWHERE, FREE = 'at the goal', 'anywhere', 'free'
+# Of a plan: time enough on a busy machine.
+LIMITS = {'time_limit': 60.0, 'want_expanded': False}
 NOT_ENFORCED = ('unknown', 'unsupported')
 # Metres between the points of a planned path that are looked at.
 STEP = 0.04
@@ -326,6 +329,7 @@ class Driver:
     """Plans on a world with what was understood of a sentence."""
 
     def __init__(self, world):
+        compile_instruction_kernels()  # else the first plans would run out of time
         self.world = world
         self.planner = Planner(world.grid_map).prepare()
 
@@ -333,7 +337,7 @@ class Driver:
         """Return the plan for an interpretation."""
         instruction = RouteInstruction(interpretation, self.world.places)
         cells = self.world.cell(start), self.world.cell(goal)
-        request = PlanRequest(*cells, instruction=instruction, want_expanded=False)
+        request = PlanRequest(*cells, instruction=instruction, **LIMITS)
         return self.planner.plan(request)
 
     def trace(self, plan, start, goal):
