@@ -27,9 +27,9 @@ from bag_makers import (
 )
 from fuzzing import Reader, run
 from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
-from llm_astar_lab.bags.files import Channel
 from llm_astar_lab.bags.messages import barrier_map_text
 from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.storage import Channel
 from llm_astar_lab.bags.types import Decoder, define
 from llm_astar_lab.evaluation.requests import RequestReader, load_requests
 from llm_astar_lab.evaluation.topics import TopicSelection, describe
@@ -282,10 +282,6 @@ def make_grid_problem(folder: Path) -> Path:
     return file('maps.json', format_kept_maps([board]))(folder)
 
 
-def check_whole_transcript(path: Path) -> None:
-    check_transcript(path).to_json()
-
-
 def read_results(path: Path) -> None:
     folder = ResultsFolder(path.parent)
     metadata, rows = folder.read_metadata(), list(folder.read())
@@ -371,7 +367,7 @@ READERS: dict[str, Reader] = {
         file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 3) + '\n'), read_transcript
     ),
     'transcript_to_check': Reader(
-        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_whole_transcript
+        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_transcript
     ),
     'transcript_of_instructions': Reader(
         file('x.jsonl', f'{json.dumps(INSTRUCTION_LINE)}\n{json.dumps(WAYPOINT_LINE)}'),

@@ -131,6 +131,9 @@ class Graph:
         instruction = self.planner._server._instructions.current.instruction
         return instruction.interpretation if instruction else None
 
+    def parameter(self, name):
+        return self.planner.get_parameter(name).value
+
     def outcomes(self, report):
         clauses = report.instruction_report['clauses']
         return {clause['clause']: clause['status'] for clause in clauses}
@@ -340,8 +343,50 @@ def test_the_call_command_asks_a_running_planner(graph):
     assert code == 0, errors
     assert output.startswith('path found: ')
     assert '\nstart      (39, 18) m\n' in output
-    assert 'instruction understood by grammar: visit the dock\n  kept           visit' in output
+    said = 'instruction "visit the dock"\nunderstood as: visit the dock\nunderstood by grammar\n'
+    assert f'{said}clause 1   visit the dock: kept (' in output
     assert graph.interpretation().sentence == 'visit the dock'
+
+
+def test_a_call_that_fails_leaves_no_instruction(graph):
+    here = ['--namespace', SPACE, '--start', '39', '18', '--instruction', 'visit the dock']
+    code, _, errors = ended(command(*here, '--to', 'ballroom'))
+    assert code == 2, errors
+    assert graph.parameter('instruction') == ''
+    # A wall.
+    code, output, _ = ended(command(*here, '--goal', '0', '0'))
+    assert code == 1, output
+    assert graph.parameter('instruction') == ''
+    assert graph.interpretation() is None
+
+
+def test_a_call_whose_instruction_is_not_kept_ends_with_3(graph):
+    words = ['--from', 'lab', '--to', '7,19', '--instruction', 'avoid the lab', '--json']
+    code, output, errors = ended(command('--namespace', SPACE, *words))
+    assert code == 3, errors
+    report = json.loads(output)['report']
+    assert report['instruction_report']['satisfied'] is False
+    assert graph.parameter('instruction') == 'avoid the lab'
+
+
+def test_a_call_may_start_at_a_place_and_bring_the_places(graph, tmp_path, places_file):
+    collection = json.loads(Path(places_file).read_text())
+    collection['features'][1]['properties']['name'] = 'annex'
+    own = tmp_path / 'own.geojson'
+    own.write_text(json.dumps(collection))
+    here = ['--namespace', SPACE, '--places', str(own), '--json']
+    code, _, errors = ended(command(*here, '--from', 'annex', '--to', 'nowhere'))
+    assert code == 2, errors
+    assert graph.parameter('places_file') == places_file
+    try:
+        code, output, errors = ended(command(*here, '--from', 'annex', '--to', 'dock'))
+        assert code == 0, errors
+        assert graph.parameter('places_file') == str(own)
+    finally:
+        graph.planner.set_parameters([Parameter('places_file', value=places_file)])
+    points = np.array(json.loads(output)['path'])
+    assert np.abs(points[0] - (15, 7.5)).max() <= 1.0
+    assert np.abs(points[-1] - (43.5, 4.5)).max() <= 1.0
 
 
 def test_places_are_published_as_markers_and_as_geojson(graph):

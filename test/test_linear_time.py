@@ -181,7 +181,7 @@ def every_pattern() -> dict[str, Used]:
 # What is applied to few characters alone may take more time; so many each.
 BOUNDED = {
     # Of the name of a file.
-    r'llm_astar_lab.bags.files: (\d+)(?=\.)': 255,
+    r'llm_astar_lab.bags.reading: (\d+)(?=\.)': 255,
     # Of a bracket group with a point.
     'llm_astar_planner.waypoints.prompts.reply_parser._OBJECT_X': 200,
     'llm_astar_planner.waypoints.prompts.reply_parser._OBJECT_Y': 200,

@@ -19,7 +19,7 @@ from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.nodes.planner.request_conversion import RequestError
+from llm_astar_planner.nodes.planner.request_handler import RequestError
 from llm_astar_planner.planning.types import ResultCode
 from nav_msgs.msg import OccupancyGrid
 from rclpy.duration import Duration

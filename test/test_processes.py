@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +13,8 @@ from pathlib import Path
 import pytest
 from graph_tools import wait_for
 from llm_astar_lab.pictures import style
-from llm_astar_planner.cli.main import main
-from llm_astar_planner.cli.run import ended_by_signals
+from llm_astar_planner.cli.main import main, parse
+from llm_astar_planner.cli.run import ended_by_signals, node_arguments
 from llm_astar_planner.nodes import MODULES
 from llm_astar_planner.nodes.__main__ import start
 from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments
@@ -31,6 +32,7 @@ PROGRAMS = {
     'call': COMMAND.format(words=['call', '--start', '1', '1', '--goal', '2', '2']),
 }
 PATIENCE = 60.0
+MAPS = Path(__file__).parents[1] / 'maps' / 'instructions'
 # Python itself ends by the signal where Ctrl-C has interrupted the `exec` of a text, as imports;
 # a shell shows 130 then too.
 INTERRUPTED = {130, -signal.SIGINT}
@@ -267,6 +269,31 @@ def test_run_refuses_what_no_node_understands_before_it_starts_any(words, said, 
     message = capsys.readouterr().err
     assert said in message
     assert message.startswith('llm-astar: error: ')
+
+
+def places_of_run(*words):
+    """Return the file of places that `run` gives to planner_node, None for none."""
+    words = node_arguments(parse(['run', *map(str, words)]))['planner_node']
+    given = [word.partition(':=')[2] for word in words if word.startswith('places_file:=')]
+    return given[-1] if given else None
+
+
+def test_run_finds_the_places_beside_the_map_as_plan_does(tmp_path):
+    for name in ('house.yaml', 'house.places.geojson', 'office.places.geojson'):
+        shutil.copy(MAPS / name, tmp_path)
+    house, beside = tmp_path / 'house.yaml', tmp_path / 'house.places.geojson'
+    other = str(tmp_path / 'office.places.geojson')
+    assert places_of_run('--map', house) == str(beside)
+    assert places_of_run('--map', house, '--places', other) == other
+    assert places_of_run('--map', house, '-p', f'places_file:={other}') == other
+    parameters = tmp_path / 'robot.yaml'
+    parameters.write_text(f'planner_node: {{ros__parameters: {{places_file: {other}}}}}')
+    assert places_of_run('--map', house, '--params-file', parameters) is None
+    assert places_of_run('--no-map') is None
+    assert places_of_run('--no-map', '--places', other) == other
+    beside.unlink()
+    assert places_of_run('--map', house) is None
+    assert main(['run', '--places', 'nowhere.geojson']) == 2
 
 
 DESTRUCTOR = """

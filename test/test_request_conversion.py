@@ -29,8 +29,11 @@ from llm_astar_planner.nodes.planner.goals import (
 )
 from llm_astar_planner.nodes.planner.map_manager import MapArrivals, PlanningMap
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
-from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
-from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.nodes.planner.request_handler import (
+    RequestConverter,
+    RequestError,
+    RequestHandler,
+)
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
@@ -120,7 +123,6 @@ def answered(buffer, max_planning_time=LONG, token=None):
         RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
         compiler=SimpleNamespace(is_ready=True),
         publisher=Mock(wants_expanded=False),
-        replans=PreemptingGoalSlot(),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),
     )
     handler.activate()
@@ -139,7 +141,7 @@ def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():
     """Where maps come at 5 Hz, each replan may preempt the one before."""
     node = Mock()
     node.get_name.return_value = 'planner_node'
-    publisher = PlanPublisher(Mock(node=node))
+    publisher = PlanPublisher(Mock(node=node), PreemptingGoalSlot())
     for is_cancelled in (True, False):
         plan = Plan(ResultCode.TIMEOUT, 'canceled: why', '', (0, 0), (0, 0), NOTHING)
         publisher.publish_report(PlanResponse(None, plan, None), STAMP, is_cancelled=is_cancelled)

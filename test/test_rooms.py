@@ -15,34 +15,34 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 38_350, 305
+ALL_LINES, ALL_MODULES = 37_940, 305
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 110, 'maps': 1_120, 'messages': 570},
     PLANNER: {
         '': 440,
-        'search': 5_290,
+        'search': 5_265,
         'costmap': 900,
-        'planning': 3_120,
-        'waypoints': 2_940,
+        'planning': 3_105,
+        'waypoints': 2_950,
         'instructions': 6_830,
-        'nodes': 4_000,
-        'cli': 1_610,
+        'nodes': 3_960,
+        'cli': 1_500,
     },
     LAB: {
         '': 20,
-        'bags': 1_110,
-        'evaluation': 790,
-        'datasets': 560,
-        'runner': 950,
-        'results': 660,
-        'analysis': 860,
-        'report': 1_380,
+        'bags': 1_070,
+        'evaluation': 750,
+        'datasets': 540,
+        'runner': 860,
+        'results': 650,
+        'analysis': 840,
+        'report': 1_340,
         'instruct_bench': 1_180,
         'pictures': 960,
-        'play': 900,
-        'commands': 1_560,
-        'nodes': 610,
+        'play': 860,
+        'commands': 1_360,
+        'nodes': 580,
     },
 }
 ROOMS = [(package, room) for package, rooms in LIMITS.items() for room in rooms]

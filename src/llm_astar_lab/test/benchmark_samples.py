@@ -32,9 +32,7 @@ def tasks_of(samples, sources=WITH_ORACLE, methods=ALL_METHODS, scale=1):
 
 
 def config_of(dataset, sources=WITH_ORACLE, methods=('llm_astar',), **values):
-    return BenchmarkConfig(
-        dataset, load_samples(dataset), methods, sources, SearchSettings(), **values
-    )
+    return BenchmarkConfig(load_samples(dataset), methods, sources, SearchSettings(), **values)
 
 
 def rows_of(task):

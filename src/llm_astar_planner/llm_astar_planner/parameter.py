@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeVar
@@ -123,5 +122,7 @@ def parameters_of(config: type) -> dict[str, Parameter]:
 
 def nearest_name(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """Return the end of a sentence about an unknown name: which known one may be meant."""
+    import difflib  # noqa: PLC0415 - for errors alone
+
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
     return f'; did you mean {near[0]}?' if near else ''

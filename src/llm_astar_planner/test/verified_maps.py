@@ -17,7 +17,9 @@ SATISFIED = ClauseStatus.KEPT
 VIOLATED = ClauseStatus.NOT_KEPT
 IMPOSSIBLE = ClauseStatus.IMPOSSIBLE
 NOT_UNDERSTOOD = ClauseStatus.NOT_UNDERSTOOD
+AS_FAR = ClauseStatus.AS_FAR_AS_POSSIBLE
 UNSURE = ClauseStatus.UNSURE
+UNSUPPORTED = ClauseStatus.UNSUPPORTED
 
 PLACES = Places(
     [
@@ -39,16 +41,16 @@ def field(resolution=0.5, origin=ORIGIN, size=20.0, walls=(), **config):
     return Costmap(GridMap(cells, resolution, origin), CostmapConfig(**config))
 
 
-def route(costmap, points, places=PLACES, visited=frozenset()):
+def route(costmap, points, places=PLACES, driven=()):
     """The route between the ends of a path in metres."""
     start, goal = (costmap.grid_map.world_to_cell(*points[end]) for end in (0, -1))
-    return Route(costmap, start, goal, places, frozenset(visited))
+    return Route(costmap, start, goal, places, np.reshape(np.array(driven, float), (-1, 2)))
 
 
-def outcomes(points, *clauses, costmap=None, places=PLACES, visited=frozenset()):
+def outcomes(points, *clauses, costmap=None, places=PLACES, driven=()):
     """What becomes of clauses on a path."""
     costmap = costmap or field()
-    return verify(Specification(clauses), points, route(costmap, points, places, visited))
+    return verify(Specification(clauses), points, route(costmap, points, places, driven))
 
 
 def outcome(points, clause, **how):

@@ -13,15 +13,9 @@ from llm_astar_msgs_adapter.errors import shortened
 from llm_astar_planner.parameter import nearest_name
 from numpy.typing import NDArray
 
-from llm_astar_lab.analysis.statistics import (
-    LENGTH_TOLERANCE,
-    UNKNOWN,
-    Floats,
-    Interval,
-    mean_interval,
-    ratio_interval,
-)
-from llm_astar_lab.analysis.summary import report_order
+from llm_astar_lab.analysis import statistics as stats
+from llm_astar_lab.analysis.statistics import LENGTH_TOLERANCE, Floats, Interval
+from llm_astar_lab.analysis.summary import RATIO, report_order
 from llm_astar_lab.analysis.thresholds import variants_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Variant
@@ -37,7 +31,8 @@ IRRELEVANT = ('jobs', 'price')
 SAMPLES = f'SELECT map FROM rows WHERE {OF_VARIANT}'
 PAIRED = f"""
     SELECT map, pair, scale,
-        {', '.join(f'a.{n} AS {n}_0, b.{n} AS {n}_1' for n in ('code', *METRICS))}
+        {', '.join(f'a.{n} AS {n}_0, b.{n} AS {n}_1' for n in ('code', *METRICS))},
+        {', '.join(f'{RATIO.format(f"b.{n}", f"a.{n}")} AS {n}' for n in METRICS)}
     FROM (FROM rows WHERE {OF_VARIANT}) a JOIN (FROM {{}}.rows WHERE {OF_VARIANT}) b
     USING (map, pair, scale) ORDER BY map, pair, scale"""
 
@@ -161,11 +156,7 @@ class PairedRows:
 
     def ratios(self, metric: str) -> Floats:
         """Return second / first of a metric; NaN where either found no path or has none."""
-        first, second = (self.columns[f'{metric}_{run}'] for run in (0, 1))
-        usable = self.found[0] & self.found[1] & (first > 0) & (second > 0)
-        ratios = np.full(len(first), np.nan)
-        ratios[usable] = second[usable] / first[usable]
-        return ratios
+        return np.where(self.found[0] & self.found[1], self.columns[metric], np.nan)
 
     def change(self, seed: int) -> VariantChange:
         """Return how the variant differs, with 95 % intervals by bootstrap over maps."""
@@ -176,7 +167,7 @@ class PairedRows:
             len(np.unique(self.columns['map'])),
             self.only_first,
             self.only_second,
-            mean_interval(second.astype(float) - first, self.groups, seed),
+            stats.mean_interval(second.astype(float) - first, self.groups, seed),
             int((first & ~second).sum()),
             int((second & ~first).sum()),
             {metric: self.metric_change(metric, seed) for metric in METRICS},
@@ -184,19 +175,15 @@ class PairedRows:
 
     def metric_change(self, metric: str, seed: int) -> MetricChange:
         """Return the change of one metric."""
-        every = self.ratios(metric)
-        known = ~np.isnan(every)
-        ratios, groups = every[known], self.groups[known]
-        if not len(ratios):
-            return MetricChange(0, UNKNOWN, 0, 0, 0, np.nan, np.nan)
+        ratios, groups = stats.known(self.ratios(metric), self.groups)
         less, more = ratios < 1.0 - LENGTH_TOLERANCE, ratios > 1.0 + LENGTH_TOLERANCE
         return MetricChange(
             len(ratios),
-            ratio_interval(ratios, groups, seed),
+            stats.ratio_interval(ratios, groups, seed),
             int(less.sum()),
             int((~less & ~more).sum()),
             int(more.sum()),
-            *map(float, np.percentile(ratios, (5, 95))),
+            *map(float, np.percentile(ratios, (5, 95)) if len(ratios) else (np.nan, np.nan)),
         )
 
     def sample_changes(self, metric: str) -> Iterator[SampleChange]:

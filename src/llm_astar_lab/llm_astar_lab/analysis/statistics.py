@@ -141,30 +141,32 @@ def wilson_interval(count: int, total: int) -> Interval:
     return Interval(share_of, max(middle - half, 0.0), min(middle + half, 1.0))
 
 
+def known(values: ArrayLike, groups: ArrayLike) -> tuple[Floats, NDArray[Any]]:
+    """Return the values that are not NaN, and their groups."""
+    array = np.asarray(values, dtype=float)
+    return array[~np.isnan(array)], np.asarray(groups)[~np.isnan(array)]
+
+
 def ratio_interval(ratios: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
-    """Return the geometric mean (r_1 r_2 ... r_n)^(1/n) of `ratios` [n] > 0 with its interval."""
-    logs = mean_interval(np.log(np.asarray(ratios, dtype=float)), groups, seed)
+    """Return the geometric mean (r_1 r_2 ... r_n)^(1/n) of the known ratios with its interval."""
+    values, kept = known(ratios, groups)
+    logs = mean_interval(np.log(values), kept, seed)
     return Interval(*(float(value) for value in np.exp(logs)))
 
 
 def spread(values: ArrayLike) -> Spread:
-    """Return mean = sum(v) / n, median, p95 (linear between ranks) and worst = max(v)."""
+    """Return mean = sum(v) / n, median, p95 (linear between ranks) and max(v) of known values."""
     array = np.asarray(values, dtype=float)
+    array = array[~np.isnan(array)]
     if array.size == 0:
         return NO_SPREAD
     median, p95 = np.percentile(array, (50, 95))
     return Spread(float(array.mean()), float(median), float(p95), float(array.max()))
 
 
-def quotients(values: Floats, base: Floats, maps: NDArray[Any]) -> tuple[Floats, NDArray[Any]]:
-    """Return values / base where both are above 0, and the `maps` of these."""
-    usable = (values > 0) & (base > 0)
-    return values[usable] / base[usable], maps[usable]
-
-
-def ratio_of(values: Floats, maps: NDArray[Any], seed: int) -> Ratio:
-    """Return mean and spread of ratios and the interval of the mean."""
-    return Ratio(ratio_interval(values, maps, seed), spread(values))
+def ratio_of(ratios: ArrayLike, groups: ArrayLike, seed: int) -> Ratio:
+    """Return mean and spread of the known ratios and the interval of the mean."""
+    return Ratio(ratio_interval(ratios, groups, seed), spread(ratios))
 
 
 def is_optimal(lengths: ArrayLike, best: ArrayLike) -> NDArray[np.bool_]:

@@ -13,23 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.replies import count_problems
-from llm_astar_lab.analysis.statistics import (
-    NO_SPREAD,
-    UNKNOWN,
-    Floats,
-    Interval,
-    Ratio,
-    Spread,
-    bootstrap_means,
-    is_optimal,
-    mean_interval,
-    middle_of,
-    quotients,
-    ratio_interval,
-    ratio_of,
-    spread,
-)
+from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio, Spread, spread
 from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
 from llm_astar_lab.results.stored_rows import ANSWERED, OF_VARIANT, StoredRows
 
@@ -48,18 +34,22 @@ GROWING_COLUMNS = ('operation', 'storage')
 # The columns that are compared with A*.
 COMPARED = ('operation', 'storage', 'length')
 FAMILIES = 'SELECT family FROM rows GROUP BY family ORDER BY min(rowid)'
+# The ratio of two columns where both are above 0.
+RATIO = "CASE WHEN {0} > 0 AND {1} > 0 THEN {0} / {1} ELSE 'nan'::DOUBLE END"
 # Queries of a variant: its numbers at scale 1, the samples that another variant solved too, its
 # texts, and what it solved at any scale with the number of scales that it solved the sample at.
 OWN_NUMBERS = f"""
     SELECT map, family, code = 'NONE' AS found, {ANSWERED} AS answered, seconds_source,
         seconds_search, seconds_round_trip, prompt_tokens, completion_tokens, ratio, clearance,
-        turns, length, unknown_length, recorded_length, instruction_satisfied,
-        recorded_instruction_satisfied, seconds_reply, CASE waypoints WHEN '' THEN 0
+        turns, unknown_length, recorded_length, {RATIO.format('length', 'recorded_length')}
+        AS recorded, instruction_satisfied, recorded_instruction_satisfied, seconds_reply,
+        CASE waypoints WHEN '' THEN 0
         ELSE 1 + length(waypoints) - length(replace(waypoints, ';', '')) END AS waypoints
     FROM rows WHERE scale = 1 AND {OF_VARIANT}"""
 SOLVED = f"(FROM rows WHERE code = 'NONE' AND {OF_VARIANT})"
 SOLVED_PAIRS = f"""
-    SELECT map, a.family, {', '.join(f'a.{name}, b.{name} AS base_{name}' for name in COMPARED)}
+    SELECT map, a.family, a.length AS own_length, b.length AS base_length,
+        {', '.join(f'{RATIO.format(f"a.{name}", f"b.{name}")} AS {name}' for name in COMPARED)}
     FROM {SOLVED} a JOIN {SOLVED} b USING (map, pair, scale) WHERE scale = 1 ORDER BY map, pair"""
 TEXTS = f"""
     SELECT {{0}}, count(*) AS times FROM rows WHERE scale = 1 AND {{0}} <> '' AND {OF_VARIANT}
@@ -67,6 +57,13 @@ TEXTS = f"""
 SOLVED_AT_SCALES = f"""
     SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
     FROM {SOLVED} WHERE operation > 0 AND NOT isnan(operation) ORDER BY scale, map, pair"""
+# An empty path has a problem but no length.
+RECORDED = """
+    SELECT count(*) AS requests, count(*) FILTER (plan) AS plans,
+        count(*) FILTER (plan AND wrong) AS broken, count(*) FILTER (wrong AND NOT plan) AS empty
+    FROM (SELECT last(isfinite(recorded_length) AND recorded_length >= 0 ORDER BY rowid) AS plan,
+        last(recorded_problem <> '' ORDER BY rowid) AS wrong
+        FROM rows WHERE bag <> '' GROUP BY map, pair)"""
 
 
 @dataclass(frozen=True)
@@ -185,12 +182,17 @@ class Price:
 
 
 class RunSummary(NamedTuple):
-    """What the rows of a run show, with its metadata: all that a report's tables are made of."""
+    """What the rows of a run show, with its metadata: all that a report's tables are made of.
+
+    `recorded` counts the `requests` of bags, those with recorded `plans`, how many of these are
+    `broken`, and the requests whose plan is `empty`.
+    """
 
     variants: Sequence[VariantSummary] = ()
     comparisons: Sequence[PairedComparison] = ()
     growths: Sequence[Growth] = ()
     metadata: Mapping[str, Any] = MappingProxyType({})
+    recorded: Mapping[str, int] = MappingProxyType({})
 
 
 def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[SampleId, Row]]:
@@ -207,7 +209,10 @@ def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any])
     stored, parameters = StoredRows.of(rows), metadata['parameters']
     seed, price = int(parameters.get('seed', 0)), parameters.get('price')
     variants = summarise(stored, seed, None if price is None else Price(*price))
-    return RunSummary(variants, compare_with_none(stored, seed), growth(stored), metadata)
+    recorded = {name: int(count[0]) for name, count in stored.arrays(RECORDED).items()}
+    return RunSummary(
+        variants, compare_with_none(stored, seed), growth(stored), metadata, recorded
+    )
 
 
 def summarise(
@@ -234,7 +239,7 @@ def summarise_variant(
     found, maps = rows['found'], rows['map']
     families, family_means = by_family(names, rows, pairs, seed)
     # A map without obstacles has an infinite clearance.
-    clearances = finite(rows['clearance'][found])
+    clearances = rows['clearance'][found & np.isfinite(rows['clearance'])]
     tokens = int(rows['prompt_tokens'].sum()), int(rows['completion_tokens'].sum())
     verdicts = count_texts(stored, variant, 'verdicts', lambda text: filter(None, text.split(';')))
     bounds, round_trips = rows['ratio'], rows['seconds_round_trip']
@@ -242,8 +247,8 @@ def summarise_variant(
         variant=variant,
         samples=len(found),
         maps=len(np.unique(maps)),
-        valid=mean_interval(found, maps, seed),
-        **{name: pairs_ratio(pairs, name, seed) for name in COMPARED},
+        valid=stats.mean_interval(found, maps, seed),
+        **{name: stats.ratio_of(pairs[name], pairs['map'], seed) for name in COMPARED},
         optimal=optimal_share(pairs, seed),
         seconds_source=spread(rows['seconds_source']),
         seconds_search=spread(rows['seconds_search']),
@@ -253,39 +258,31 @@ def summarise_variant(
         completion_tokens=tokens[1],
         cost=None if price is None else price.of(*tokens),
         seconds_round_trip=spread(round_trips[round_trips >= 0]),
-        operation_exact=pairs_ratio(exact, 'operation', seed) if len(exact['map']) else None,
+        operation_exact=stats.ratio_of(exact['operation'], exact['map'], seed)
+        if len(exact['map'])
+        else None,
         proven=spread(bounds[bounds >= 1.0]),
         unanswered=int(np.count_nonzero(~rows['answered'])),
         clearance=spread(clearances),
         least_clearance=float(clearances.min()) if len(clearances) else math.nan,
-        turns=spread(finite(rows['turns'][found])),
-        unknown_length=spread(finite(rows['unknown_length'][found])),
+        turns=spread(rows['turns'][found]),
+        unknown_length=spread(rows['unknown_length'][found]),
         recorded=recorded_ratio(rows, seed),
         instruction=satisfied_share(rows, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
         families=families,
         family_means=family_means,
         replies=dict(count_texts(stored, variant, 'reply_problems', count_problems)),
-        seconds_reply=spread(finite(rows['seconds_reply'])),
+        seconds_reply=spread(rows['seconds_reply']),
     )
 
 
 def solved_pairs(stored: StoredRows, variant: Variant, base: Variant) -> Arrays:
-    """Return COMPARED on the samples that two variants solved at scale 1, with their maps.
+    """Return the ratios of COMPARED on the samples that two variants solved at scale 1.
 
-    What the second variant has is called `base_*`.
+    Where one of the numbers is not above 0 they are NaN. There are the lengths of both, too.
     """
     return stored.arrays(SOLVED_PAIRS, *variant, *base)
-
-
-def pairs_quotients(pairs: Arrays, name: str) -> tuple[Floats, NDArray[np.int64]]:
-    """Return first / second of a column where both are above 0, and the maps of these."""
-    return quotients(pairs[name], pairs[f'base_{name}'], pairs['map'])
-
-
-def pairs_ratio(pairs: Arrays, name: str, seed: int) -> Ratio:
-    """Return the ratios of a column."""
-    return ratio_of(*pairs_quotients(pairs, name), seed)
 
 
 def count_texts(
@@ -300,31 +297,22 @@ def count_texts(
     return counts
 
 
-def finite(values: Floats) -> Floats:
-    """Return the values that are numbers."""
-    return values[np.isfinite(values)]
-
-
 def optimal_share(pairs: Arrays, seed: int) -> Interval:
     """Return the share of pairs of rows whose first path is no longer than the second."""
-    if not len(pairs['map']):
-        return UNKNOWN
-    return mean_interval(is_optimal(pairs['length'], pairs['base_length']), pairs['map'], seed)
+    is_optimal = stats.is_optimal(pairs['own_length'], pairs['base_length'])
+    return stats.mean_interval(is_optimal, pairs['map'], seed)
 
 
 def recorded_ratio(rows: Arrays, seed: int) -> Ratio | None:
     """Return the lengths over those of the paths in the bags; None where there is none."""
     both = rows['found'] & (rows['recorded_length'] > 0)
-    if not both.any():
-        return None
-    columns = (rows[name][both] for name in ('length', 'recorded_length', 'map'))
-    return ratio_of(*quotients(*columns), seed)
+    return stats.ratio_of(rows['recorded'][both], rows['map'][both], seed) if both.any() else None
 
 
 def satisfied_share(rows: Arrays, column: str, seed: int) -> Interval:
     """Return the share of rows with 1 in a column among those that have a number there."""
-    asked = np.isfinite(rows[column])
-    return mean_interval(rows[column][asked] == 1.0, rows['map'][asked], seed)
+    asked, maps = stats.known(rows[column], rows['map'])
+    return stats.mean_interval(asked == 1.0, maps, seed)
 
 
 def by_family(
@@ -338,14 +326,14 @@ def by_family(
         own, solved = rows['family'] == name, pairs['family'] == name
         if not own.any():
             continue
-        maps, of_family = rows['map'][own], {key: pairs[key][solved] for key in pairs}
-        ratios[name] = pairs_quotients(of_family, 'operation')
+        maps, both = rows['map'][own], pairs['map'][solved]
+        ratios[name] = stats.known(pairs['operation'][solved], both)
         summaries[name] = FamilySummary(
             len(maps),
             len(np.unique(maps)),
-            mean_interval(rows['found'][own], maps, seed),
-            ratio_interval(*ratios[name], seed),
-            ratio_interval(*pairs_quotients(of_family, 'length'), seed),
+            stats.mean_interval(rows['found'][own], maps, seed),
+            stats.ratio_interval(*ratios[name], seed),
+            stats.ratio_interval(pairs['length'][solved], both, seed),
         )
     seeds = {name: (seed, names.index(name)) for name in ratios}
     return summaries, family_means(summaries, ratios, seeds)
@@ -353,7 +341,7 @@ def by_family(
 
 def family_means(
     summaries: Mapping[str, FamilySummary],
-    ratios: Mapping[str, tuple[Floats, NDArray[Any]]],
+    ratios: Mapping[str, tuple[stats.Floats, NDArray[Any]]],
     seeds: Mapping[str, tuple[int, int]],
 ) -> FamilyMeans:
     """Return the mean of two or more families' ratios, and the means without each of them.
@@ -366,14 +354,14 @@ def family_means(
         return FamilyMeans()
     logs = {name: np.log(item.operation.value) for name, item in summaries.items()}
     draws = {
-        name: bootstrap_means(np.log(values), maps, seeds[name])
+        name: stats.bootstrap_means(np.log(values), maps, seeds[name])
         for name, (values, maps) in ratios.items()
     }
 
     def mean_without(left_out: str | None) -> Interval:
         kept = [name for name in logs if name != left_out]
         drawn = np.mean([draws[name] for name in kept], axis=0)
-        mean = middle_of(float(np.mean([logs[name] for name in kept])), drawn)
+        mean = stats.middle_of(float(np.mean([logs[name] for name in kept])), drawn)
         return Interval(*(float(np.exp(end)) for end in mean))
 
     return FamilyMeans(mean_without(None), {name: mean_without(name) for name in logs})
@@ -388,18 +376,11 @@ def compare_with_none(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[P
         if variant.source == 'none' or none not in variants:
             continue
         pairs = solved_pairs(stored, variant, none)
-        (operation, maps), length = (
-            pairs_quotients(pairs, name) for name in ('operation', 'length')
+        _, maps = stats.known(pairs['operation'], pairs['map'])
+        ratios = (
+            stats.ratio_interval(pairs[n], pairs['map'], seed) for n in ('operation', 'length')
         )
-        comparisons.append(
-            PairedComparison(
-                variant,
-                len(operation),
-                len(np.unique(maps)),
-                ratio_interval(operation, maps, seed),
-                ratio_interval(*length, seed),
-            )
-        )
+        comparisons.append(PairedComparison(variant, len(maps), len(np.unique(maps)), *ratios))
     return comparisons
 
 

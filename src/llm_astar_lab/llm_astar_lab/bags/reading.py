@@ -7,27 +7,69 @@ clock jumped, and that file is read in the order of recording. Memory does not g
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import zstandard
+from llm_astar_msgs_adapter.files import read_yaml
 
-from llm_astar_lab.bags.files import (
-    JUMP,
-    BagError,
-    Channel,
-    Problems,
-    bag_name,
-    storage_files,
-    unpack,
-)
-from llm_astar_lab.bags.storage import McapFile, SqliteFile, Storage
+from llm_astar_lab.bags.storage import BagError, Channel, McapFile, SqliteFile, Storage
 from llm_astar_lab.bags.types import DecodeError, Decoder, UnknownTypeError
+
+FORMATS = ('.mcap', '.db3')
+COMPRESSED = '.zstd'
+METADATA = 'metadata.yaml'
+# The clock jumped where the times of one topic go back by more than this (ns).
+JUMP = 1_000_000_000
+BLOCK = 1024 * 1024
+# A file that is compressed as a whole is unpacked up to here.
+MOST_UNPACKED = 4 * 1024**3
+
+
+@dataclass
+class Problems:
+    """What was wrong with a bag, in sentences.
+
+    `notes` are oddities without effect on the results; `left_out` is missing from the results.
+    Of sentences of one kind only the first `limit` are kept; the others are counted.
+    """
+
+    limit: int = 20
+    notes: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    _counts: Counter[str] = field(default_factory=Counter)
+
+    def note(self, sentence: str) -> None:
+        """Add an oddity, once."""
+        if sentence not in self.notes and len(self.notes) < self.limit:
+            self.notes.append(sentence)
+
+    def leave_out(self, sentence: str, kind: str = '') -> None:
+        """Add what is left out and why; `kind` names what such sentences have in common."""
+        self._counts[kind] += bool(kind)
+        if self._counts[kind] <= self.limit and sentence not in self.left_out:
+            self.left_out.append(sentence)
+
+    @contextmanager
+    def catch(self, *errors: type[Exception], path: Path | None = None) -> Iterator[None]:
+        """Leave out what raises one of these errors in the block; `path` goes in front."""
+        try:
+            yield
+        except errors as error:
+            named = path is None or str(path) in str(error)
+            self.leave_out(str(error) if named else f'{path}: {error}')
+
+    def lines(self) -> list[str]:
+        """Return every sentence on what was left out, and the number of those not kept."""
+        more = {kind: count - self.limit for kind, count in self._counts.items()}
+        return [*self.left_out, *(f'{kind}: {n} more' for kind, n in more.items() if n > 0)]
 
 
 class BagMessage(NamedTuple):
@@ -50,7 +92,7 @@ class RecordedTopic:
     last: int = -(2**63)
 
 
-class Bag:
+class Bag(AbstractContextManager['Bag']):
     """A bag that is open for reading. A context manager."""
 
     def __init__(self, path: str | Path) -> None:
@@ -75,14 +117,8 @@ class Bag:
             self._note_unknown_types()
             self._stack = stack.pop_all()
 
-    def __enter__(self) -> Bag:
-        return self
-
     def __exit__(self, *error: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close every file and remove unpacked ones."""
+        # Every file is closed, and unpacked ones are removed.
         self._stack.close()
 
     @cached_property
@@ -150,12 +186,11 @@ class Bag:
             )
 
     def _note_unknown_types(self) -> None:
-        unknown = [
-            f'{topic.name} ({topic.msgtype})'
-            for topic in self.topics.values()
-            if topic.name not in self._unreadable and not self._decoder.knows(topic.msgtype)
-        ]
-        if unknown:
+        if unknown := [
+            f'{name} ({topic.msgtype})'
+            for name, topic in self.topics.items()
+            if name not in self._unreadable and not self._decoder.knows(topic.msgtype)
+        ]:
             self.problems.note(
                 f'{self.path}: of types that are unknown here and that the bag does not define, '
                 f'so not readable: {", ".join(unknown)}'
@@ -192,3 +227,90 @@ def count_messages(storage: Storage) -> tuple[dict[int, RecordedTopic], str | No
             where = f'message {count} of {storage.channels[channel].topic}'
             return found, f'the clock jumps back by {back / 1e9:.3f} s at {where}'
     return found, None
+
+
+def storage_files(path: Path, problems: Problems) -> list[Path]:
+    """Return the storage files of a bag in their order. Raises BagError."""
+    if not path.exists():
+        raise BagError(f'{path}: there is no such bag')
+    if path.is_file():
+        if is_storage(path):
+            return [path]
+        known = ', '.join(FORMATS)
+        raise BagError(f'{path}: a bag is a folder, or a file ending in one of {known}')
+    held = sorted(filter(is_storage, path.iterdir()), key=natural_order)
+    named, problem = names_in_metadata(path / METADATA)
+    if not held and not named:
+        raise BagError(f'{path}: holds neither {METADATA} nor a file of {", ".join(FORMATS)}')
+    found = {
+        name: next((file for file in held if file.name in (name, name + COMPRESSED)), None)
+        for name in named
+    }
+    if held and not any(found.values()):
+        problem = problem or f'names {", ".join(named)}, and none of them is there'
+        problems.note(f'{path / METADATA}: {problem}; the files are read in order of their names')
+        return held
+    for name, file in found.items():
+        if file is None:
+            problems.leave_out(f'{path / name}: is missing, though {METADATA} names it')
+    later = [file for file in held if continues(file, path / named[-1])]
+    for file in later:
+        problems.note(f'{file}: is read, though {METADATA} does not name it yet; the recording '
+                      'goes on or was cut off')  # fmt: skip
+    return [file for file in found.values() if file is not None] + later
+
+
+def names_in_metadata(file: Path) -> tuple[list[str], str | None]:
+    """Return the names of the storage files in a metadata.yaml, and why there are none."""
+    if not file.exists():
+        return [], 'is missing, as after a recording that was not ended'
+    try:
+        content = read_yaml(file, BagError)
+        names = content['rosbag2_bagfile_information']['relative_file_paths']
+        found = list(dict.fromkeys(PurePath(name).name for name in names))
+    except (BagError, ValueError, KeyError, TypeError) as error:
+        why = ' '.join(str(error).split())
+        return [], f'cannot be used ({type(error).__name__}: {why})'
+    return found, None if found else 'names no files'
+
+
+def continues(file: Path, last: Path) -> bool:
+    """Tell whether a file follows another one of the same split recording."""
+    own, other = (re.split(r'(\d+)(?=\.)', path.name, maxsplit=1) for path in (file, last))
+    same_bag = [own[0], *own[2:]] == [other[0], *other[2:]]
+    return same_bag and natural_order(file) > natural_order(last)
+
+
+def is_storage(path: Path) -> bool:
+    """Tell whether a path is a storage file, compressed or not."""
+    return path.is_file() and path.name.removesuffix(COMPRESSED).endswith(FORMATS)
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Return a sort key that puts bag_10 behind bag_9."""
+    return [(int(part), '') if part.isdecimal() else (-1, part)
+            for part in re.split(r'(\d+)', path.name)]  # fmt: skip
+
+
+def bag_name(path: Path) -> str:
+    """Return the name of a bag: that of its folder or file, without file endings."""
+    path = path.resolve()
+    return path.name if path.is_dir() else PurePath(path.name.removesuffix(COMPRESSED)).stem
+
+
+def unpack(path: Path, folder: Path, problems: Problems) -> Path:
+    """Unpack a file that is compressed as a whole into `folder`; return the file to read."""
+    if path.suffix != COMPRESSED:
+        return path
+    target = folder / path.stem
+    with path.open('rb') as packed, target.open('wb') as file:
+        stream = zstandard.ZstdDecompressor().stream_reader(packed)
+        try:
+            while (block := stream.read(BLOCK)) and file.tell() < MOST_UNPACKED:
+                file.write(block)
+            if block:
+                size = f'{MOST_UNPACKED // 1024**3} GiB'
+                problems.leave_out(f'{path}: is read up to the first {size} of its contents')
+        except zstandard.ZstdError as error:
+            problems.leave_out(f'{path}: is damaged ({error}); the part before is read')
+    return target

@@ -8,22 +8,25 @@ import zlib
 from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import suppress
-from heapq import merge
+from heapq import heappop, heappush
 from io import SEEK_END, BytesIO
-from itertools import islice
+from itertools import islice, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import lz4.frame
 import zstandard
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as McapChannel
 from mcap.records import Chunk, MessageIndex, Schema
 
-from llm_astar_lab.bags.files import LARGEST, BagError, Channel, unzstd
-
+# No message and no chunk of messages has more bytes: a chunk is held up to three times while its
+# messages are read. A map of 83 million cells fits.
+LARGEST = 80 * 2**20
 # Messages that are held until those of other chunks before them have been read, in bytes.
 MOST_HELD = 80 * 2**20
 # What a message takes besides its bytes while it is held.
@@ -34,6 +37,8 @@ MOST_CHUNKS = 100_000
 MOST_INDEX_BYTES = 8 * 2**20
 # Of topics and types in a file.
 MOST_DESCRIPTIONS = 24 * 2**20
+# A chunk after all others, without messages: its first time (ns), first byte and channels.
+LAST = (2**64, 0, frozenset[int]())
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -48,6 +53,24 @@ TABLES = ('messages', 'topics', 'message_definitions')
 # Texts are only read where they are no longer; no definition that is used is.
 SHORT = f'length({{}}) <= {2**20}'
 MOST_TOPICS = 10_000
+
+
+class BagError(LlmAstarError, ValueError):
+    """A bag that cannot be read at all; the message names the file and what is wrong with it."""
+
+
+class Channel(NamedTuple):
+    """One topic of a file: its message type and that type's definition, '' where it has none.
+
+    `encoding` is the format of the messages (cdr), `format` that of the definition (ros2msg,
+    ros2idl).
+    """
+
+    topic: str
+    msgtype: str
+    definition: str
+    format: str
+    encoding: str
 
 
 class Record(NamedTuple):
@@ -75,7 +98,6 @@ class McapFile:
         self._chunks: list[tuple[int, int, set[int]]] = []
         self._has_index = False
         self._described = 0
-        self._held = 0
         self._size = path.stat().st_size
         self._file = path.open('rb')
         if self._file.read(len(MAGIC)) != MAGIC:
@@ -118,12 +140,10 @@ class McapFile:
     def _stamps_of_chunk(self, place: int, length: int) -> Iterator[tuple[int, int]]:
         """Yield channel and time (ns) of every message of a chunk; remember the chunk."""
         start = int.from_bytes(self._file.read(8), 'little')
-        try:
+        found: list[tuple[int, int]] = []
+        with suppress(*DAMAGE):
             found = self._index_behind(place + length)
-        except DAMAGE:
-            found = []
-        if not found:
-            found = [message[:2] for message in self._chunk(place)]
+        found = found or [message[:2] for message in self._chunk(place)]
         if len(self._chunks) <= MOST_CHUNKS:
             self._chunks.append((start, place, {channel for channel, _ in found}))
         yield from found
@@ -147,46 +167,30 @@ class McapFile:
         return [(channel, time) for _, channel, time in sorted(found)]
 
     def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
-        """Yield the messages of channels; those of a file without index in order of recording."""
-        by_time = self._has_index and not as_recorded and len(self._chunks) <= MOST_CHUNKS
-        if by_time:
-            return self._in_order_of_time(wanted)
-        return (message for message in self._as_recorded() if message.channel in wanted)
-
-    def _in_order_of_time(self, wanted: Collection[int]) -> Iterator[Record]:
-        """Yield the messages of channels by time; a chunk is opened when its first one is due."""
-        self._held = 0
-        chunks = (
-            self._chunk_by_time(start, place, wanted)
-            for start, place, channels in self._chunks
-            if not channels.isdisjoint(wanted)
-        )
-        return (item[3] for item in merge(*chunks) if item[3] is not None)
-
-    def _chunk_by_time(
-        self, start: int, place: int, wanted: Collection[int]
-    ) -> Iterator[tuple[int, int, int, Record | None]]:
-        """Yield a chunk's first time, then its messages by time, as sortable tuples."""
-        yield start, place, 0, None
-        found = []
-        for number, message in enumerate(self._chunk(place), start=1):
-            if message.channel not in wanted:
-                continue
-            size = len(message.data) + MESSAGE_BYTES
-            if self._held + size > MOST_HELD:
-                self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
-                break
-            self._held += size
-            found.append((message.time, place, number, message))
-        found.sort(reverse=True)
-        while found:
-            yield (item := found.pop())
-            self._held -= len(item[-1].data) + MESSAGE_BYTES
-
-    def _as_recorded(self) -> Iterator[Record]:
-        """Yield all messages in the order of recording."""
-        for record in self._walk():
-            yield from self._messages(*record)
+        """Yield the messages of channels by time; without an index in the order of recording."""
+        if as_recorded or not self._has_index or len(self._chunks) > MOST_CHUNKS:
+            for record in self._walk():
+                yield from (item for item in self._messages(*record) if item.channel in wanted)
+            return
+        held: list[tuple[int, int, int, Record]] = []
+        size = 0
+        chunks = [chunk for chunk in self._chunks if not chunk[2].isdisjoint(wanted)]
+        chunks.sort(key=itemgetter(0, 1))
+        for (_, place, _), following in pairwise([*chunks, LAST]):
+            for number, message in enumerate(self._chunk(place)):
+                if message.channel not in wanted:
+                    continue
+                cost = len(message.data) + MESSAGE_BYTES
+                if size + cost > MOST_HELD:
+                    self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
+                    break
+                size += cost
+                heappush(held, (message.time, place, number, message))
+            # The next chunk is opened when its first message is due.
+            while held and held[0][:2] < following[:2]:
+                message = heappop(held)[-1]
+                size -= len(message.data) + MESSAGE_BYTES
+                yield message
 
     def _walk(self) -> Iterator[tuple[int, int, int]]:
         """Yield opcode, first byte and length of each record, up to where the file is cut off."""
@@ -237,9 +241,8 @@ class McapFile:
             elif opcode == Opcode.CHANNEL:
                 self._describe(self._channels, McapChannel.read, payload)
         except DAMAGE as why:
-            self._note_damage(
-                f'a record at byte {place} is left out: {str(why) or "it is cut off"}'
-            )
+            reason = str(why) or 'it is cut off'
+            self._note_damage(f'a record at byte {place} is left out: {reason}')
 
     def _describe(self, known: dict[int, Any], read: Any, payload: bytes) -> None:  # noqa: ANN401
         """Remember a schema or a channel, which files repeat in each chunk.
@@ -299,6 +302,18 @@ def chunk_contents(payload: bytes, *, whole: bool) -> bytes:
     return data
 
 
+def unzstd(data: bytes, limit: int = LARGEST) -> bytes:
+    """Decompress data; of data that are cut off, return what comes before the cut.
+
+    Raises ZstdError for other damage, ValueError where the result is over `limit` bytes.
+    """
+    with zstandard.ZstdDecompressor().stream_reader(data) as stream:
+        contents: bytes = stream.read(limit + 1)
+    if len(contents) > limit:
+        raise ValueError(f'it is compressed from more than {limit} bytes')
+    return contents
+
+
 class SqliteFile:
     """One db3 file, opened read-only; `channels` and `damage` are those of an `McapFile`."""
 
@@ -346,9 +361,8 @@ class SqliteFile:
             for count, row in enumerate(self._database.execute(query), start=1):  # noqa: B007
                 yield row
         except sqlite3.Error as error:
-            self.damage = (
-                f'{self.path}: is damaged ({error}); the {count} messages before are read'
-            )
+            read = f'the {count} messages before are read'
+            self.damage = f'{self.path}: is damaged ({error}); {read}'
 
     def _read_channels(self) -> Iterator[tuple[int, Channel]]:
         """Yield the topics of the file with their numbers."""
@@ -359,9 +373,7 @@ class SqliteFile:
                 'SELECT topic_type, encoded_message_definition, encoding '  # noqa: S608
                 f'FROM message_definitions WHERE {SHORT.format("encoded_message_definition")}'
             )
-            definitions = {
-                name: (text, form) for name, text, form in self._database.execute(query)
-            }
+            definitions = {name: found for name, *found in self._database.execute(query)}
         query = (
             'SELECT id, name, type, serialization_format FROM topics '  # noqa: S608 - constants
             f'WHERE {SHORT.format("name")} LIMIT {MOST_TOPICS}'

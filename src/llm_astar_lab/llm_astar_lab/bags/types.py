@@ -17,18 +17,12 @@ from typing import Any, NamedTuple
 
 import zstandard
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from rosbags import typesys
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
-from rosbags.typesys import (
-    Stores,
-    TypesysError,
-    get_types_from_idl,
-    get_types_from_msg,
-    get_typestore,
-)
 from rosbags.typesys.store import Typestore
 
-from llm_astar_lab.bags.files import Channel, unzstd
+from llm_astar_lab.bags.storage import Channel, unzstd
 
 GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
 GET_PLAN = """\
@@ -39,17 +33,6 @@ float32 tolerance
 nav_msgs/Path plan
 """
 EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
-# rosidl reads `char` as uint8, also for the type's hash, but rosbags does not: so uint8 here.
-EVENT_INFO = """\
-uint8 REQUEST_SENT=0
-uint8 REQUEST_RECEIVED=1
-uint8 RESPONSE_SENT=2
-uint8 RESPONSE_RECEIVED=3
-uint8 event_type
-builtin_interfaces/Time stamp
-uint8[16] client_gid
-int64 sequence_number
-"""
 # What service introspection publishes. rosidl generates this type; no file defines it.
 EVENT = """\
 service_msgs/ServiceEventInfo info
@@ -62,8 +45,8 @@ IDL_NAMES = {'float32': 'float', 'float64': 'double', 'bool': 'boolean', 'byte':
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 # What parsing somebody else's definition may raise.
 DEFINITION_ERRORS = (
-    TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError, RecursionError,
-    AttributeError, OverflowError, StopIteration, SyntaxError,
+    typesys.TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError,
+    RecursionError, AttributeError, OverflowError, StopIteration, SyntaxError,
 )  # fmt: skip
 # Characters of a definition; the longest of Jazzy's packages has 20,000.
 MAX_DEFINITION = 2**18
@@ -99,8 +82,12 @@ class TypeDefinition(NamedTuple):
 @cache
 def bag_types() -> Typestore:
     """Return Jazzy's message types and the events of nav_msgs/srv/GetPlan."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    store.fielddefs.update(get_types_from_msg(EVENT_INFO, EVENT_INFO_TYPE))
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    constants, fields = store.fielddefs[EVENT_INFO_TYPE]
+    # rosidl reads `char` as uint8, also for the type's hash, but rosbags does not.
+    as_bytes: Any = (Nodetype.ARRAY, ((Nodetype.BASE, ('uint8', 0)), 16))
+    known = [(name, as_bytes if name == 'client_gid' else tree) for name, tree in fields]
+    store.fielddefs[EVENT_INFO_TYPE] = constants, known
     register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)
     return store
 
@@ -118,7 +105,7 @@ def define(msgtype: str) -> TypeDefinition:
         else:
             text, encoding = idl_text(store, msgtype), 'ros2idl'
         return TypeDefinition(msgtype, text, encoding, store.hash_rihs01(msgtype))
-    except (OSError, TypesysError, ValueError) as error:
+    except (OSError, typesys.TypesysError, ValueError) as error:
         raise BagTypeError(f'{msgtype}: its definition cannot be read: {error}') from None
 
 
@@ -131,7 +118,7 @@ def learn(store: Typestore, msgtype: str) -> None:
         service = name.removesuffix('_Event')
         register_service(store, package, service, installed_text(package, 'srv', service))
     else:
-        register(store, get_types_from_msg(installed_text(package, kind, name), msgtype))
+        register(store, typesys.get_types_from_msg(installed_text(package, kind, name), msgtype))
 
 
 def register_service(store: Typestore, package: str, name: str, text: str) -> None:
@@ -148,7 +135,7 @@ def register_service(store: Typestore, package: str, name: str, text: str) -> No
         return tree
 
     for part, fields in (('Request', request), ('Response', response), ('Event', event)):
-        types = get_types_from_msg(fields, f'{package}/msg/{name}_{part}')
+        types = typesys.get_types_from_msg(fields, f'{package}/msg/{name}_{part}')
         register(store, dict(in_srv(list(types.items()))))
 
 
@@ -225,7 +212,7 @@ class Decoder:
 
     def __init__(self) -> None:
         """Begin with Jazzy's types."""
-        self._embedded = get_typestore(Stores.EMPTY)
+        self._embedded = typesys.get_typestore(typesys.Stores.EMPTY)
         self._names: dict[str, str] = {}
 
     def learn(self, channel: Channel) -> None:
@@ -279,9 +266,9 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
         for part in channel.definition.split(BAR):
             text = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
             if text.strip():
-                types.update(get_types_from_idl(text))
+                types.update(typesys.get_types_from_idl(text))
     else:
-        types = dict(get_types_from_msg(channel.definition, channel.msgtype))
+        types = dict(typesys.get_types_from_msg(channel.definition, channel.msgtype))
     for name, (_, fields) in types.items():
         for field, (kind, detail) in fields:
             element, base = element_of(kind, detail)

@@ -1,51 +1,10 @@
 """Plan the samples of a dataset with every method and waypoint source.
 
 Write a results folder: rows, summary, report.md, report.html, pictures.
-"""
 
-from __future__ import annotations
+usage: llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]
+                       [--fail-under LIMIT] [options]
 
-import argparse
-import hashlib
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
-
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
-from llm_astar_msgs_adapter.maps.problem_maps import (
-    ProblemMap,
-    format_kept_maps,
-    load_kept_maps,
-    load_maps,
-)
-from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.methods import uses_waypoints
-from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
-
-from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
-from llm_astar_lab.datasets import named
-from llm_astar_lab.datasets.samples import SelectionError, draw, parse_ranges, select_samples
-from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
-from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, start_run
-from llm_astar_lab.runner.map_costs import map_costs
-from llm_astar_lab.runner.sources import (
-    GRID_BASELINES,
-    RECORDED,
-    REPLAY,
-    SAMPLES,
-    RecordedRun,
-    check_grid_options,
-    keep_recorded,
-)
-
-USAGE = """\
-llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]
-                       [--fail-under LIMIT] [options]"""
-EPILOG = """\
 examples:
   llm-astar bench                                 every method and baseline, no key needed
   llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
@@ -62,6 +21,34 @@ exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, or a l
 the optimal one in the dataset, 130 interrupted
 """
 
+from __future__ import annotations
+
+import argparse
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.maps import problem_maps
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
+from llm_astar_planner.cli.flags import option
+from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.resources import find_file
+from llm_astar_planner.search.methods import uses_waypoints
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
+
+from llm_astar_lab.commands import run_options as common
+from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
+from llm_astar_lab.datasets import named
+from llm_astar_lab.datasets.samples import SelectionError, draw, parse_ranges, select_samples
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
+from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
+from llm_astar_lab.runner import sources
+from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.map_costs import map_costs
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
@@ -74,37 +61,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose the samples."""
     add_dataset_choice(group)
-    group.add_argument(
-        '--samples', choices=SAMPLES, default=RECORDED,
-        help='with --source replay: only the samples that the transcripts hold, so that every row '
+    option(
+        group, '--samples',
+        'with --source replay: only the samples that the transcripts hold, so that every row '
         'is over the same samples, or all (%(default)s)',
+        choices=sources.SAMPLES, default=sources.RECORDED,
     )  # fmt: skip
     text = 'draw N of the samples; on a yaml map N new pairs (100)'
-    group.add_argument('--limit', type=common.count, metavar='N', help=text)
-    group.add_argument(
-        '--scales', default='1', metavar='RANGES', help='scales of the maps, such as 1-10 (1)'
-    )
+    option(group, '--limit N', text, type=common.count)
+    option(group, '--scales RANGES', 'scales of the maps, such as 1-10 (1)', default='1')
     text = 'number of samples that are run at every scale (10)'
-    group.add_argument('--scale-samples', type=common.count, default=10, metavar='N', help=text)
+    option(group, '--scale-samples N', text, type=common.count, default=10)
     text = 'seed of everything drawn at random (0)'
-    group.add_argument('--seed', type=common.seed, default=0, metavar='N', help=text)
+    option(group, '--seed N', text, type=common.seed, default=0)
 
 
 def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose the maps of a run."""
     either = group.add_mutually_exclusive_group()
     add_map_option(either)
-    either.add_argument(
-        '--dataset', dest='named', metavar='NAMES',
-        help=f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER} and {named.READ[1]} and so on are read from --path',
+    option(
+        either, '--dataset NAMES',
+        f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
+        f'{named.PAPER} and {named.READ[1]} and so on are read from --path', dest='named',
     )  # fmt: skip
     text = "the paper's file, or the folder with MovingAI's maps and scenarios"
-    group.add_argument('--path', metavar='PATH', help=text)
+    option(group, '--path PATH', text)
     text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
-    group.add_argument('--maps', dest='map_count', type=common.count, metavar='N', help=text)
+    option(group, '--maps N', text, dest='map_count', type=common.count)
     text = f'start-goal pairs on each of them ({named.DEFAULT_PAIRS})'
-    group.add_argument('--pairs', type=common.count, metavar='N', help=text)
+    option(group, '--pairs N', text, type=common.count)
     add_map_ids_option(group)
 
 
@@ -118,16 +104,16 @@ def run(args: argparse.Namespace) -> int:
     for item in config.coverage:
         common.complain(args, item.sentence(), common.OK)
     if omits_baselines(args, dataset.maps):
-        names = ', '.join(GRID_BASELINES)
+        names = ', '.join(sources.GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
     failure = common.BAD_INPUT
     try:
         with common.make_executor(args, config.sources) as pool:
-            tasks, metadata = start_run(
-                folder, config, run_parameters(args, dataset.maps), resume=args.resume,
-                overwrite=args.overwrite, file_format=args.format,
-            )  # fmt: skip
+            metadata = run_metadata(args, config, dataset)
+            parquet = is_parquet_run(args.format, config.row_count)
+            again = {'resume': args.resume, 'overwrite': args.overwrite}
+            tasks = config.tasks(open_folder(folder, metadata, **again, parquet=parquet))
             kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
@@ -164,7 +150,7 @@ def open_dataset(args: argparse.Namespace) -> named.Dataset:
     check_options(args, names)
     if not names:
         file = find_file(args.dataset, 'maps')
-        return named.Dataset((), load_maps(file, args.limit, args.seed), file)
+        return named.Dataset((), problem_maps.load_maps(file, args.limit, args.seed), file)
     path = None if args.path is None else Path(args.path).expanduser()
     rules = named.DrawRules(
         args.seed, args.map_count or named.DEFAULT_MAPS, args.pairs or named.DEFAULT_PAIRS
@@ -174,13 +160,13 @@ def open_dataset(args: argparse.Namespace) -> named.Dataset:
 
 def check_options(args: argparse.Namespace, names: Sequence[str]) -> None:
     """Raise SelectionError where an option is of another kind of dataset."""
-    for option, value, kinds in (
+    for flag, value, kinds in (
         ('--maps', args.map_count, named.GENERATED),
         ('--pairs', args.pairs, named.GENERATED),
         ('--path', args.path, named.READ),
     ):
         if value is not None and not set(names) & set(kinds):
-            raise SelectionError(f'{option}: needs --dataset with one of {", ".join(kinds)}')
+            raise SelectionError(f'{flag}: needs --dataset with one of {", ".join(kinds)}')
 
 
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
@@ -201,23 +187,24 @@ def benchmark_config(
     maps, file = dataset.maps, None if dataset.file is None else str(dataset.file)
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
-        check_grid_options(problem, args.source)
+        sources.check_grid_options(problem, args.source)
     settings = common.search_settings(args, open_places(args.places_file or '', file))
     if settings.instruction is not None and scales != [1]:
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
-    sources = common.source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
+    specs = common.source_specs(
+        args, folder, barrier_maps, sources.GRID_BASELINES if grids else None
+    )
     samples = select_samples(maps, str(dataset), args.maps)
-    recorded = RecordedRun(samples, sources, [])
-    if args.samples == RECORDED:
-        recorded = keep_recorded(samples, sources, scales, args.scale_samples, args.seed)
+    recorded = sources.RecordedRun(samples, specs, [])
+    if args.samples == sources.RECORDED:
+        recorded = sources.keep_recorded(samples, specs, scales, args.scale_samples, args.seed)
     samples = recorded.samples
     if args.limit is not None:
         samples = draw(samples, args.limit, args.seed)
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
     return BenchmarkConfig(
-        dataset.file or Path(),
         samples,
         args.methods,
         recorded.specs,
@@ -225,16 +212,29 @@ def benchmark_config(
         scales,
         args.scale_samples,
         args.seed,
-        common.deciding_files(args),
         recorded.coverage,
-        dataset.identity,
     )
+
+
+def run_metadata(
+    args: argparse.Namespace, config: BenchmarkConfig, dataset: named.Dataset
+) -> dict[str, Any]:
+    """Return the metadata of the run."""
+    files = () if dataset.file is None else (dataset.file,)
+    parameters = run_parameters(args, dataset.maps)
+    metadata = describe_run(files, parameters, common.deciding_files(args))
+    if dataset.identity is not None:
+        metadata['dataset'] = dataset.identity
+    if config.coverage:
+        metadata['replays'] = [item.to_json() for item in config.coverage]
+        metadata['notes'] = [item.sentence() for item in config.coverage]
+    return metadata
 
 
 def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
     parameters = common.deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
-    if REPLAY in args.source:
+    if sources.REPLAY in args.source:
         parameters['samples'] = args.samples
     # A dataset's file may only name a grid: its digest then says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]

@@ -2,28 +2,10 @@
 
 Print the ratios to the base with intervals, and the samples that changed most. Say whether there
 is a regression.
-"""
 
-from __future__ import annotations
+usage: llm-astar compare BASE RUN [RUN ...] [--metric NAME] [--variant NAME] [--threshold PERCENT]
+                         [--json] [--out DIR]
 
-import argparse
-import json
-import math
-
-from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
-from llm_astar_lab.report.comparison import Judgement, sample_table
-from llm_astar_lab.report.table import csv_table, write_tables
-from llm_astar_lab.results.folder import ResultsFolder, without_nan
-
-OK, REGRESSION, UNJUDGED = 0, 1, 3
-# Percent by which a metric may grow where nothing else is asked for. Counts repeat exactly; the
-# times of equal runs on a machine with other work differed by up to 43 %.
-TOLERATED = {'seconds_search': 50.0}
-
-USAGE = """\
-llm-astar compare BASE RUN [RUN ...] [--metric NAME] [--variant NAME] [--threshold PERCENT]
-                         [--json] [--out DIR]"""
-EPILOG = """\
 examples:
   llm-astar compare out/before out/after                   does any variant expand more nodes?
   llm-astar compare out/before out/after --threshold 2     by more than 2 %?
@@ -38,26 +20,42 @@ exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regressi
 of the base is missing or has too few samples to be judged, 130 interrupted
 """
 
+from __future__ import annotations
+
+import argparse
+import json
+import math
+
+from llm_astar_planner.cli.flags import option
+
+from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
+from llm_astar_lab.report.comparison import Judgement, sample_table
+from llm_astar_lab.report.table import csv_table, write_tables
+from llm_astar_lab.results.folder import ResultsFolder, without_nan
+
+OK, REGRESSION, UNJUDGED = 0, 1, 3
+# Percent by which a metric may grow where nothing else is asked for. Counts repeat exactly; the
+# times of equal runs on a machine with other work differed by up to 43 %.
+TOLERATED = {'seconds_search': 50.0}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('base', metavar='BASE', help='the results folder to compare with')
-    parser.add_argument(
-        'runs', metavar='RUN', nargs='+', help='results folders of the same dataset'
-    )
+    option(parser, 'base BASE', 'the results folder to compare with')
+    option(parser, 'runs RUN', 'results folders of the same dataset', nargs='+')
     text = 'what decides about a regression (default: %(default)s, the expansions)'
-    parser.add_argument('--metric', choices=METRICS, default='operation', help=text)
-    parser.add_argument(
-        '--variant', metavar='NAME',
-        help='only this variant, METHOD/SOURCE/PROMPT/MODEL without its empty parts, or all that '
+    option(parser, '--metric', text, choices=METRICS, default='operation')
+    option(
+        parser, '--variant NAME',
+        'only this variant, METHOD/SOURCE/PROMPT/MODEL without its empty parts, or all that '
         'begin so; a method alone is the one without waypoints',
     )  # fmt: skip
     text = 'how much the metric may grow (default: 0; 50 for seconds_search)'
-    parser.add_argument('--threshold', type=percent, metavar='PERCENT', help=text)
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
-    parser.add_argument(
-        '--out', metavar='DIR',
-        help='write comparison.md, .json and .png, changes.csv with all changed samples (at most '
+    option(parser, '--threshold PERCENT', text, type=percent)
+    option(parser, '--json', 'print one JSON object')
+    option(
+        parser, '--out DIR',
+        'write comparison.md, .json and .png, changes.csv with all changed samples (at most '
         f'{MAX_SAMPLES} of a variant), and tables/ as LaTeX and CSV',
     )  # fmt: skip
 

@@ -1,4 +1,13 @@
-"""Generate datasets of samples, check them, or convert them to bags."""
+"""Generate datasets of samples, check them, or convert them to bags.
+
+examples:
+  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset generate --family floors --scale 2 --out floors.json
+  llm-astar dataset check maps.json
+  llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
+
+exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
+"""
 
 from __future__ import annotations
 
@@ -10,24 +19,15 @@ from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, save_maps
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import MAP_KINDS
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
 from llm_astar_lab.bags.messages import GET_PLAN_EVENT, MAP
 from llm_astar_lab.datasets import named
-from llm_astar_lab.datasets.generate import GenerationError, MapRules
+from llm_astar_lab.datasets.generate import GenerationError, MapRules, validate_file
 from llm_astar_lab.datasets.samples import load_samples
-from llm_astar_lab.datasets.validate import validate_file
 
-EPILOG = """\
-examples:
-  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
-  llm-astar dataset generate --family floors --scale 2 --out floors.json
-  llm-astar dataset check maps.json
-  llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
-
-exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
-"""
 OK, BAD_INPUT = 0, 2
 
 
@@ -38,42 +38,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'generate', help='generate a dataset; the same seed gives the same one'
     )
     text = f'kind of maps: {named.BARRIERS} as in the paper, or grids ({named.BARRIERS})'
-    make.add_argument('--family', choices=named.GENERATED, help=text)
-    make.add_argument('--seed', type=int, default=0, help='seed of the maps (0)')
-    text = 'number of maps (default: %(default)s)'
-    make.add_argument('--maps', type=int, default=named.DEFAULT_MAPS, metavar='N', help=text)
+    option(make, '--family', text, choices=named.GENERATED)
+    option(make, '--seed', 'seed of the maps (0)', default=0)
+    option(make, '--maps N', 'number of maps (default: %(default)s)', default=named.DEFAULT_MAPS)
     text = 'start-goal pairs per map (default: %(default)s)'
-    make.add_argument('--pairs', type=int, default=named.DEFAULT_PAIRS, metavar='N', help=text)
+    option(make, '--pairs N', text, default=named.DEFAULT_PAIRS)
     text = 'largest coordinates, of barriers alone (50 30)'
-    make.add_argument('--size', type=int, nargs=2, metavar=('W', 'H'), help=text)
+    option(make, '--size', text, type=int, nargs=2, metavar=('W', 'H'))
     text = 'cells a unit of the maps, as --scales of bench makes them (1)'
-    make.add_argument('--scale', type=int, default=1, metavar='K', help=text)
-    make.add_argument('--out', required=True, metavar='FILE', help='the JSON file to write')
-    make.add_argument('--pictures', metavar='DIR', help='also draw every map into this folder')
+    option(make, '--scale K', text, default=1)
+    option(make, '--out FILE', 'the JSON file to write', required=True)
+    option(make, '--pictures DIR', 'also draw every map into this folder')
     check = actions.add_parser('check', help='validate a dataset file')
     check.add_argument('file', metavar='FILE')
-    check.add_argument('--json', action='store_true', help='print the problems found as JSON')
+    option(check, '--json', 'print the problems found as JSON')
     bag = actions.add_parser(
         'to-bag',
         help='write the samples as a bag of maps and requests, as a robot would record them',
     )
     add_map_option(bag)
     add_map_ids_option(bag)
-    bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
+    option(bag, '--out DIR', 'the folder of the new bag', required=True)
     text = 'format of the bag (default: %(default)s)'
-    bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help=text)
+    option(bag, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--map`, a file of maps with their start-goal pairs."""
     text = f'{MAP_KINDS} (default: %(default)s); on a yaml pairs are drawn'
-    group.add_argument('--map', dest='dataset', default=SAMPLES_FILE, metavar='FILE', help=text)
+    option(group, '--map FILE', text, dest='dataset', default=SAMPLES_FILE)
 
 
 def add_map_ids_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--map-ids`, which chooses maps of a dataset."""
     text = 'which maps of the dataset, such as 50-99 or 0-9,12 (default: all)'
-    group.add_argument('--map-ids', dest='maps', metavar='RANGES', help=text)
+    option(group, '--map-ids RANGES', text, dest='maps')
 
 
 def run(args: argparse.Namespace) -> int:

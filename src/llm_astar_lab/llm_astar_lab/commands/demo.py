@@ -3,6 +3,13 @@
 Start map_node, llm_client_node and planner_node as processes, call the planner's GetPlan as
 another stack would, print and draw the plan, and stop everything. The waypoints come from the
 embedded learned model, which is not an LLM and needs no key and no network.
+
+examples:
+  llm-astar demo
+  llm-astar demo --pair 2 --png out/pair2.png
+  llm-astar demo --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
+
+exit codes: 0 a path, 1 no path, 2 bad usage or input
 """
 
 from __future__ import annotations
@@ -27,28 +34,18 @@ FIRST_DOMAIN, DOMAINS = 101, 130
 RADIUS = flags.named(COSTMAP, 'robot_radius')
 
 
-EPILOG = """\
-examples:
-  llm-astar demo
-  llm-astar demo --pair 2 --png out/pair2.png
-  llm-astar demo --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
-
-exit codes: 0 a path, 1 no path, 2 bad usage or input
-"""
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     flags.add_picture_option(parser, 'draw the plan', 'out/demo.png')
     text = 'which start-goal pair of the demo map (default: 0)'
-    parser.add_argument('--pair', type=int, default=0, choices=range(4), help=text)
+    flags.option(parser, '--pair', text, default=0, choices=range(4))
     text = 'another map, a map_server yaml or barrier maps; it needs --start and --goal'
-    parser.add_argument('--map', metavar='FILE', help=text)
+    flags.option(parser, '--map FILE', text)
     text = 'start here, in metres of the map; a cell of barrier maps is one metre wide'
-    parser.add_argument('--start', **flags.POINT, help=text)
-    parser.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
+    flags.option(parser, '--start', text, **flags.POINT)
+    flags.option(parser, '--goal', 'go here, in the same unit', **flags.POINT)
     flags.add_parameter_flags(parser, RADIUS)
-    flags.add_switches(parser, verbose='show the log of the nodes')
+    flags.option(parser, '--verbose', 'show the log of the nodes')
 
 
 def run(arguments: argparse.Namespace) -> int:

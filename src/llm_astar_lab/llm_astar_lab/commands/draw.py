@@ -1,34 +1,10 @@
 """Draw what A* and another method expand on the way from start to goal, side by side.
 
 The file is a picture (.png, .svg, .pdf) or an animation (.gif).
-"""
 
-from __future__ import annotations
+usage: llm-astar draw [--map FILE] [--start X Y --goal X Y] [--method NAME] [--source NAME]
+                      [options] --out FILE
 
-import argparse
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
-
-from llm_astar_planner.cli.flags import ANIMATIONS, picture_or_animation
-from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
-from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanRequest
-from llm_astar_planner.resources import SAMPLES_FILE
-from llm_astar_planner.waypoints.async_query import query_source
-from llm_astar_planner.waypoints.source import WaypointQuery
-
-from llm_astar_lab.pictures.retrace import retrace
-from llm_astar_lab.runner.engine import AnsweredSource
-
-if TYPE_CHECKING:
-    from llm_astar_lab.pictures.figures import Picture
-
-USAGE = """\
-llm-astar draw [--map FILE] [--start X Y --goal X Y] [--method NAME] [--source NAME]
-                      [options] --out FILE"""
-EPILOG = """\
 examples:
   llm-astar draw --map-id 5 --pair 3 --out out/searches.gif
   llm-astar draw --method llm_astar --source oracle --out out/paper.png
@@ -37,6 +13,25 @@ examples:
 
 exit codes: 0 drawn, 1 no path, 2 bad usage or input
 """
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from typing import NamedTuple
+
+from llm_astar_planner.cli.flags import ANIMATIONS, option, picture_or_animation
+from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
+from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.resources import SAMPLES_FILE
+from llm_astar_planner.waypoints.async_query import query_source
+from llm_astar_planner.waypoints.source import WaypointQuery
+
+from llm_astar_lab.pictures.retrace import retrace
+from llm_astar_lab.runner.engine import AnsweredSource
+
 ASTAR = 'astar'
 
 
@@ -50,10 +45,8 @@ class Drawn(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
     add_query_options(parser, SAMPLES_FILE)
-    parser.add_argument(
-        '--out', '--png', required=True, type=picture_or_animation, metavar='FILE',
-        help='picture (.png, .svg, .pdf) or animation (.gif), by its ending',
-    )  # fmt: skip
+    text = 'picture (.png, .svg, .pdf) or animation (.gif), by its ending'
+    option(parser, '--out --png FILE', text, required=True, type=picture_or_animation)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -103,34 +96,25 @@ def with_answer(asked: Problem) -> PlanRequest:
 def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
     """Draw or animate the plans. Raises OSError, ParameterError where that cannot be done."""
     # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_lab.pictures import figures  # noqa: PLC0415
+    from llm_astar_lab.pictures import animation, figures  # noqa: PLC0415
 
-    costmap, offset = asked.planner.costmap, asked.coordinates.offset
-    grid_map = figures.drawable_map(costmap.grid_map, costmap.config)
-    pictures = []
-    for _, plan in drawn:
-        picture = figures.picture_of(plan, grid_map, offset, costmap=costmap)
-        pictures.append(replace(picture, title=figures.short_title(plan, grid_map.resolution)))
-    if path.lower().endswith(ANIMATIONS):
-        animate(asked.planner, drawn, pictures, path)
-        return
-    figures.write_figure(figures.comparison_figure(pictures), path)
-
-
-def animate(planner: Planner, drawn: list[Drawn], pictures: list[Picture], path: str) -> None:
-    """Animate the searches. Raises OSError, and ParameterError where their order is unknown."""
-    from llm_astar_lab.pictures.animation import AnimatedSearch, save_animation  # noqa: PLC0415
-    from llm_astar_lab.pictures.figures import describe_length, describe_plan  # noqa: PLC0415
-
-    searches = []
-    for (request, plan), picture in zip(drawn, pictures):
-        order = retrace(planner, request, plan)
-        if order is None:
+    planner, is_animated = asked.planner, path.lower().endswith(ANIMATIONS)
+    pictures, searches = [], []
+    for request, plan in drawn:
+        order = retrace(planner, request, plan) if is_animated else None
+        picture, search = animation.drawn_search(
+            plan, planner.costmap, asked.coordinates.offset, figures.describe_plan(plan), order
+        )
+        pictures.append(picture)
+        if search is not None:
+            searches.append(search)
+        elif is_animated:
             raise ParameterError(
                 f'{path}: in which order {plan.method} expanded the cells is not known, for it is '
                 'a plug-in, or its search depended on time; draw a .png, or give it a higher '
                 '--time-limit'
             )
-        length = describe_length(plan, picture.grid_map.resolution)
-        searches.append(AnimatedSearch(picture, order, describe_plan(plan), length))
-    save_animation(path, searches)
+    if is_animated:
+        animation.save_animation(path, searches)
+    else:
+        figures.write_figure(figures.comparison_figure(pictures), path)

@@ -2,51 +2,10 @@
 
 Compare with the recorded plans, and write a results folder like that of bench. No robot, graph
 or display is needed.
-"""
 
-from __future__ import annotations
+usage: llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
+                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]
 
-import argparse
-import json
-from collections.abc import Sequence
-from contextlib import nullcontext
-from dataclasses import asdict, replace
-from functools import partial
-from pathlib import Path
-from typing import Any
-
-from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, add_params_file_flag, given_values
-from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
-from llm_astar_planner.planning.types import plan_report
-
-from llm_astar_lab.bags.files import Problems, bag_name
-from llm_astar_lab.bags.messages import BARRIER_MAP
-from llm_astar_lab.bags.reading import Bag, open_bags
-from llm_astar_lab.bags.writing import BagWriteError
-from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
-from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
-from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
-from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
-from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
-from llm_astar_lab.results.row import ResultsError
-from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
-from llm_astar_lab.runner.engine import Outcome, Task
-from llm_astar_lab.runner.sources import GRID_BASELINES
-
-# The parameters that have flags of their own; the search has the flags of `bench`.
-OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
-RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
-# The exchanges with models that were found in the bags, in the results folder.
-EXCHANGES = 'exchanges.jsonl'
-USAGE = """\
-llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
-                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]"""
-EPILOG = """\
 examples:
   llm-astar evaluate bag --list                       what the bag contains
   llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
@@ -61,16 +20,55 @@ exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left
 did not answer, 130 interrupted
 """
 
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
+from llm_astar_planner.cli import flags
+from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.planning.parameter_file import read_parameter_files
+from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
+from llm_astar_planner.planning.types import plan_report
+
+from llm_astar_lab.bags.messages import BARRIER_MAP
+from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
+from llm_astar_lab.bags.writing import BagWriteError
+from llm_astar_lab.commands import run_options as common
+from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
+from llm_astar_lab.evaluation.tasks import Evaluation
+from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
+from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
+from llm_astar_lab.results.row import ResultsError
+from llm_astar_lab.results.stored_rows import Finished
+from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.engine import Outcome, Task
+from llm_astar_lab.runner.sources import GRID_BASELINES
+
+# The parameters that have flags of their own; the search has the flags of `bench`.
+OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
+RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
+# The exchanges with models that were found in the bags, in the results folder.
+EXCHANGES = 'exchanges.jsonl'
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(seed=0)
-    parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
+    flags.option(parser, 'bags BAG', 'a folder, or an mcap or db3 file', nargs='+')
     add_input(parser.add_argument_group('input'))
     common.add_variants(parser.add_argument_group('methods and sources'))
     rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
-    add_params_file_flag(rules)
-    add_parameter_flags(rules, RULES)
+    flags.add_params_file_flag(rules)
+    flags.add_parameter_flags(rules, RULES)
     common.add_instruction(
         parser.add_argument_group('an instruction for every request, instead of the recorded ones')
     )
@@ -79,27 +77,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose topics and requests."""
-    group.add_argument('--list', action='store_true', help='only show what the bags contain')
-    group.add_argument(
-        '--namespace', default='', metavar='NAME', help="the robot's, where a bag has several"
-    )
-    for flag, text in (
-        ('--map-topic', '(/map)'),
-        ('--plan-topic', "the robot's own plans (/plan)"),
-        ('--odom-topic', 'the start of goals, where tf does not join map and base_link (/odom)'),
-    ):
-        group.add_argument(flag, default='', metavar='TOPIC', help=text)
-    group.add_argument(
-        '--requests', default='auto', metavar='WHAT',
-        help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
+    flags.option(group, '--list', 'only show what the bags contain')
+    flags.option(group, '--namespace NAME', "the robot's, where a bag has several", default='')
+    flags.option(group, '--map-topic TOPIC', '(/map)', default='')
+    flags.option(group, '--plan-topic TOPIC', "the robot's own plans (/plan)", default='')
+    text = 'the start of goals, where tf does not join map and base_link (/odom)'
+    flags.option(group, '--odom-topic TOPIC', text, default='')
+    flags.option(
+        group, '--requests WHAT',
+        "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
         'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+        default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
-    group.add_argument('--plan-window', type=float, default=10.0, metavar='SECONDS', help=text)
-    group.add_argument(
-        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
-    )
+    flags.option(group, '--plan-window SECONDS', text, default=10.0)
+    flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -111,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     file = read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
-    rules = in_file | given_values(args, RULES)
+    rules = in_file | flags.given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     failure = common.BAD_INPUT
     try:
@@ -126,16 +119,15 @@ def run(args: argparse.Namespace) -> int:
             with common.make_executor(args, config.sources) as pool:
                 metadata, done = start(args, config, folder, is_listed=bool(listed))
                 failure = common.INCOMPLETE  # from here on there are rows
-                tasks = BagTasks(config)
                 keep = partial(write_outcomes, results_bag) if results_bag else None
-                left = tasks.tasks(done)
+                left = config.tasks(done)
                 with results_bag or nullcontext():
                     code = common.run_into(
                         args, folder, metadata, left, pool, unit='request', keep=keep
                     )
             problems = [unopened, *(bag.problems for bag in bags)]
         code = report_problems(args, metadata, problems, code)
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
+        folder.write_text(MAPS_FILE, format_kept_maps(config.kept_maps()))
         folder.write_places(config.places)
         return common.close_run(args, folder, metadata, code)
     except (ResultsError, BagWriteError) as error:
@@ -143,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def start(
-    args: argparse.Namespace, config: EvaluationConfig, folder: ResultsFolder, *, is_listed: bool
+    args: argparse.Namespace, config: Evaluation, folder: ResultsFolder, *, is_listed: bool
 ) -> tuple[dict[str, Any], Finished]:
     """Start or resume the results folder; return the run's metadata and the finished rows.
 
@@ -225,7 +217,7 @@ def make_config(
     rules: dict[str, Any],
     *,
     folder: ResultsFolder,
-) -> EvaluationConfig:
+) -> Evaluation:
     """Return what the evaluation covers.
 
     All baselines are added only where the barriers of every map are known.
@@ -243,12 +235,12 @@ def make_config(
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
-    return EvaluationConfig(
+    return Evaluation(
         bags, selection, args.methods, sources, settings, args.plan_window, listed, places
     )
 
 
-def run_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
+def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
     settings = config.settings
     return common.deciding_parameters(args, 'requests', 'plan_window') | {

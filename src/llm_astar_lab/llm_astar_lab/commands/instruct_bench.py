@@ -3,6 +3,37 @@
 Each instruction is understood by each source, planned, and the path held against the machine
 checks of the suite, which share no code with the search or the enforcement. A suite is a JSON
 file of maps, places and instructions with their truth.
+
+usage: llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
+                                [--fail-under LIMIT] [options]
+
+sources:
+  truth     the suite's own specification: the planner apart from understanding
+  grammar   the grammar alone, no model
+  endpoint  the grammar, then a language model for what it does not read whole
+  replay    the same with a recorded model (--transcript)
+  none      no instruction at all: what is met by chance
+
+examples:
+  llm-astar instruct-bench                        the grammar on the suite of the package
+  llm-astar instruct-bench --suite house.json --source none,truth,grammar
+  llm-astar instruct-bench --suite house.json --source endpoint --record house.jsonl --out out/x
+    --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
+  llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
+  llm-astar instruct-bench --suite house.json --show h-07 --png out/h-07.png
+  llm-astar instruct-bench --suite house.json --fail-under grammar/templated:satisfied=85
+    --fail-over false_claims=0 --fail-over grammar:ms=2
+
+a suite, with the map in house.yaml beside it:
+  {"version": 1,
+   "maps": {"house": {"places": {"kitchen": {"polygon": [[8,10],[16,10],[16,18],[8,18]]}}}},
+   "instructions": [{"id": "h-01", "map": "house", "start": [2, 2], "goal": [22, 16],
+     "text": "do not enter the kitchen", "lang": "en", "style": "templated", "expect": "ok",
+     "spec": {"clauses": [{"kind": "avoid", "region": {"place": "kitchen"}}]},
+     "checks": [{"check": "inside_max", "region": {"place": "kitchen"}, "metres": 0.1}]}]}
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 a model left instructions
+unanswered, 130 interrupted
 """
 
 from __future__ import annotations
@@ -50,71 +81,35 @@ MODEL = flags.named(
     'max_output_tokens', 'timeout_s', 'max_retries', 'transcript', 'record',
 )  # fmt: skip
 TIME = flags.named(REQUESTS, 'max_planning_time')
-USAGE = """\
-llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
-                                [--fail-under LIMIT] [options]"""
-EPILOG = """\
-sources:
-  truth     the suite's own specification: the planner apart from understanding
-  grammar   the grammar alone, no model
-  endpoint  the grammar, then a language model for what it does not read whole
-  replay    the same with a recorded model (--transcript)
-  none      no instruction at all: what is met by chance
-
-examples:
-  llm-astar instruct-bench                        the grammar on the suite of the package
-  llm-astar instruct-bench --suite house.json --source none,truth,grammar
-  llm-astar instruct-bench --suite house.json --source endpoint --record house.jsonl --out out/x
-    --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
-  llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
-  llm-astar instruct-bench --suite house.json --show h-07 --png out/h-07.png
-  llm-astar instruct-bench --suite house.json --fail-under grammar/templated:satisfied=85
-    --fail-over false_claims=0 --fail-over grammar:ms=2
-
-a suite, with the map in house.yaml beside it:
-  {"version": 1,
-   "maps": {"house": {"places": {"kitchen": {"polygon": [[8,10],[16,10],[16,18],[8,18]]}}}},
-   "instructions": [{"id": "h-01", "map": "house", "start": [2, 2], "goal": [22, 16],
-     "text": "do not enter the kitchen", "lang": "en", "style": "templated", "expect": "ok",
-     "spec": {"clauses": [{"kind": "avoid", "region": {"place": "kitchen"}}]},
-     "checks": [{"check": "inside_max", "region": {"place": "kitchen"}, "metres": 0.1}]}]}
-
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 a model left instructions
-unanswered, 130 interrupted
-"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     what = parser.add_argument_group('suite')
     text = 'the suite: a JSON file, a path or a name in maps/ (default: %(default)s)'
-    what.add_argument('--suite', default=OWN_SUITE, metavar='FILE', help=text)
-    what.add_argument(
-        '--map-folder', type=Path, action='append', default=[], metavar='DIR',
-        help="searched for NAME.yaml of the suite's maps, after the suite's own folder",
-    )  # fmt: skip
-    what.add_argument(
-        '--show', metavar='ID',
-        help='run one instruction and print all of it: text, what was understood, clauses with '
+    flags.option(what, '--suite FILE', text, default=OWN_SUITE)
+    text = "searched for NAME.yaml of the suite's maps, after the suite's own folder"
+    flags.option(what, '--map-folder DIR', text, type=Path, action='append', default=[])
+    flags.option(
+        what, '--show ID',
+        'run one instruction and print all of it: text, what was understood, clauses with '
         'what became of them, checks',
     )  # fmt: skip
     sources = parser.add_argument_group('sources')
-    sources.add_argument(
-        '--source', type=common.names, nargs='+', action='extend', default=[], metavar='NAME',
-        help=f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})',
-    )  # fmt: skip
+    text = f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})'
+    flags.option(
+        sources, '--source NAME', text, type=common.names, nargs='+', action='extend', default=[]
+    )
     flags.add_parameter_flags(sources, (*MODEL, *TIME))
     add_output(parser.add_argument_group('output'))
 
 
 def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for output and summary."""
-    group.add_argument(
-        '--out', metavar='DIR', help='write results.csv, summary.json and report.md into a folder'
-    )
-    flags.add_switches(group, json='print one JSON object')
+    flags.option(group, '--out DIR', 'write results.csv, summary.json and report.md into a folder')
+    flags.option(group, '--json', 'print one JSON object')
     text = 'draw the plan of --show, with a single --source'
-    group.add_argument('--png', type=flags.picture_file, metavar='FILE', help=text)
+    flags.option(group, '--png FILE', text, type=flags.picture_file)
     for flag, is_upper, text in (
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),
@@ -267,5 +262,4 @@ def draw(result: InstructionResult, path: str) -> None:
     barriers = suite_map.barrier_map
     offset = (0, 0) if barriers is None else barriers.offset
     route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
-    picture = picture_of(plan, suite_map.grid_map, offset, route=route)
-    save_picture(picture, path)
+    save_picture(picture_of(plan, route.costmap, offset, route), path)

@@ -1,24 +1,7 @@
 """Plan in the browser: drag start and goal, draw walls, and watch the search.
 
 A small server on this machine shows the page; nothing is sent anywhere else.
-"""
 
-from __future__ import annotations
-
-import argparse
-import threading
-import webbrowser
-from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
-
-from llm_astar_planner.cli.flags import add_graph_options, add_switches
-
-if TYPE_CHECKING:
-    from llm_astar_lab.play.live import LiveFeed
-
-DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
-
-EPILOG = """\
 examples:
   llm-astar play
   llm-astar play --map depot.yaml --map maze.map.scen
@@ -35,21 +18,37 @@ members may then plan on the listed maps and watch the graph of --live, but read
 exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
 """
 
+from __future__ import annotations
+
+import argparse
+import threading
+import webbrowser
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING
+
+from llm_astar_planner.cli.flags import add_graph_options, option
+
+if TYPE_CHECKING:
+    from llm_astar_lab.play.live import LiveFeed
+
+DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument(
-        '--map', action='append', default=[], metavar='FILE',
-        help='a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
+    option(
+        parser, '--map FILE',
+        'a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
         'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
+        action='append', default=[],
     )  # fmt: skip
     text = 'address to serve at (default: %(default)s)'
-    parser.add_argument('--host', default=DEFAULT_HOST, metavar='NAME', help=text)
+    option(parser, '--host NAME', text, default=DEFAULT_HOST)
     text = 'port to serve at; 0 takes a free one (default: %(default)s)'
-    parser.add_argument('--port', type=int, default=DEFAULT_PORT, metavar='N', help=text)
-    add_switches(parser, no_browser='do not open the browser')
+    option(parser, '--port N', text, default=DEFAULT_PORT)
+    option(parser, '--no-browser', 'do not open the browser')
     graph = parser.add_argument_group('a running graph')
-    add_switches(graph, live='show the map, plans and reports of a running planner too')
+    option(graph, '--live', 'show the map, plans and reports of a running planner too')
     add_graph_options(graph, client=True)
 
 

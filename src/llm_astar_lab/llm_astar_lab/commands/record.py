@@ -1,17 +1,5 @@
-"""Record the live graph into a rosbag2 bag, to evaluate it later."""
+"""Record the live graph into a rosbag2 bag, to evaluate it later.
 
-from __future__ import annotations
-
-import argparse
-import math
-from functools import partial
-
-from llm_astar_planner.parameter import ParameterError
-
-from llm_astar_lab.bags.writing import BagWriter
-
-MEGABYTE = 1_000_000
-EPILOG = """\
 examples:
   llm-astar record --out run1                                   until Ctrl-C
   llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
@@ -22,22 +10,31 @@ reports, exchanges with the language model, tf, odometry and diagnostics. What h
 is waited for. For the use of the bag see `llm-astar evaluate --help`.
 """
 
+from __future__ import annotations
+
+import argparse
+import math
+from functools import partial
+
+from llm_astar_planner.cli.flags import option
+from llm_astar_planner.parameter import ParameterError
+
+from llm_astar_lab.bags.writing import BagWriter
+
+MEGABYTE = 1_000_000
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
-    parser.add_argument(
-        '--namespace', default='', metavar='NAME', help="the robot's, such as /robot1"
-    )
-    parser.add_argument(
-        '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
-    )
+    option(parser, '--out DIR', 'the bag, a new folder', required=True)
+    option(parser, '--namespace NAME', "the robot's, such as /robot1", default='')
+    option(parser, '--topics NAME', 'further topics to record', nargs='+', default=[])
     text = 'stop after this time (default: at Ctrl-C)'
-    parser.add_argument('--duration', type=float, default=math.inf, metavar='SECONDS', help=text)
+    option(parser, '--duration SECONDS', text, default=math.inf)
     text = 'begin a new file after this size (default: one file)'
-    parser.add_argument('--max-size', type=float, default=0.0, metavar='MB', help=text)
+    option(parser, '--max-size MB', text, default=0.0)
     text = 'format of the bag (default: %(default)s)'
-    parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help=text)
+    option(parser, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
+from llm_astar_planner.cli.flags import option
 
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.pages import replace_section, results_section
+from llm_astar_lab.report.sentences import headline
 from llm_astar_lab.report.table import write_tables
 from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
@@ -22,21 +24,19 @@ from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument(
-        'folder', metavar='DIR', help='a folder written by `llm-astar bench --out`'
-    )
-    parser.add_argument(
-        '--readme', metavar='FILE',
-        help='put finding, table and provenance between the lines <!-- results:begin --> and '
+    option(parser, 'folder DIR', 'a folder written by `llm-astar bench --out`')
+    option(
+        parser, '--readme FILE',
+        'put finding, table and provenance between the lines <!-- results:begin --> and '
         '<!-- results:end --> of FILE',
     )  # fmt: skip
-    parser.add_argument(
-        '--latex', action='store_true',
-        help='write every table to DIR/tables/NAME.tex, for \\input with the packages booktabs '
+    option(
+        parser, '--latex',
+        'write every table to DIR/tables/NAME.tex, for \\input with the packages booktabs '
         'and adjustbox',
     )  # fmt: skip
     text = 'write every table to DIR/tables/NAME.csv, with the limits of its intervals'
-    parser.add_argument('--csv', action='store_true', help=text)
+    option(parser, '--csv', text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> int:
     # Importing matplotlib takes most of a second, and a README section needs no figures.
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
-    summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
-    print(f'{summary["headline"]}\n{folder.path}/report.html')
+    run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
+    print(f'{headline(run.comparisons)}\n{folder.path}/report.html')
     return 0
 
 

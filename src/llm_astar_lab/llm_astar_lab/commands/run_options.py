@@ -18,11 +18,11 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, add_switches, named
+from llm_astar_planner.cli.flags import add_parameter_flags, named, option
 from llm_astar_planner.cli.map_files import add_places_option
-from llm_astar_planner.cli.planning_options import parameter_values
+from llm_astar_planner.cli.planning_options import parameter_values, route_instruction
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
+from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
@@ -33,20 +33,11 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds
-from llm_astar_lab.analysis.summary import summarise
-from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import UNANSWERED
-from llm_astar_lab.runner import config
-from llm_astar_lab.runner.engine import (
-    ALL_METHODS,
-    Outcome,
-    SearchSettings,
-    Task,
-    compile_once,
-    list_variants,
-)
+from llm_astar_lab.runner import config, engine
+from llm_astar_lab.runner.engine import SearchSettings, Task
 from llm_astar_lab.runner.map_costs import add_query_times
 from llm_astar_lab.runner.sources import GRID_BASELINES, SourceSpec, make_source_specs
 
@@ -108,29 +99,27 @@ count, seed = partial(whole_number, least=1), partial(whole_number, least=0)
 
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
-    text = f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)'
-    group.add_argument('--methods', type=names, metavar='NAMES', help=text)
-    group.add_argument(
-        '--source', type=names, default=[], metavar='NAMES',
-        help=f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
+    text = f'of {", ".join(engine.ALL_METHODS)}, or plug-ins (default: all of these)'
+    option(group, '--methods NAMES', text, type=names)
+    option(
+        group, '--source NAMES',
+        f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
         'the baselines are also added to every other source; on a grid only '
         f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
-        'there and refused on large maps)',
+        'there and refused on large maps)', type=names, default=[],
     )  # fmt: skip
     text = f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates'
-    group.add_argument('--prompt', type=names, default=[], metavar='NAMES', help=text)
-    group.add_argument(
-        '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
-    )
-    group.add_argument(
-        '--transcript', type=file_names, action='extend', default=[], metavar='FILES',
-        help='transcripts that replay answers from: paths, or names in maps/, separated by '
-        'commas; each gives rows of its own',
+    option(group, '--prompt NAMES', text, type=names, default=[])
+    option(group, '--model NAMES', 'for endpoint and replay', type=names, default=[])
+    option(
+        group, '--transcript FILES',
+        'transcripts that replay answers from: paths, or names in maps/, separated by '
+        'commas; each gives rows of its own', type=file_names, action='extend', default=[],
     )  # fmt: skip
     add_defaulted_flags(group, SOURCE, ENDPOINT)
     add_parameter_flags(group, SEARCH_PARAMETERS)
     text = 'price of a million tokens, for the cost column'
-    group.add_argument('--price', type=float, nargs=2, metavar=('IN', 'OUT'), help=text)
+    option(group, '--price', text, type=float, nargs=2, metavar=('IN', 'OUT'))
 
 
 def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -159,49 +148,43 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 
     The settings of a live or recorded model are those of the sources. Raises ValueError.
     """
-    text = clean_instruction(args.instruction)
-    if not text:
-        return None
     names = [name for name in ('endpoint', 'replay') if name in args.source]
-    if 'replay' in args.source and len(args.transcript) > 1:
+    if args.instruction.strip() and 'replay' in args.source and len(args.transcript) > 1:
         raise ValueError('--instruction is replayed from one file: name one --transcript')
     values = {name: getattr(args, name) for name in ('base_url', 'api_key_env', 'api_key_names')}
     values['source'] = next(iter(names), 'none')
     values |= {name: next(iter(getattr(args, name)), '') for name in ('model', 'transcript')}
-    interpretation = make_interpreter(values).interpret(text, places, args.max_planning_time)
-    sys.stderr.write(f'instruction {interpretation.status.value}: {interpretation.sentence}\n')
-    return RouteInstruction(interpretation, places, args.instruction_policy)
+    found = route_instruction(
+        vars(args), places, args.max_planning_time, lambda: make_interpreter(values)
+    )
+    if found is not None:
+        read = found.interpretation
+        sys.stderr.write(f'instruction {read.status.value}: {read.sentence}\n')
+    return found
 
 
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for running and output; `out` is the default folder."""
-    group.set_defaults(default_out=out)
-    text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
-    group.add_argument('--out', metavar='DIR', help=text)
-    again = group.add_mutually_exclusive_group()
-    add_switches(
-        again,
-        resume='continue an interrupted run: that in --out, or the last one',
-        overwrite='replace the results in --out by those of this run',
-    )
-    group.add_argument(
-        '--jobs', type=count, metavar='N',
-        help='samples planned in parallel, and so also the number of simultaneous requests '
-        '(default: 1, or 8 with a live source)',
+    config.add_folder(group, out)
+    option(
+        group, '--jobs N',
+        'samples planned in parallel, and so also the number of simultaneous requests '
+        '(default: 1, or 8 with a live source)', type=count,
     )  # fmt: skip
-    group.add_argument(
-        '--format', choices=config.FORMATS,
-        help=f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
+    option(
+        group, '--format',
+        f'of the rows: csv, or parquet for very many (default: csv, and parquet from '
         f'{config.LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
+        choices=config.FORMATS,
     )  # fmt: skip
-    group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
-    group.add_argument(
-        '--fail-under', '--assert', type=parsed_by(thresholds.parse_threshold), action='append',
-        default=[], metavar='LIMIT',
-        help='VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
+    option(group, '--dask ADDRESS', 'scheduler of a Dask cluster to run on')
+    option(
+        group, '--fail-under --assert LIMIT',
+        'VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
         'metric, such as instruction=95; exit 1 if a ratio is above it or a share below',
+        type=parsed_by(thresholds.parse_threshold), action='append', default=[],
     )  # fmt: skip
-    group.add_argument('--json', action='store_true', help='print the summary as JSON')
+    option(group, '--json', 'print the summary as JSON')
 
 
 def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None = None) -> None:
@@ -212,10 +195,10 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
     """
     if args.methods is None:
         method = (file or {}).get('method', GUIDED)
-        args.methods = list(ALL_METHODS) if file is None else [str(method)]
+        args.methods = list(engine.ALL_METHODS) if file is None else [str(method)]
     for name in args.methods:
         SEARCH_METHODS.admit(name)
-        problem = None if name in ALL_METHODS else SEARCH_METHODS.problem(name)
+        problem = None if name in engine.ALL_METHODS else SEARCH_METHODS.problem(name)
         if problem:
             raise ValueError(f'--methods {problem}, {WAYPOINTS_ONLY}')
     for name in args.source:
@@ -259,7 +242,7 @@ def source_specs(
 
 def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
     """Raise ValueError where --fail-under names a variant that this run does not have."""
-    variants = [variant for variant, _ in list_variants(args.methods, sources)]
+    variants = [variant for variant, _ in engine.list_variants(args.methods, sources)]
     if problem := thresholds.unknown_variant(args.fail_under, variants):
         raise ValueError(problem)
 
@@ -315,7 +298,7 @@ def run_into(
     pool: tuple[Executor, int],
     *,
     unit: str = 'sample',
-    keep: Callable[[Task, list[Outcome]], object] | None = None,
+    keep: Callable[[Task, list[engine.Outcome]], object] | None = None,
 ) -> int:
     """Run tasks into a results folder, with `keep` after each; return the exit code.
 
@@ -330,7 +313,7 @@ def run_into(
     try:
         with config.progress(total, unit) as step:
 
-            def finish(task: Task, outcomes: list[Outcome]) -> None:
+            def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
                 if keep is not None:
                     keep(task, outcomes)
                 step()
@@ -349,7 +332,7 @@ def run_into(
 
 def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> Sequence[Task]:
     """Run the first tasks of each scale, say how long the others take, and return those."""
-    compile_once()
+    engine.compile_once()
     timed, others = config.split_timed(tasks)
     seconds = {}
     for scale, first in timed.items():
@@ -382,16 +365,13 @@ def close_run(
     if 'map_costs' in metadata:
         add_query_times(metadata['map_costs'], rows)
     folder.write_json('metadata.json', metadata)
-    recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
     lengths = thresholds.reference_lengths(maps)
     agreements = (
         thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
     )
-    text = '' if args.json else text_report(rows, args.seed, recorded)
-    summaries = summarise(rows, args.seed) if args.fail_under else []
-    missed = thresholds.missed_thresholds(summaries, args.fail_under)
     summary = write_report(folder, metadata, maps, rows)
-    print(text or json.dumps(summary))
+    missed = thresholds.missed_thresholds(summary.variants, args.fail_under)
+    print(json.dumps(folder.read_json('summary.json')) if args.json else text_report(summary))
     took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
     print(f'{took}: {folder.path}/report.html', file=sys.stderr)
     for line in unanswered:

@@ -1,19 +1,5 @@
-"""Check transcripts: recorded exchanges with language models, which `replay` answers from."""
+"""Check transcripts: recorded exchanges with language models, which `replay` answers from.
 
-from __future__ import annotations
-
-import argparse
-import json
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
-
-from llm_astar_msgs_adapter.errors import printable
-from llm_astar_planner.resources import find_file
-
-if TYPE_CHECKING:
-    from llm_astar_lab.runner.transcript_check import RecordedModel, TranscriptCheck
-
-EPILOG = """\
 examples:
   llm-astar transcript check demo_transcript.jsonl
   llm-astar transcript check replies.jsonl --map samples_1000.json --json
@@ -21,9 +7,27 @@ examples:
 exit codes: 0 sound, 2 bad usage or malformed lines, 3 incomplete: samples of --map are missing, a
 line was cut off, or digests, temperature or seed differ between exchanges of one model and prompt
 """
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from llm_astar_msgs_adapter.errors import printable
+from llm_astar_planner.cli.flags import option
+from llm_astar_planner.resources import find_file
+
+if TYPE_CHECKING:
+    from llm_astar_lab.runner.sources import Coverage
+    from llm_astar_lab.runner.transcript_check import TranscriptCheck
+
 # Lines about one thing that are printed; --json has all of them.
 MAX_LINES = 20
 MAX_GROUPS = 6
+# Exit codes: nothing to complain about, malformed lines, or something is missing or differs.
+SOUND, MALFORMED, INCOMPLETE = 0, 2, 3
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,13 +36,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = actions.add_parser(
         'check', help='validate every line, and summarise by model and prompt'
     )
-    check.add_argument('file', metavar='FILE', help='a path, or a name in maps/')
-    check.add_argument(
-        '--map', metavar='DATASET',
-        help='maps with start-goal pairs, a path or a name in maps/: say which samples are '
+    option(check, 'file FILE', 'a path, or a name in maps/')
+    option(
+        check, '--map DATASET',
+        'maps with start-goal pairs, a path or a name in maps/: say which samples are '
         'missing at scale 1',
     )  # fmt: skip
-    check.add_argument('--json', action='store_true', help='print what was found as JSON')
+    option(check, '--json', 'print what was found as JSON')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -52,63 +56,57 @@ def run(args: argparse.Namespace) -> int:
     path = find_file(args.file, 'maps')
     maps = load_maps(find_file(args.map, 'maps')) if args.map else []
     found = check_transcript(path, select_samples(maps, args.map) if maps else (), maps)
+    values = found.values
     if args.json:
-        print(json.dumps(found.to_json()))
+        print(json.dumps(values))
     else:
         for line in describe(found, args.map):
             print(('  ' if line.startswith(' ') else '') + printable(line))
-    return found.code
+    return MALFORMED if values['problems'] else SOUND if values['sound'] else INCOMPLETE
 
 
 def describe(found: TranscriptCheck, dataset: str | None) -> Iterator[str]:
     """Yield lines about a checked transcript."""
-    lines = found.lines
-    yield from bounded([f'{found.path}: {problem}' for problem in lines.problems])
-    if lines.cut_off is not None:
-        yield f'{found.path}: {lines.cut_off}'
-    for model in found.models:
-        yield from describe_model(model, dataset)
-    about = f', {lines.instructions} about instructions' if lines.instructions else ''
-    from llm_astar_lab.runner.transcript_check import (  # noqa: PLC0415
-        INCOMPLETE,
-        MALFORMED,
-        SOUND,
-    )
-
-    malformed = f'{len(lines.problems)} malformed lines'
-    verdict = {SOUND: 'sound', MALFORMED: malformed, INCOMPLETE: 'incomplete'}
-    yield f'{found.path}: {len(lines.exchanges)} exchanges{about}: {verdict[found.code]}'
+    values = found.values
+    path, problems, about = values['file'], values['problems'], values['instructions']
+    yield from bounded([f'{path}: {problem}' for problem in problems])
+    if values['cut_off'] is not None:
+        yield f'{path}: {values["cut_off"]}'
+    for model, coverage in zip(values['models'], found.coverage):
+        yield from describe_model(model, coverage, dataset)
+    verdict = 'sound' if values['sound'] else 'incomplete'
+    verdict = f'{len(problems)} malformed lines' if problems else verdict
+    others = f', {about} about instructions' if about else ''
+    yield f'{path}: {values["exchanges"]} exchanges{others}: {verdict}'
 
 
-def describe_model(model: RecordedModel, dataset: str | None) -> Iterator[str]:
+def describe_model(
+    model: Mapping[str, Any], coverage: Coverage | None, dataset: str | None
+) -> Iterator[str]:
     """Yield lines about what is recorded of one model and prompt."""
-    values = model.to_json()
-    statuses = ', '.join(f'{name} {count}' for name, count in values['statuses'].items())
+    statuses = ', '.join(f'{name} {count}' for name, count in model['statuses'].items())
     yield (
-        f'model {model.model or "(none)"}, prompt {model.prompt or "(none)"}: '
-        f'{values["exchanges"]} exchanges of {values["samples"]} samples ({statuses}), '
-        f'{values["with_points"]} with a list of points; {values["prompt_tokens"]} tokens in, '
-        f'{values["completion_tokens"]} out, {values["seconds"]:.1f} s'
+        f'model {model["model"] or "(none)"}, prompt {model["prompt"] or "(none)"}: '
+        f'{model["exchanges"]} exchanges of {model["samples"]} samples ({statuses}), '
+        f'{model["with_points"]} with a list of points; {model["prompt_tokens"]} tokens in, '
+        f'{model["completion_tokens"]} out, {model["seconds"]:.1f} s'
     )
-    if values['times']:
-        yield f'  recorded from {values["times"][0]} to {values["times"][1]}'
-    for name, held in values['values'].items():
-        if name not in model.differing:
-            yield f'  {name} {held[0]["value"]}' + of_some(held[0]['exchanges'], model)
+    if model['times']:
+        yield f'  recorded from {model["times"][0]} to {model["times"][1]}'
+    for name, held in model['values'].items():
+        if len(held) == 1:
+            having, of_all = held[0]['exchanges'], model['exchanges']
+            some = '' if having == of_all else f' in {having} of {of_all}'
+            yield f'  {name} {held[0]["value"]}{some}'
         else:
             texts = (f'{v["value"]}: {v["exchanges"]} ({shortly(v["samples"])})' for v in held)
             yield f'  {name} differs: {", ".join(texts)}'
-    if values['twice']:
-        yield f'  recorded more than once, the last answer counts: {shortly(values["twice"])}'
-    if model.foreign:
-        yield f'  recorded on another dataset than {dataset}: {model.foreign} exchanges'
-    if model.coverage is not None:
-        yield f'  of {dataset}: {model.coverage.missing_sentence()}'
-
-
-def of_some(count: int, model: RecordedModel) -> str:
-    """Say how many exchanges have a value, where not all of them do."""
-    return '' if count == len(model.exchanges) else f' in {count} of {len(model.exchanges)}'
+    if model['twice']:
+        yield f'  recorded more than once, the last answer counts: {shortly(model["twice"])}'
+    if foreign := model['of_another_dataset']:
+        yield f'  recorded on another dataset than {dataset}: {foreign} exchanges'
+    if coverage is not None:
+        yield f'  of {dataset}: {coverage.missing_sentence()}'
 
 
 def shortly(groups: Sequence[str]) -> str:

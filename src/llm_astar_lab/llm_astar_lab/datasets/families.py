@@ -24,8 +24,8 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from llm_astar_lab.datasets.generate import GenerationError
 
 Blocked = NDArray[np.bool_]
-# Cells a side of a drawn map, and the least of them.
-DEFAULT_SIDE, MIN_SIDE = 121, 41
+# Cells a side of a drawn map.
+DEFAULT_SIDE = 121
 # Cells between start and goal, as the crow flies.
 MIN_DISTANCE = 5.0
 # Pairs that are drawn for one that is kept, and maps for one that has enough of them.
@@ -144,8 +144,6 @@ def generate_family(
     Start and goal are connected, at least MIN_DISTANCE apart, and the straight line between them
     is blocked, as in the paper's dataset. Raises GenerationError where no map has enough pairs.
     """
-    if side < MIN_SIDE:
-        raise GenerationError(f'size: {side} is too small; the minimum is {MIN_SIDE} cells a side')
     for map_id in range(maps):
         yield draw_problem(family, seed, map_id, pairs, side)
 

@@ -12,7 +12,6 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import short_repr
@@ -173,20 +172,17 @@ def load_set(name: str, folder: Path) -> Iterator[tuple[str, GridProblem]]:
 
     Raises GridProblemError or MovingAiError, which name the folder or the file.
     """
-    files = files_of_set(name, folder)
+    files = sorted(files_of_set(name, folder), key=lambda path: path.name)
     maps: dict[str, list[Path]] = {}
     for path in files:
-        if path.suffix == '.map':
-            maps.setdefault(path.name, []).append(path)
-    scenarios = sorted(
-        (path for path in files if path.name.endswith(SCENARIO_END)), key=lambda path: path.name
-    )
+        maps.setdefault(path.name, []).append(path)
+    scenarios = [path for path in files if path.name.endswith(SCENARIO_END)]
     if not scenarios:
         raise GridProblemError(f'{folder}: has no scenarios of {name}, files x.map.scen')
-    names = [path.name for path in scenarios]
-    for first, second in pairwise(names):
-        if first == second:
-            raise GridProblemError(f'{folder}: has several files {first}; remove all but one')
+    for path in scenarios:
+        if len(maps[path.name]) > 1:
+            several = f'{folder}: has several files {path.name}; remove all but one'
+            raise GridProblemError(several)
     cells = 0
     for map_id, path in enumerate(scenarios):
         map_path = find_map_file(path, maps.get(path.name.removesuffix('.scen'), []), folder)
@@ -207,19 +203,15 @@ def files_of_set(name: str, folder: Path) -> list[Path]:
     files = list(walk(folder))
     sets = {path: set_of(path.relative_to(folder.parent)) for path in files}
     own = [path for path in files if sets[path] == name]
-    others = {found for found in sets.values() if found is not None}
-    if not own and others:
-        found = ', '.join(sorted(others))
-        raise GridProblemError(f'{folder}: has no folder of {name}, but of {found}')
+    if not own and (others := ', '.join(sorted(filter(None, {*sets.values()})))):
+        raise GridProblemError(f'{folder}: has no folder of {name}, but of {others}')
     return own or files
 
 
 def set_of(path: Path) -> str | None:
     """Return the set that a folder of the path is named by, such as `dao` of `dao-map/x.map`."""
-    for part in reversed(path.parts[:-1]):
-        if part.partition('-')[0].lower() in SETS:
-            return part.partition('-')[0].lower()
-    return None
+    names = (part.partition('-')[0].lower() for part in reversed(path.parts[:-1]))
+    return next((name for name in names if name in SETS), None)
 
 
 def walk(folder: Path) -> Iterator[Path]:
@@ -236,9 +228,8 @@ def walk(folder: Path) -> Iterator[Path]:
             raise GridProblemError(
                 f'{folder}: has over {MAX_ENTRIES} files; name a smaller folder'
             )
-        for name in names:
-            if name.endswith(('.map', SCENARIO_END)):
-                yield Path(place, name)
+        endings = ('.map', SCENARIO_END)
+        yield from (Path(place, name) for name in names if name.endswith(endings))
 
 
 def find_map_file(scenarios: Path, maps: list[Path], folder: Path) -> Path:

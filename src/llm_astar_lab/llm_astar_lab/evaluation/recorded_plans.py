@@ -7,8 +7,8 @@ the call they answer, by their stamp, or because the path ends at the request's 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,14 +18,13 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, values_of_report
 from llm_astar_planner.instructions.fields import SpecificationError
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     RouteInstruction,
     Understanding,
-    clean_instruction,
     status_of,
 )
-from llm_astar_planner.instructions.specification import from_json
+from llm_astar_planner.instructions.messages import interpretation_from_json
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.any_angle import turning_points
 from numpy.typing import NDArray
@@ -40,41 +39,22 @@ FARTHEST = 1e8
 MAX_WAITING = 16
 # A longer path (in cells) is not checked cell by cell.
 LONGEST = 10_000_000
-IRRELEVANT = Understanding.IRRELEVANT.value
 
 # The client's id and its number of the call.
 Call = tuple[bytes, int]
 
 
-@dataclass
-class StackAnswer:
-    """What the robot's own stack answered to a request.
-
-    `points` [n, 2] are its path: empty where it found none, None where none was recorded. `code`,
-    `waypoints` and `instruction` come from a report of our planner. Coordinates are metres in the
-    map's frame in a `BagRequest`, those of the grid in a `RecordedPlan`.
-    """
-
-    points: NDArray[np.float64] | None = None
-    code: str = ''
-    waypoints: tuple[tuple[float, float], ...] = ()
-    instruction: Mapping[str, Any] | None = None
-
-    def on_grid(self, grid_map: GridMap) -> StackAnswer:
-        """Return the answer in grid coordinates."""
-        points = None if self.points is None else grid_map.world_to_grid(self.points).round(6)
-        waypoints = grid_map.world_to_grid(self.waypoints).round(6).tolist()
-        return replace(self, points=points, waypoints=tuple((x, y) for x, y in waypoints))
-
-
-@dataclass
+@dataclass(eq=False)
 class BagRequest:
-    """A request of a bag: poses in metres in the map's frame, `time` in ns since 1970.
+    """A request of a bag, and what the robot's own stack answered, in metres in the map's frame.
 
-    `index` is its number in the bag. `tolerance` (m) is the caller's, 0 where it named none.
-    While its answer may still come, `stamp` (ns) is that of its first path or report.
+    `time` is in ns since 1970, `index` its number in the bag. `tolerance` (m) is the caller's, 0
+    where it named none. `points` [n, 2] are the stack's path: empty where it found none, None
+    where none was recorded. `code`, `waypoints` and `instruction` come from a report of our
+    planner. While an answer may still come, `stamp` (ns) is that of its first path or report.
     """
 
+    bag: str
     index: int
     time: int
     start: Pose2D
@@ -83,7 +63,10 @@ class BagRequest:
     barrier_map: BarrierMap | None = None
     tolerance: float = 0.0
     call: Call | None = None
-    recorded: StackAnswer = field(default_factory=StackAnswer)
+    points: NDArray[np.float64] | None = None
+    code: str = ''
+    waypoints: tuple[tuple[float, float], ...] = ()
+    instruction: Mapping[str, Any] | None = None
     stamp: int | None = None
     is_done: bool = False
 
@@ -95,15 +78,56 @@ class BagRequest:
         reach = max(GOAL_REACH, 2 * self.grid_map.resolution)
         return bool(np.hypot(*(points[-1] - self.goal[:2])) <= reach)
 
+    def asked(self, places: Places) -> RouteInstruction | None:
+        """Return the recorded instruction as it was understood, None if there is none."""
+        try:
+            found = interpretation_from_json((self.instruction or {}).get('interpretation'))
+            text = clean_instruction(found.text)
+        except (InstructionError, SpecificationError):
+            return None
+        specification, status = found.specification, status_of(found.specification)
+        if not specification.clauses and found.status is not Understanding.IRRELEVANT:
+            status = Understanding.NONE
+        asked = Interpretation(text, specification, found.understood_by, status)
+        return RouteInstruction(asked, places) if text else None
+
+    def columns(self, planner: Planner) -> dict[str, Any]:
+        """Return its columns of a results row; `planner` checks the path."""
+        grid_map, instruction = self.grid_map, self.instruction
+        columns: dict[str, Any] = {
+            'bag': self.bag,
+            'request': self.index,
+            'stamp': self.time / 1e9,
+            'map_digest': grid_map.digest,
+            'recorded_code': self.code,
+            'recorded_waypoints': format_points(grid_map.world_to_grid(self.waypoints).round(6)),
+            'recorded_instruction': str((instruction or {}).get('summary', '')),
+            'recorded_instruction_satisfied': satisfied_column(instruction),
+        }
+        if self.points is None:
+            return columns
+        points = grid_map.world_to_grid(self.points).round(6)
+        if len(points) == 0:
+            return columns | {'recorded_problem': 'it is empty'}
+        columns['recorded_length'] = length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+        if length > LONGEST:
+            return columns | {'recorded_problem': f'it is over {LONGEST} cells long'}
+        cells = cells_along(points)
+        start, goal = ((int(x), int(y)) for x, y in (cells[0], cells[-1]))
+        return columns | {
+            'recorded_problem': planner.checker.path_problem(cells, start, goal) or '',
+            'recorded_path': format_points(turning_points(cells)),
+        }
+
 
 class PendingRequests:
     """The requests that wait for an answer, in the order they were made."""
 
-    def __init__(self, window: int, *, plans: bool, reports: bool) -> None:
-        """Wait `window` ns at most; `plans` and `reports` say whether the bag has any."""
+    def __init__(self, window: int, roles: Collection[str]) -> None:
+        """Wait `window` ns at most; `roles` are those of the bag's topics."""
         self._window = window
-        self._plans = plans
-        self._reports = reports
+        self._plans = 'plan' in roles or 'plan as request' in roles
+        self._reports = 'report' in roles
         self._waiting: list[BagRequest] = []
 
     def add(self, request: BagRequest) -> None:
@@ -126,8 +150,8 @@ class PendingRequests:
         points = path_from_message(plan)
         for request in self._waiting:
             if request.call == call and are_near(points):
-                request.recorded.points, request.stamp = points, stamp_of(plan)
-                request.is_done = not self._reports or bool(request.recorded.code)
+                request.points, request.stamp = points, stamp_of(plan)
+                request.is_done = not self._reports or bool(request.code)
 
     def take_plan(self, plan: Any) -> bool:  # noqa: ANN401 - a decoded Path
         """Take a published path; return whether it belongs to a waiting request.
@@ -139,7 +163,7 @@ class PendingRequests:
         for request in self._waiting:
             fits = request.stamp is None and request.is_answered_by(points, plan.header.frame_id)
             if not request.is_done and (fits or request.stamp == stamp):
-                request.recorded.points, request.stamp = points, stamp
+                request.points, request.stamp = points, stamp
                 request.is_done = not (self._reports or request.call)
                 return True
         return False
@@ -153,76 +177,13 @@ class PendingRequests:
         except (KeyError, TypeError, ValueError, OverflowError):
             return
         stamp = stamp_of(report)
-        same_stamp = [request for request in self._waiting if request.stamp == stamp]
-        unanswered = [request for request in self._waiting if request.stamp is None]
-        for request in (*same_stamp, *unanswered)[:1]:
-            recorded, instruction = request.recorded, values.get('instruction_report')
-            recorded.code = code
-            recorded.waypoints = waypoints if are_near(np.array(waypoints)) else ()
-            recorded.instruction = instruction if isinstance(instruction, dict) else None
-            request.stamp = stamp
-            request.is_done = request.call is None or recorded.points is not None
-
-
-@dataclass(frozen=True, eq=False)
-class RecordedPlan:
-    """A request of a bag and the stack's plan for it; `time` (ns since 1970) is the request's."""
-
-    bag: str
-    request: int
-    time: int
-    map_digest: str
-    answer: StackAnswer
-
-    @classmethod
-    def of(cls, bag: str, request: BagRequest) -> RecordedPlan:
-        """Return the recorded plan for a request of the bag with this name."""
-        grid_map = request.grid_map
-        answer = request.recorded.on_grid(grid_map)
-        return cls(bag, request.index, request.time, grid_map.digest, answer)
-
-    def asked(self, places: Places) -> RouteInstruction | None:
-        """Return the recorded instruction as it was understood, None if there is none."""
-        interpretation = (self.answer.instruction or {}).get('interpretation')
-        if not isinstance(interpretation, dict) or not interpretation.get('text'):
-            return None
-        try:
-            text = clean_instruction(str(interpretation['text']))
-            specification = from_json(interpretation.get('specification'))
-        except (InstructionError, SpecificationError):
-            return None
-        understood_by = str(interpretation.get('understood_by', ''))
-        status = status_of(specification)
-        if not specification.clauses and interpretation.get('status') != IRRELEVANT:
-            status = Understanding.NONE
-        return RouteInstruction(Interpretation(text, specification, understood_by, status), places)
-
-    def columns(self, planner: Planner) -> dict[str, Any]:
-        """Return its columns of a results row; `planner` checks the path."""
-        points, instruction = self.answer.points, self.answer.instruction
-        columns: dict[str, Any] = {
-            'bag': self.bag,
-            'request': self.request,
-            'stamp': self.time / 1e9,
-            'map_digest': self.map_digest,
-            'recorded_code': self.answer.code,
-            'recorded_waypoints': format_points(self.answer.waypoints),
-            'recorded_instruction': str((instruction or {}).get('summary', '')),
-            'recorded_instruction_satisfied': satisfied_column(instruction),
-        }
-        if points is None:
-            return columns
-        if len(points) == 0:
-            return columns | {'recorded_problem': 'it is empty'}
-        columns['recorded_length'] = length = float(np.hypot(*np.diff(points, axis=0).T).sum())
-        if length > LONGEST:
-            return columns | {'recorded_problem': f'it is over {LONGEST} cells long'}
-        cells = cells_along(points)
-        start, goal = ((int(x), int(y)) for x, y in (cells[0], cells[-1]))
-        return columns | {
-            'recorded_problem': planner.checker.path_problem(cells, start, goal) or '',
-            'recorded_path': format_points(turning_points(cells)),
-        }
+        known = {request.stamp: request for request in reversed(self._waiting)}
+        if request := known.get(stamp, known.get(None)):
+            instruction = values.get('instruction_report')
+            request.code, request.stamp = code, stamp
+            request.waypoints = waypoints if are_near(np.array(waypoints)) else ()
+            request.instruction = instruction if isinstance(instruction, dict) else None
+            request.is_done = request.call is None or request.points is not None
 
 
 def are_near(points: NDArray[np.float64]) -> bool:

@@ -22,8 +22,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
 
-from llm_astar_lab.bags.files import JUMP
-from llm_astar_lab.bags.reading import Bag, BagMessage
+from llm_astar_lab.bags.reading import JUMP, Bag, BagMessage
 from llm_astar_lab.evaluation.recorded_plans import BagRequest, Call, PendingRequests
 from llm_astar_lab.evaluation.topics import TopicSelection, find_missing, topic_roles
 
@@ -37,6 +36,7 @@ MAX_REQUESTS = 100_000
 MAX_LIST_BYTES = 8_000_000
 # Roles of the topics with the robot's pose, besides tf, and their names; the better one first.
 POSE_ROLES = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
+ROLES_OF_POSES = ('tf', 'static tf', *POSE_ROLES)
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
@@ -135,9 +135,7 @@ class RequestReader:
         self._roles = topic_roles(bag, selection)
         self._missing = find_missing(bag, self._roles, selection)
         self._listed = deque(sorted(listed, key=lambda item: item.time))
-        roles = self._roles.values()
-        plans = 'plan' in roles or 'plan as request' in roles
-        self._pending = PendingRequests(int(window * 1e9), plans=plans, reports='report' in roles)
+        self._pending = PendingRequests(int(window * 1e9), self._roles.values())
         self._poses = RobotPoseTracker(selection.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
@@ -145,7 +143,6 @@ class RequestReader:
         self._now = 0
         self._count = 0
         self._resized = False
-        poses = ('tf', 'static tf', 'odometry', 'start')
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map,
             'map update': self._on_update,
@@ -155,7 +152,7 @@ class RequestReader:
             'plan': lambda message: self._pending.take_plan(message.value),
             'plan as request': self._on_plan,
             'report': lambda message: self._pending.take_report(message.value),
-            **{role: partial(self._poses.take, role) for role in poses},
+            **{role: partial(self._poses.take, role) for role in ROLES_OF_POSES},
         }
 
     def requests(self) -> Iterator[BagRequest]:
@@ -195,13 +192,13 @@ class RequestReader:
     def _on_map(self, message: BagMessage) -> None:
         before = self._grid_map
         try:
-            self._grid_map = grid_from_message(message.value)
+            self._grid_map = after = grid_from_message(message.value)
         except GridMapError as error:
             self._leave_out(f'{self._when(message)}: a map is refused, {error}', 'maps')
             return
-        if before and before.cells.shape != self._grid_map.cells.shape and not self._resized:
+        if before and before.cells.shape != after.cells.shape and not self._resized:
             self._resized = True
-            old, new = (f'{item.width} x {item.height}' for item in (before, self._grid_map))
+            old, new = (f'{item.width} x {item.height}' for item in (before, after))
             when = f'at {self.bag.seconds(message.time):.3f} s from {old} to {new} cells'
             self.bag.problems.note(f'{self.bag.path}: the map changes its size; {when}')
 
@@ -269,7 +266,8 @@ class RequestReader:
         tolerance: float = 0.0,
     ) -> None:
         """Make a request on the current map, or say why that is not possible."""
-        index, self._count = self._count, self._count + 1
+        made = (self.bag.name, self._count, self._now)
+        self._count += 1
         grid_map = self._grid_map
         if grid_map is None:
             self._leave_out(f'{when}: a request before the first map', 'requests')
@@ -282,8 +280,7 @@ class RequestReader:
         barriers = self._barriers
         if barriers is not None and not are_barriers_of(barriers, grid_map):
             barriers = None
-        request = BagRequest(index, self._now, *poses, grid_map, barriers, tolerance, call)
-        self._pending.add(request)
+        self._pending.add(BagRequest(*made, *poses, grid_map, barriers, tolerance, call))
 
     def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
         if place is None:
@@ -318,13 +315,10 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     requests = []
     for number, entry in enumerate(entries, 1):
         where = f'{path}: entry {number}'
-        start_x, start_y, goal_x, goal_y = (
-            read_number(entry[name], f'{where}: {name}') for name in COLUMNS
-        )
+        ends = [read_number(entry[name], f'{where}: {name}') for name in COLUMNS]
         given = entry.get('time')
         time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
-        start, goal = Pose2D(start_x, start_y), Pose2D(goal_x, goal_y)
-        requests.append(ListedRequest(number, time, start, goal))
+        requests.append(ListedRequest(number, time, Pose2D(*ends[:2]), Pose2D(*ends[2:])))
         if number > MAX_REQUESTS:
             raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
     if not requests:

@@ -14,7 +14,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.datasets.samples import BenchmarkSample
-from llm_astar_lab.evaluation.recorded_plans import BagRequest, RecordedPlan
+from llm_astar_lab.evaluation.recorded_plans import BagRequest
 from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
 from llm_astar_lab.evaluation.topics import TopicSelection
 from llm_astar_lab.results.stored_rows import Finished
@@ -23,25 +23,6 @@ from llm_astar_lab.runner.sources import SourceSpec
 
 # What a report may show: maps, cells on all of them together, and requests on each.
 MAX_MAPS, MAX_CELLS, MAX_REQUESTS = 100, 4_000_000, 100
-
-
-@dataclass(frozen=True)
-class EvaluationConfig:
-    """What an evaluation of bags covers.
-
-    `window` is how many seconds after its request a recorded plan may come. `listed` are further
-    requests, made in every bag. Without an instruction in `settings` a request has the one that
-    the bag recorded with its plan, on `places`.
-    """
-
-    bags: Sequence[Bag]
-    selection: TopicSelection
-    methods: Sequence[str]
-    sources: Sequence[SourceSpec]
-    settings: SearchSettings
-    window: float = 10.0
-    listed: Sequence[ListedRequest] = ()
-    places: Places = NO_PLACES
 
 
 @dataclass
@@ -76,22 +57,32 @@ class SampleIdAllocator:
         return others.stop
 
 
-class BagTasks:
-    """Makes the tasks of an evaluation while the bags are read, and keeps maps for the report."""
+@dataclass
+class Evaluation:
+    """What an evaluation of bags covers; makes its tasks while the bags are read.
 
-    def __init__(self, config: EvaluationConfig) -> None:
-        """Take the configuration; nothing is read yet."""
-        self._config = config
-        self._variants = list_variants(config.methods, config.sources)
-        self._ids = SampleIdAllocator()
-        # The first maps and their requests, by map.
-        self._kept: dict[int, ProblemMap] = {}
+    `window` is how many seconds after its request a recorded plan may come. `listed` are further
+    requests, made in every bag. Without an instruction in `settings` a request has the one that
+    the bag recorded with its plan, on `places`. The first maps are kept for the report.
+    """
+
+    bags: Sequence[Bag]
+    selection: TopicSelection
+    methods: Sequence[str]
+    sources: Sequence[SourceSpec]
+    settings: SearchSettings
+    window: float = 10.0
+    listed: Sequence[ListedRequest] = ()
+    places: Places = NO_PLACES
+    _ids: SampleIdAllocator = field(default_factory=SampleIdAllocator)
+    # The first maps and their requests, by map.
+    _kept: dict[int, ProblemMap] = field(default_factory=dict)
 
     def tasks(self, done: Finished) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
-        config = self._config
-        for bag in config.bags:
-            reader = RequestReader(bag, config.selection, config.window, config.listed)
+        variants = list_variants(self.methods, self.sources)
+        for bag in self.bags:
+            reader = RequestReader(bag, self.selection, self.window, self.listed)
             for request in reader.requests():
                 try:
                     sample, is_sample = self.sample(request)
@@ -100,15 +91,13 @@ class BagTasks:
                     bag.problems.leave_out(problem, f'{bag.path}: requests left out')
                     continue
                 self._keep(sample)
-                settings = config.settings
+                settings = self.settings
                 if request.tolerance > 0.0:
                     settings = replace(settings, tolerance=request.tolerance)
-                plan = RecordedPlan.of(bag.name, request)
                 if settings.instruction is None:
-                    settings = replace(settings, instruction=plan.asked(config.places))
-                samples = [(sample, 1)]
-                for task in make_tasks(samples, self._variants, config.sources, settings, done):
-                    yield replace(task, recorded_plan=plan, is_sample=is_sample)
+                    settings = replace(settings, instruction=request.asked(self.places))
+                for task in make_tasks([(sample, 1)], variants, self.sources, settings, done):
+                    yield replace(task, recorded_plan=request, is_sample=is_sample)
 
     def sample(self, request: BagRequest) -> tuple[BenchmarkSample, bool]:
         """Return a request as a numbered sample, and whether its dataset has the same sample.

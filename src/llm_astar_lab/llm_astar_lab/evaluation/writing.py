@@ -17,8 +17,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import values_of_report
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
-from llm_astar_planner.waypoints.source import Message, SourceStatus
-from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, parse_exchange
 from numpy.typing import ArrayLike
 
 from llm_astar_lab.bags import messages as bag_messages
@@ -149,20 +148,9 @@ def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
     """Make an exchange of a message's values; None where they are not those of an exchange."""
     try:
         response, unit = response_of(values)
-        return Exchange(
-            map=str(values['map_digest']),
-            pair=str(values['pair']),
-            scale=1,
-            model=str(values['model']),
-            prompt=str(values['prompt']),
-            messages=tuple(Message(str(role), str(text)) for role, text in values['messages']),
-            response=response,
-            prompt_tokens=int(values['prompt_tokens']),
-            completion_tokens=int(values['completion_tokens']),
-            seconds=float(values['seconds']),
-            status=SourceStatus(values['status']),
-            unit=unit,
-        )
+        messages = [{'role': role, 'content': text} for role, text in values['messages']]
+        own = {'response': response, 'unit': unit, 'messages': messages}
+        return parse_exchange({**values, 'map': values['map_digest'], 'scale': 1, **own})
     except (KeyError, TypeError, ValueError, OverflowError):
         return None
 

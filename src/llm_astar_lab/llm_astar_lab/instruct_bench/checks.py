@@ -20,6 +20,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.fields import (
     MAX_METRES,
     as_choice,
+    as_count,
     as_mapping,
     as_number,
     as_numbers,
@@ -51,6 +52,8 @@ from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, as_list, find_p
 # Metres. A measured length this close to its limit keeps it.
 ROUNDING = 1e-6
 MAX_TIMES = 1000
+# The limits of entries, where a check has none.
+COUNTS = {'at_least': 0, 'at_most': MAX_TIMES}
 MAX_REGIONS = 16
 MAX_POINTS = 1000
 MAX_PARTS = 100
@@ -279,6 +282,35 @@ def visit_before(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdi
     return Verdict(touched <= entered + ROUNDING, detail)
 
 
+def visit_after(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdict:
+    """Check that the path touches a region after it was in another for the last time."""
+    inside = spans_in(walk.path, first)
+    if not len(inside):
+        return Verdict(True, 'first is not entered')
+    left, touched = inside[-1, 1], first_from(spans_in(walk.path, second), inside[-1, 1])
+    detail = f'first left at {left:.2f} m, second touched at {touched:.2f} m'
+    return Verdict(math.isfinite(touched), detail)
+
+
+def never_after(walk: Walk, first: BaseGeometry, second: BaseGeometry, metres: float) -> Verdict:
+    """Check that at most so many metres lie inside a region after another was entered."""
+    entered = first_from(spans_in(walk.path, first), 0.0)
+    if math.isinf(entered):
+        return Verdict(True, 'first is not entered')
+    inside = total(spans_in(walk.path, second).clip(min=entered))
+    return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside after the first')
+
+
+def entries(
+    walk: Walk, region: BaseGeometry, apart: float, at_least: int, at_most: int
+) -> Verdict:
+    """Check how often the path comes to a region from more than `apart` metres outside of it."""
+    near = spans_in(walk.path, region.buffer(apart, quad_segs=QUARTER_SIDES))
+    inside = spans_in(walk.path, region)
+    found = len(np.unique(np.searchsorted(near[:, 0], inside[:, 0] + ROUNDING)))
+    return Verdict(at_least <= found <= at_most, f'entered {found} times')
+
+
 def end_in(walk: Walk, region: BaseGeometry) -> Verdict:
     """Check that the last point lies in a region."""
     off = float(region.distance(shapely.Point(walk.path.corners[-1])))
@@ -348,6 +380,14 @@ def read_times(fields: Fields, name: str) -> int | str:
     raise SuiteError(f'{fields.where}: {name}: {problem}')
 
 
+def read_count(fields: Fields, name: str) -> int:
+    """Read a number of entries; without it there is no limit. Raises SpecificationError."""
+    count: int = as_count(
+        fields.fields.get(name, COUNTS[name]), f'{fields.where}: {name}', MAX_TIMES
+    )
+    return count
+
+
 def read_limit(fields: Fields, name: str) -> float:
     """Read one of the limits of a length, inf where only the other one is given."""
     if name in fields.fields:
@@ -368,13 +408,19 @@ KINDS: dict[str, tuple[Callable[..., Verdict], dict[str, Reader]]] = {
     'touch': (touch, REGION),
     'order': (order, {'regions': read_regions}),
     'visit_before': (visit_before, {'first': Fields.region, 'second': read_opened}),
+    'visit_after': (visit_after, {'first': read_opened, 'second': Fields.region}),
+    'never_after': (never_after, {'first': read_opened, 'second': read_opened, **METRES}),
+    'entries': (
+        entries,
+        {**REGION, 'apart': Fields.number, 'at_least': read_count, 'at_most': read_count},
+    ),
     'end_in': (end_in, REGION),
     'dist_min': (dist_min, {**REGION, **ENDS}),
     'wall_dist_min': (wall_dist_min, ENDS),
     'cross': (cross, {'segment': read_segment, 'times': read_times}),
     'length_max': (length_max, {'of_direct': read_limit, 'metres': read_limit}),
 }
-HAVE_TOL = ('touch', 'order', 'visit_before', 'end_in')
+HAVE_TOL = ('touch', 'order', 'visit_before', 'visit_after', 'entries', 'end_in')
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,33 +1,33 @@
 """Whether two specifications ask the same: compared as normalised clauses.
 
 Normalised, places have their own names instead of aliases, defaults are written out, boxes that
-reach the map's edge are open, one avoided tag is each of its places, and a distance to keep from
-a region is a region to avoid with that margin. The order counts among visits alone. The words of
-unknown parts and the mark of guesses do not count.
+reach the map's edge are open, one avoided tag is each of its places (any of several regions each
+of these), and a distance to keep from a region is a region to avoid with that margin. The order
+counts among visits alone. The words of unknown parts and the questions of unsure clauses do not
+count.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.regions import (
     AVOID_RADIUS,
     VISIT_RADIUS,
     WALLS,
+    AllOf,
     Along,
+    AnyOf,
     Between,
     Box,
     Disc,
+    Except,
     Half,
     NamedPlace,
     Region,
@@ -39,7 +39,8 @@ from llm_astar_lab.instruct_bench.maps import SuiteMap, find_place, find_tagged
 
 # Of lengths in metres: nobody asks for less than a centimetre.
 DIGITS = 2
-
+# What clauses say besides their regions.
+FACTS = ('side', 'at_least', 'at_most')
 
 # Visits in order, and the other clauses in any order.
 NormalForm = tuple[tuple[Hashable, ...], frozenset[Hashable]]
@@ -85,12 +86,9 @@ def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
             yield from avoid_keys(region, margin, strength, suite_map)
         case Visit(regions=regions):
             yield kind, strength, frozenset(region_key(region, suite_map) for region in regions)
-        case Before(first=first, second=second):
-            yield kind, strength, region_key(first, suite_map), region_key(second, suite_map)
-        case StayIn(region=region) | EndAt(region=region):
-            yield kind, strength, region_key(region, suite_map)
-        case Pass(region=region, side=side):
-            yield kind, strength, region_key(region, suite_map), side
+        case _:
+            keys = (region_key(region, suite_map) for region in clause.regions)
+            yield kind, strength, *keys, *(getattr(clause, name, None) for name in FACTS)
 
 
 def avoid_keys(
@@ -100,25 +98,43 @@ def avoid_keys(
     if isinstance(region, Disc):
         radius = region.radius + margin or AVOID_RADIUS
         region, margin = Disc(region.x, region.y, radius), 0.0
-    parts: Sequence[Region] = (region,)
-    if isinstance(region, Tagged):
-        tagged = find_tagged(region.tag, 'tag', suite_map.places)
-        parts = [NamedPlace(place.name) for place in tagged]
-    for part in parts:
+    for part in parts_of(region, suite_map):
         yield Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
+
+
+def parts_of(region: Region, suite_map: SuiteMap) -> list[Region]:
+    """Return the regions that one joins: each place of a tag, without those that are excepted."""
+    match region:
+        case Tagged(tag):
+            tagged = find_tagged(tag, 'tag', suite_map.places)
+            return [NamedPlace(place.name) for place in tagged]
+        case AnyOf(regions):
+            return [part for one in regions for part in parts_of(one, suite_map)]
+        case Except(inner, others):
+            within = parts_of(inner, suite_map)
+            without = parts_of(AnyOf(others), suite_map)
+            keys = {region_key(part, suite_map) for part in without}
+            if keys <= {region_key(part, suite_map) for part in within}:
+                return [part for part in within if region_key(part, suite_map) not in keys]
+    return [region]
 
 
 def region_key(region: Region, suite_map: SuiteMap) -> Hashable:
     """Return what a region is compared by. Raises SuiteError for an unknown place or tag."""
     places = suite_map.places
+    parts = parts_of(region, suite_map)
+    if parts != [region]:
+        keys = frozenset(region_key(part, suite_map) for part in parts)
+        return next(iter(keys)) if len(keys) == 1 else keys
     key: Hashable = region
     match region:
         case NamedPlace(name):
             key = NamedPlace(find_place(name, 'place', places).name)
-        case Tagged(tag):
-            tagged = find_tagged(tag, 'tag', places)
-            only = NamedPlace(tagged[0].name)
-            key = only if len(tagged) == 1 else Tagged(tag.casefold())
+        case AllOf(regions):
+            key = AllOf, frozenset(region_key(one, suite_map) for one in regions)
+        case Except(inner, others):
+            without = region_key(AnyOf(others), suite_map)
+            key = Except, region_key(inner, suite_map), without
         case Disc(x, y, radius):
             values = (x, y, radius or VISIT_RADIUS)
             key = Disc(*(round(value, DIGITS) for value in values))

@@ -25,7 +25,6 @@ from llm_astar_msgs_adapter.maps.places import (
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.fields import as_mapping, as_text
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.regions import Regions
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
@@ -90,7 +89,7 @@ class Scene:
     def regions(self) -> Regions:
         """Where the verification has regions."""
         route = Route(self.suite_map.costmap, self.start, self.goal, self.suite_map.places)
-        return Regions(route, Walls(route.costmap, polyline(route.position(self.start))))
+        return Regions(route, Walls(route.costmap))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
 from llm_astar_lab.instruct_bench.runner import (
@@ -449,11 +450,8 @@ def outcome_lines(result: InstructionResult, outcome: InstructionOutcome) -> lis
     ]
     if interpretation.detail:
         lines.append(f'            {interpretation.detail}')
-    for clause in outcome.to_json()['clauses']:
-        detail = f' ({clause["detail"]})' if clause['detail'] else ''
-        lines.append(f'clause      {clause["clause"]}: {clause["status"]}{detail}')
+    lines += [f'clause      {clause_line(clause)}' for clause in outcome.to_json()['clauses']]
     if outcome.note:
         lines.append(f'note        {outcome.note}')
-    claim = 'satisfied' if result.claimed else 'not satisfied'
     wrong = ', which is false' if result.false_claim else ''
-    return [*lines, f'reported    {claim}{wrong}']
+    return [*lines, f'reported    {outcome.sentence()}{wrong}']

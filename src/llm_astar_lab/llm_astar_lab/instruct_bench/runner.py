@@ -9,16 +9,15 @@ from itertools import product, starmap
 from typing import NamedTuple
 
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Interpreter,
     RouteInstruction,
     Understanding,
-    clean_instruction,
     not_understood,
     status_of,
 )
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.result import Cell

@@ -40,6 +40,12 @@ CHECK: {"check": KIND, ...}; every one may have `clause`, the index (from 0) of 
 - `order`: `regions` (2 or more), `tol` (0): it touches them in this order, at other times too.
 - `visit_before`: `first`, `second`, `tol` (0, of `first`): the path's first entry of `second`
   (more than its edge) comes after it touched `first`. Not entering `second` fulfils it.
+- `visit_after`: `first`, `second`, `tol` (0, of `second`): the path touches `second` after it was
+  in `first` for the last time. Not entering `first` fulfils it.
+- `never_after`: `first`, `second`, `metres`: at most so much lies inside of `second` after the
+  path's first entry of `first`.
+- `entries`: `region`, `tol` (0), `apart`, and `at_least` (0), `at_most` or both: how often it
+  comes to the region after it was more than `apart` metres away from it, or began.
 - `end_in`: `region`, `tol` (0): the last point.
 - `dist_min`: `region`, `metres`, `ends` (0): the path without its first and last `ends` metres
   keeps so far from the region.

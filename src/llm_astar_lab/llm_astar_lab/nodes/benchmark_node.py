@@ -1,6 +1,13 @@
-"""benchmark_node: plans the samples of a dataset through a running graph, one GetPlan each.
+"""Plan samples through a running graph and write a results folder.
 
-It writes the same results as `llm-astar bench`, plus the round-trip time of every call.
+One GetPlan each. The results are those of `llm-astar bench`, plus the round-trip time of every
+call.
+
+Start planner_node and llm_client_node first, but no map_node: this node publishes the maps. It
+sets the planner's parameters `method`, `use_waypoints` and `corner_cutting` and restores them at
+the end.
+
+exit codes: 0 ok, 2 bad usage or input, 3 the graph stopped answering, 130 interrupted
 """
 
 from __future__ import annotations
@@ -8,7 +15,6 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
@@ -21,6 +27,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept_maps, load_maps
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.nodes.common.asking import setting
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
@@ -45,20 +52,12 @@ from llm_astar_lab.results.row import (
     plan_columns,
 )
 from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.config import choose_folder, open_folder, progress
+from llm_astar_lab.runner.config import add_folder, choose_folder, open_folder, progress, timing
 
 # Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
 RULES = {'corner_cutting': True}
 TOUCHED = ('method', 'use_waypoints', *RULES)
 OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
-DEFAULT_OUT = 'out/live'
-EPILOG = """\
-Start planner_node and llm_client_node first, but no map_node: this node publishes the maps. It
-sets the planner's parameters `method`, `use_waypoints` and `corner_cutting` and restores them at
-the end.
-
-exit codes: 0 ok, 2 bad usage or input, 3 the graph stopped answering, 130 interrupted
-"""
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -68,18 +67,17 @@ def main(args: Sequence[str] | None = None) -> int:
         folder, metadata, samples, done = prepare(arguments)
     except (LlmAstarError, FileNotFoundError) as error:
         return report_error(error, BAD_INPUT)
-    begun = time.monotonic()
     try:
-        plan_samples(args, arguments, folder, samples, done)
+        with timing(metadata):
+            plan_samples(args, arguments, folder, samples, done)
         code = OK
     except (PlannerClientError, ResultsError) as error:
         code = report_error(error, INCOMPLETE)
     except KeyboardInterrupt:
         sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
         code = INTERRUPTED
-    metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
     try:
-        return close_run(folder, metadata, arguments.seed, code)
+        return close_run(folder, metadata, code)
     except ResultsError as error:
         return report_error(error, INCOMPLETE)
 
@@ -97,7 +95,7 @@ def prepare(
     if any(isinstance(sample.barrier_map, GridProblem) for sample in samples):
         what = 'a grid dataset cannot be run through the graph; use llm-astar bench'
         raise SelectionError(f'{dataset}: {what}')
-    folder = choose_folder(arguments.out, DEFAULT_OUT, resume=arguments.resume)
+    folder = choose_folder(arguments.out, arguments.default_out, resume=arguments.resume)
     named = {name: getattr(arguments, name) for name in ('methods', 'limit', 'maps', 'seed')}
     metadata = describe_run([dataset], named | {'live': True})
     done = open_folder(folder, metadata, resume=arguments.resume, overwrite=arguments.overwrite)
@@ -107,36 +105,24 @@ def prepare(
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the command line without the ROS arguments."""
+    description, _, epilog = str(__doc__).partition('\n')
+    layout = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
-        prog='benchmark_node',
-        description='Plan samples through a running graph and write a results folder.',
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        'benchmark_node', None, description, epilog, formatter_class=layout
     )
-    parser.add_argument(
-        '--map', '--dataset', dest='dataset', default=SAMPLES_FILE, metavar='FILE',
-        help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--map-ids', '--maps', dest='maps', metavar='RANGES', help='such as 50-99 or 0-9,12'
+    text = 'barrier maps: a path, or a name in maps/ (default: %(default)s)'
+    option(parser, '--map --dataset FILE', text, dest='dataset', default=SAMPLES_FILE)
+    option(parser, '--map-ids --maps RANGES', 'such as 50-99 or 0-9,12', dest='maps')
+    option(parser, '--limit N', 'draw N of the samples')
+    option(parser, '--seed N', 'seed of the draw (0)', default=0)
+    text = f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)'
+    option(
+        parser, '--methods NAMES', text, default=['llm_astar'], type=lambda text: text.split(',')
     )
-    parser.add_argument('--limit', type=int, metavar='N', help='draw N of the samples')
-    parser.add_argument('--seed', type=int, default=0, help='seed of the draw (0)')
-    parser.add_argument(
-        '--methods', default=['llm_astar'], type=lambda text: text.split(','), metavar='NAMES',
-        help=f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)',
-    )  # fmt: skip
-    parser.add_argument(
-        '--out', metavar='DIR',
-        help=f'(default: {DEFAULT_OUT}, or {DEFAULT_OUT}-2 and so on where that has results)',
-    )  # fmt: skip
-    again = parser.add_mutually_exclusive_group()
-    again.add_argument('--resume', action='store_true', help='continue an interrupted run')
-    again.add_argument('--overwrite', action='store_true', help='replace the results in --out')
-    parser.add_argument('--planner', default='planner_node', help='name of the planner node')
-    parser.add_argument(
-        '--client', default='llm_client_node', help="name of the waypoint client; '' for none"
-    )
+    add_folder(parser, 'out/live')
+    option(parser, '--planner NAME', 'name of the planner node', default='planner_node')
+    text = "name of the waypoint client; '' for none"
+    option(parser, '--client NAME', text, default='llm_client_node')
     arguments = parser.parse_args(argv)
     if arguments.limit is not None and arguments.limit < 1:
         parser.error(f'--limit {arguments.limit} is not 1 or more')
@@ -173,13 +159,13 @@ def plan_samples(
                     step()
 
 
-def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
+def close_run(folder: ResultsFolder, metadata: dict[str, Any], code: int) -> int:
     """Write the reports of a run and print the table; return `code`. Raises ResultsError."""
     rows = folder.stored()
     if len(rows):
         folder.write_json('metadata.json', metadata)
-        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
-        sys.stdout.write(text_report(rows, seed) + '\n')
+        run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
+        sys.stdout.write(text_report(run) + '\n')
         sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
     return code
 
@@ -227,10 +213,7 @@ class LiveRun:
         return list(dict.fromkeys(variants))
 
     def rows(
-        self,
-        samples: Sequence[BenchmarkSample],
-        variants: Sequence[Variant],
-        done: Finished,
+        self, samples: Sequence[BenchmarkSample], variants: Sequence[Variant], done: Finished
     ) -> Iterator[Row]:
         """Plan what is not `done`, map by map and variant by variant; yield each row."""
         for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):

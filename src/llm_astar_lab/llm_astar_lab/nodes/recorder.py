@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import rclpy
-from llm_astar_planner.nodes.common.spin import leave, prepare_log_folder
+from llm_astar_planner.nodes.common.spin import joined
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.expand_topic_name import expand_topic_name
@@ -25,7 +24,6 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_check_compatible,
 )
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 
 from llm_astar_lab.bags.messages import NANOSECONDS
@@ -73,35 +71,35 @@ UNKNOWN_TYPE = (BagTypeError, ImportError, AttributeError)
 PrintLine = Callable[[str], None]
 
 
-class Recorder(Node):
+class Recorder:
     """Subscribes to topics, those of EXPECTED at once and others when their publishers appear.
 
     Every message is written as it comes.
     """
 
     def __init__(
-        self, bag: BagWriter, topics: Sequence[str], namespace: str, report: PrintLine
+        self, node: Node, bag: BagWriter, topics: Sequence[str], report: PrintLine
     ) -> None:
-        """Record topics with these full names into an open bag, as a node in `namespace`."""
-        super().__init__(NAME, namespace=namespace)
-        self._bag = bag
-        self._report = report
+        """Record topics with these full names into an open bag; the caller spins `node`."""
+        self._node = node
+        self.bag = bag
+        self._report, self._reported = report, 0
         self._waiting = dict.fromkeys(topics)
         self._subscribed: dict[str, Subscription] = {}
         self._definitions: dict[str, TypeDefinition] = {}
         for relative, (msgtype, is_latched) in EXPECTED.items():
-            name = expand_topic_name(relative, NAME, namespace)
+            name = expand_topic_name(relative, NAME, node.get_namespace())
             # It may have no publisher yet, and its type may not be installed.
             if name in self._waiting:
                 with contextlib.suppress(*UNKNOWN_TYPE):
                     self._subscribe(name, msgtype, recorder_qos(latched=is_latched))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
+        node.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
 
     def _discover(self) -> None:
         """Record topics that have a publisher by now, with a QoS that fits all of them."""
         for name in dict.fromkeys((*self._waiting, *self._subscribed)):
-            publishers = self.get_publishers_info_by_topic(name)
+            publishers = self._node.get_publishers_info_by_topic(name)
             offered = [publisher.qos_profile for publisher in publishers]
             if publishers and name in self._waiting:
                 self._begin(name, publishers[0].topic_type, offered)
@@ -120,7 +118,7 @@ class Recorder(Node):
         except UNKNOWN_TYPE as error:
             del self._waiting[name]
             if name in self._subscribed:
-                self.destroy_subscription(self._subscribed.pop(name))
+                self._node.destroy_subscription(self._subscribed.pop(name))
             self._report(f'not recorded: {name} ({msgtype}): {error}')
         else:
             self._add_topic(name, offered)
@@ -130,7 +128,7 @@ class Recorder(Node):
         del self._waiting[name]
         definition = self._definitions[name]
         different = {str(profile): profile for profile in map(bag_qos, offered)}
-        self._bag.add_topic(OfferedTopic(name, definition, tuple(different.values())))
+        self.bag.add_topic(OfferedTopic(name, definition, tuple(different.values())))
         self._report(f'recording {name} ({definition.msgtype})')
 
     def _subscribe(self, name: str, msgtype: str, qos: QoSProfile) -> None:
@@ -144,9 +142,9 @@ class Recorder(Node):
         if before is not None:
             if (before.msg_type, before.qos_profile) == (message_class, qos):
                 return
-            self.destroy_subscription(before)
+            self._node.destroy_subscription(before)
         self._definitions[name] = definition
-        self._subscribed[name] = self.create_subscription(
+        self._subscribed[name] = self._node.create_subscription(
             message_class, name, partial(self._on_message, name), qos, raw=True
         )
 
@@ -154,20 +152,22 @@ class Recorder(Node):
         """Write a message with the time at which it arrived."""
         if topic in self._waiting:
             # Its publisher has not been looked for yet, and may have left already.
-            publishers = self.get_publishers_info_by_topic(topic)
+            publishers = self._node.get_publishers_info_by_topic(topic)
             offered = [publisher.qos_profile for publisher in publishers]
             self._add_topic(topic, offered or [self._subscribed[topic].qos_profile])
         # 0 where the middleware does not know that time.
-        self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
+        self.bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
 
-    def report_progress(self, total: int, new: int) -> None:
+    def report_progress(self) -> None:
         """Report the number of messages; without any, the namespace and domain searched."""
+        total, new = self.bag.total, self.bag.total - self._reported
+        self._reported = total
         if total:
             self._report(f'{total} messages, {new} of them in the last {REPORT_PERIOD_S:g} s')
             return
         domain = os.environ.get('ROS_DOMAIN_ID', '0')
         self._report(
-            f'no message yet in namespace {self.get_namespace()}, ROS_DOMAIN_ID {domain}; '
+            f'no message yet in namespace {self._node.get_namespace()}, ROS_DOMAIN_ID {domain}; '
             'is the graph up?'
         )
 
@@ -191,40 +191,31 @@ def record(
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    prepare_log_folder()
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        with writer as bag:
-            recorder = Recorder(bag, topics, namespace, report)
-            spin_until(stopped, recorder, bag, duration)
-            if recorder.missing:
-                report(f'never there: {", ".join(recorder.missing)}')
-        # After the bag is closed, since this may end the process.
-        leave(recorder)
-    finally:
-        rclpy.try_shutdown()
+    # The bag is closed first, since leaving the graph may end the process.
+    with joined(NAME, namespace) as node, writer as bag:
+        recorder = Recorder(node, bag, topics, report)
+        spin_until(stopped, node, recorder, duration)
+        if recorder.missing:
+            report(f'never there: {", ".join(recorder.missing)}')
 
 
-def spin_until(
-    stopped: threading.Event, recorder: Recorder, bag: BagWriter, duration: float
-) -> None:
+def spin_until(stopped: threading.Event, node: Node, recorder: Recorder, duration: float) -> None:
     """Record until `stopped` is set or `duration` seconds have passed, then write what arrived."""
     executor = SingleThreadedExecutor()
-    executor.add_node(recorder)
-    end = time.monotonic() + duration
-    reported, next_report = 0, time.monotonic() + REPORT_PERIOD_S
+    executor.add_node(node)
+    end, next_report = time.monotonic() + duration, time.monotonic() + REPORT_PERIOD_S
     while not stopped.is_set() and time.monotonic() < end:
         executor.spin_once(timeout_sec=DISCOVERY_PERIOD_S)
         if time.monotonic() >= next_report:
-            recorder.report_progress(bag.total, bag.total - reported)
-            reported, next_report = bag.total, time.monotonic() + REPORT_PERIOD_S
+            recorder.report_progress()
+            next_report = time.monotonic() + REPORT_PERIOD_S
     # Bounded by the queues, since a busy graph publishes for ever. The timer takes turns, too, so
     # one turn without a message does not mean that all are written.
     quiet = 0
-    for _ in range(DEPTH * len(bag.counts)):
-        count = bag.total
+    for _ in range(DEPTH * len(recorder.bag.counts)):
+        count = recorder.bag.total
         executor.spin_once(timeout_sec=DRAIN_TIMEOUT_S)
-        quiet = quiet + 1 if bag.total == count else 0
+        quiet = quiet + 1 if recorder.bag.total == count else 0
         if quiet == 4:
             break
     executor.shutdown()
@@ -263,10 +254,9 @@ def requests_too_much(requested: QoSProfile, offered: list[QoSProfile]) -> bool:
 
 def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
     """Return the QoS of a subscription that receives most from all of these publishers."""
-    return recorder_qos(
-        reliable=all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered),
-        latched=all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered),
-    )
+    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+    return recorder_qos(reliable=reliable, latched=latched)
 
 
 def recorder_qos(*, reliable: bool = True, latched: bool) -> QoSProfile:

@@ -9,21 +9,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from llm_astar_planner.planning.types import describe_expansions
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning.types import Plan, describe_expansions
 from llm_astar_planner.search.expansion_order import ExpansionOrder
+from llm_astar_planner.search.result import Cell
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from llm_astar_lab.pictures import raster, style
-from llm_astar_lab.pictures.figures import (
-    Picture,
-    add_legend,
-    draw,
-    on_one_window,
-    panels_for,
-    write_labels,
-)
+from llm_astar_lab.pictures import figures, raster, style
+from llm_astar_lab.pictures.figures import Picture, describe_length, draw, picture_of
 
 # Dots per inch of a figure of 8 inches: 880 pixels, what a README shows.
 DPI = 110
@@ -48,6 +44,25 @@ class AnimatedSearch:
     order: ExpansionOrder
     name: str
     outcome: str
+
+
+def drawn_search(
+    plan: Plan,
+    costmap: Costmap,
+    offset: Cell,
+    name: str,
+    order: ExpansionOrder | None,
+    *,
+    recorded: NDArray[np.float64] | None = None,
+) -> tuple[Picture, AnimatedSearch | None]:
+    """Return the picture of one of several plans on a map, and its animation if it has an order.
+
+    `recorded` [n, 2] is the path that a bag holds.
+    """
+    outcome = describe_length(plan, costmap.grid_map.resolution)
+    title = f'{name}\n{outcome}, {describe_expansions(plan.expansions)}'
+    picture = replace(picture_of(plan, costmap, offset), title=title, recorded=recorded)
+    return picture, None if order is None else AnimatedSearch(picture, order, name, outcome)
 
 
 def save_animation(path: str | Path, searches: Sequence[AnimatedSearch]) -> None:
@@ -96,19 +111,19 @@ class AnimationFigure:
 
     def __init__(self, searches: Sequence[AnimatedSearch]) -> None:
         """Lay out the panels of the searches and draw what does not move."""
-        pictures = on_one_window([without_rotation(search.picture) for search in searches])
+        pictures = figures.on_one_window([without_rotation(search.picture) for search in searches])
         self.searches = [replace(search, picture=own) for search, own in zip(searches, pictures)]
         self.window = pictures[0].window
         figure = Figure(dpi=DPI, layout='constrained')
-        self.panels = panels_for(figure, pictures, (0.58, 0.55))
+        self.panels = figures.panels_for(figure, pictures, (0.58, 0.55))
         self.figure = figure
         for axes, search in zip(self.panels, self.searches):
             draw(axes, search.picture)
             axes.set(xticks=[], yticks=[], xlabel='', ylabel='')
             axes.set_title(' \n ', fontsize=TITLE_SIZE * 72 / DPI)
-        add_legend(figure, self.panels)
+        figures.add_legend(figure, self.panels)
         for axes, search in zip(self.panels, self.searches):
-            write_labels(axes, search.picture)
+            figures.write_labels(axes, search.picture)
             axes.images[0].set_visible(False)
             axes.patch.set_alpha(0.0)
         figure.patch.set_alpha(0.0)
@@ -151,10 +166,8 @@ class AnimationFigure:
     def cells(self, search: AnimatedSearch, count: int, size: tuple[int, int]) -> Image.Image:
         """Return the map with the cells that are expanded by then, `size` pixels large."""
         picture, order = search.picture, search.order
-        expanded = np.zeros(picture.grid_map.cells.shape, dtype=np.bool_)
-        expanded.flat[order.order[: order.cells_after(count)]] = True
-        codes = raster.cell_codes(picture.grid_map, expanded, picture.inflated)
-        codes = self.window.cut(codes)
+        expanded = raster.expanded_cells(order, picture.grid_map.cells.shape, count)
+        codes = self.window.cut(raster.cell_codes(picture.grid_map, expanded, picture.inflated))
         codes = raster.widen_expanded(codes, math.ceil(MIN_PIXELS * self.window.width / size[0]))
         return Image.fromarray(raster.PALETTE[raster.resize(codes, *size)[::-1]])
 

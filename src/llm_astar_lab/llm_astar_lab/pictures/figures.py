@@ -34,14 +34,7 @@ from llm_astar_lab.pictures.instructions import (
     add_instruction_legend,
     draw_instruction,
 )
-from llm_astar_lab.pictures.places import (
-    Labels,
-    bounds_of,
-    cells_to_metres,
-    draw_codes,
-    draw_places,
-    write_names,
-)
+from llm_astar_lab.pictures.places import Labels, draw_places, write_names
 from llm_astar_lab.pictures.style import Mark
 
 # Inches and dots: 1280 pixels, of which a README shows 880, with text that is read there.
@@ -124,7 +117,7 @@ class Picture:
     def to_axes(self) -> Affine2D:
         """The transform from grid coordinates to the coordinates of the axes."""
         in_cells = Affine2D().translate(*self.offset)
-        return cells_to_metres(self.grid_map) if self.in_metres else in_cells
+        return raster.cells_to_metres(self.grid_map) if self.in_metres else in_cells
 
     @cached_property
     def codes(self) -> NDArray[np.uint8]:
@@ -151,17 +144,13 @@ class Picture:
 
 
 def picture_of(
-    plan: Plan,
-    grid_map: GridMap,
-    offset: Cell = (0, 0),
-    *,
-    route: Route | None = None,
-    costmap: Costmap | None = None,
+    plan: Plan, costmap: Costmap, offset: Cell = (0, 0), route: Route | None = None
 ) -> Picture:
-    """Return the picture of a plan, with places and instruction if its route is given.
+    """Return the picture of a plan on its costmap, with what the robot's body closes.
 
-    The zone that the robot's body closes is drawn if the costmap, or the route, is given.
+    Places and instruction are drawn if the plan's route is given.
     """
+    grid_map = drawable_map(costmap.grid_map, costmap.config)
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     guidance = describe_guidance(plan.method, plan.guided_by)
     if plan.guided_by == 'none':
@@ -174,8 +163,7 @@ def picture_of(
         path = plan.any_angle.points
     if route is not None and plan.instruction is not None and len(path):
         instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
-    costmap = route.costmap if costmap is None and route is not None else costmap
-    inflated = None if costmap is None else costmap.blocked & ~grid_map.blocked()
+    inflated = costmap.blocked & ~grid_map.blocked()
     return Picture(
         grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',
         offset, places, instructed, plan.footprint, inflated, plan.via,
@@ -197,23 +185,17 @@ def describe_guidance(method: str, guided_by: str) -> str:
 
 def describe_plan(plan: Plan) -> str:
     """Name the method of a plan and its source, in few words, for the title of one of several."""
-    if plan.method not in WAYPOINT_METHODS and plan.guided_by == 'none':
-        return METHOD_NAMES.get(plan.method, plan.method)
-    if plan.checked_waypoints and plan.guided_by == 'none':
-        return f'{METHOD_NAMES.get(plan.method, plan.method)}, waypoints not used'
-    return describe_guidance(plan.method, 'none' if plan.guided_by == 'none' else plan.source)
+    if plan.guided_by != 'none':
+        return describe_guidance(plan.method, plan.source)
+    name = METHOD_NAMES.get(plan.method, plan.method)
+    no_waypoints = 'waypoints not used' if plan.checked_waypoints else 'no waypoints'
+    return f'{name}, {no_waypoints}' if plan.method in WAYPOINT_METHODS else name
 
 
 def describe_length(plan: Plan, resolution: float) -> str:
     """Return the length of a plan's path, in metres on the maps of robots."""
     length = plan.length if plan.any_angle is None else plan.any_angle.length
     return f'{length:.2f} cells' if resolution == 1.0 else f'{length * resolution:.2f} m'
-
-
-def short_title(plan: Plan, resolution: float) -> str:
-    """Return two lines about a plan, for the title of one of several."""
-    outcome = 'no path' if plan.code else describe_length(plan, resolution)
-    return f'{describe_plan(plan)}\n{outcome}, {describe_expansions(plan.expansions)}'
 
 
 def describe_outcome(plan: Plan, resolution: float) -> str:
@@ -355,8 +337,8 @@ def draw_cells(axes: Axes, picture: Picture) -> None:
         codes = raster.resize(
             codes, max(1, int(window.width * pixels)), max(1, int(window.height * pixels))
         )
-    draw_codes(axes, codes, window, picture.to_axes)
-    (left, bottom), (right, top) = bounds_of(window, picture.to_axes)
+    raster.draw_codes(axes, codes, window, picture.to_axes)
+    (left, bottom), (right, top) = raster.bounds_of(window, picture.to_axes)
     unit = 'm' if picture.in_metres else 'cells'
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect='equal')
     axes.set(xlabel=f'x ({unit})', ylabel=f'y ({unit})')
@@ -415,7 +397,8 @@ def panels_for(
 
 def on_one_window(pictures: Sequence[Picture]) -> list[Picture]:
     """Return pictures of one map that all show the same part of it; the last has the scale."""
-    window = raster.union([picture.window for picture in pictures])
+    left, bottom, right, top = zip(*(picture.window for picture in pictures))
+    window = raster.Window(min(left), min(bottom), max(right), max(top))
     last = pictures[-1]
     return [replace(picture, shown=window, has_scale_bar=picture is last) for picture in pictures]
 

@@ -15,19 +15,16 @@ from typing import Any
 import numpy as np
 import shapely
 from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
-from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
-from llm_astar_planner.instructions.regions import WALLS, Along, Region
+from llm_astar_planner.instructions.regions import WALLS, Along
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification.geometry import Area, polyline
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
+from llm_astar_planner.instructions.verification.visit import attempts
+from llm_astar_planner.planning.types import clause_line
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -39,7 +36,8 @@ from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.places import Projection, draw_region
 
 COLOURS = {status: style.CLAUSES[status.name] for status in ClauseStatus}
-FAILED = (ClauseStatus.NOT_KEPT, ClauseStatus.IMPOSSIBLE)
+# What a path falls short of, the worst first.
+SHORT = (ClauseStatus.NOT_KEPT, ClauseStatus.IMPOSSIBLE, ClauseStatus.AS_FAR_AS_POSSIBLE)
 # Where the path is not to be is hatched, where it is to be is not.
 HATCH = '////'
 TINT = 0.16
@@ -65,29 +63,28 @@ class InstructedPath:
 
     def shown_areas(self, clause: Clause) -> Iterator[Area]:
         """Yield the areas that a clause is about; those of unknown names are left out."""
-        regions = self.measurement.regions
-        for region in regions_of(clause):
-            with suppress(RegionError):
-                if isinstance(clause, Avoid):
-                    yield regions.resolve_avoided(region).area.grown(clause.margin)
-                else:
-                    area = regions.resolve(region).area
-                    yield area.grown(clause.metres) if isinstance(clause, KeepDistance) else area
-        if isinstance(clause, KeepDistance) and clause.region is None:
-            yield self.measurement.walls.zone(clause.metres)
+        regions, reach = self.measurement.regions, reach_of(clause)
+        resolve = regions.resolve_avoided if isinstance(clause, Avoid) else regions.resolve
+        for region in clause.regions:
+            # All walls together cannot be drawn as a region.
+            if not (isinstance(region, Along) and region.place == WALLS):
+                with suppress(RegionError):
+                    area = resolve(region).area
+                    yield area.grown(reach) if reach else area
+        if clause.is_closed and not clause.regions:
+            yield self.measurement.walls.zone(reach)
 
     def violating_parts(self, outcome: ClauseOutcome) -> Iterator[NDArray[np.float64]]:
         """Yield the stretches of the path, points [n, 2], that violate a clause about lengths."""
-        if outcome.status not in FAILED:
+        is_closed, is_bound = outcome.clause.is_closed, isinstance(outcome.clause, StayIn)
+        if outcome.status not in SHORT or not (is_closed or is_bound):
             return
         path = self.measurement.path
         for area in self.shown_areas(outcome.clause):
             spans = area.spans(path)
-            if isinstance(outcome.clause, StayIn):
+            if is_bound:
                 edges = np.concatenate(([0.0], spans.ravel(), [path.length]))
                 spans = edges.reshape(-1, 2)
-            elif not isinstance(outcome.clause, (Avoid, KeepDistance)):
-                continue
             for first, last in spans:
                 if last > first:
                     yield path.part(first, last).corners
@@ -96,19 +93,14 @@ class InstructedPath:
         """Yield the points at which the path visits regions, in the order of the clauses."""
         for group in attempts(self.measurement):
             for attempt in group:
-                if attempt.done and attempt.place > BEFORE_THE_PATH:
-                    yield self.measurement.path.point(attempt.place)
+                if attempt.done and attempt.place >= self.measurement.begin:
+                    yield self.measurement.drive.point(attempt.place)
 
 
-def regions_of(clause: Clause) -> tuple[Region, ...]:
-    """Return the regions of a clause that can be drawn; all walls together cannot."""
-    if isinstance(clause, Visit):
-        return clause.regions
-    if isinstance(clause, Before):
-        return clause.first, clause.second
-    region: Region | None = getattr(clause, 'region', None)
-    is_walls = isinstance(region, Along) and region.place == WALLS
-    return () if region is None or is_walls else (region,)
+def reach_of(clause: Clause) -> float:
+    """Return how many metres around its regions a path is not to come."""
+    reach = getattr(clause, 'metres', 0.0) or getattr(clause, 'margin', 0.0)
+    return float(reach) if clause.is_closed else 0.0
 
 
 def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> None:
@@ -123,7 +115,7 @@ def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> N
         colour = COLOURS[outcome.status]
         for points in path.violating_parts(outcome):
             axes.plot(*project(points).T, color=colour, linewidth=4.5, zorder=3.5)
-        if outcome.status in FAILED and outcome.where is not None:
+        if outcome.status in SHORT and outcome.where is not None:
             point = project(np.array([outcome.where]))
             axes.plot(*point.T, 'X', color=colour, markersize=11, mec='white', zorder=3.8)
     for visit in path.visited_points():
@@ -134,10 +126,10 @@ def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> N
 
 
 def region_style(outcome: ClauseOutcome) -> dict[str, Any]:
-    """Return how the region of a clause is drawn: red is filled only where no path should be."""
+    """Return how the region of a clause is drawn: filled if kept, or where no path should be."""
     colour = COLOURS[outcome.status]
-    is_closed = isinstance(outcome.clause, (Avoid, KeepDistance))
-    tint = 0.0 if outcome.status in FAILED and not is_closed else TINT
+    is_closed = outcome.clause.is_closed
+    tint = 0.0 if outcome.status in SHORT and not is_closed else TINT
     hatch = HATCH if is_closed else None
     return {'facecolor': (colour, tint), 'edgecolor': colour, 'hatch': hatch, 'linewidth': 1.6}
 
@@ -148,9 +140,10 @@ def add_instruction_legend(figure: Figure, path: InstructedPath) -> None:
     The figure grows by as much as that takes.
     """
     handles: list[Artist] = [Patch(**region_style(outcome)) for outcome in path.outcome.clauses]
-    labels = clause_lines(path.outcome)
-    if any(outcome.status in FAILED for outcome in path.outcome.clauses):
-        red = COLOURS[ClauseStatus.NOT_KEPT]
+    labels = [clause_line(outcome.to_json()) for outcome in path.outcome.clauses]
+    short = [outcome.status for outcome in path.outcome.clauses if outcome.status in SHORT]
+    if short:
+        red = COLOURS[min(short, key=SHORT.index)]
         handles.append(Line2D([], [], color=red, linewidth=4.5, marker='X', mec='white'))
         labels.append('where the path violates a clause')
     if next(path.visited_points(), None) is not None:
@@ -170,14 +163,3 @@ def add_instruction_legend(figure: Figure, path: InstructedPath) -> None:
     for text in (legend.get_title(), *legend.get_texts()):
         # Words of an instruction are no formulas.
         text.set_parse_math(False)
-
-
-def clause_lines(outcome: InstructionOutcome) -> list[str]:
-    """Return a line for each clause: what it asks, its status and the measured fact."""
-    lines = []
-    for clause in outcome.clauses:
-        entry = clause.to_json()
-        detail = f' ({entry["detail"]})' if entry['detail'] else ''
-        status = '' if isinstance(clause.clause, Unknown) else f': {entry["status"]}{detail}'
-        lines.append(f'{entry["clause"]}{status}')
-    return lines

@@ -8,14 +8,13 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.types import Plan
 
-from llm_astar_lab.pictures.figures import drawable_map, picture_of, save_picture, write_figure
+from llm_astar_lab.pictures.figures import picture_of, save_picture, write_figure
 from llm_astar_lab.pictures.places import places_figure
 
 
 def draw_plan(plan: Plan, route: Route, offset: Point, path: str) -> None:
     """Draw a plan with places and instruction. Raises OSError, and ValueError for the name."""
-    grid_map = drawable_map(route.costmap.grid_map, route.costmap.config)
-    save_picture(picture_of(plan, grid_map, offset, route=route), path)
+    save_picture(picture_of(plan, route.costmap, offset, route), path)
 
 
 def draw_places(places: Places, grid_map: GridMap | None, path: str) -> None:

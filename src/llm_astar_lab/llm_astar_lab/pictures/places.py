@@ -14,7 +14,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
-from matplotlib.transforms import Affine2D, Bbox, BboxBase
+from matplotlib.transforms import Bbox, BboxBase
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -180,40 +180,17 @@ def places_figure(places: Places, grid_map: GridMap | None = None) -> Figure:
     x0, y0, x1, y1 = shapely.union_all(shapes).bounds if shapes else (0.0, 0.0, 1.0, 1.0)
     if grid_map is not None:
         whole = raster.Window(0, 0, grid_map.width, grid_map.height)
-        (x0, y0), (x1, y1) = bounds_of(whole, cells_to_metres(grid_map))
+        (x0, y0), (x1, y1) = raster.bounds_of(whole, raster.cells_to_metres(grid_map))
     aspect = (x1 - x0) / (y1 - y0)
     width = min(WIDTH, MAX_HEIGHT * aspect)
     size = max(WIDTH / 2, width), max(WIDTH / 2, width / aspect) + 0.5
     figure = Figure(figsize=size, layout='constrained')
     axes = figure.add_subplot(aspect='equal', xlabel='x (m)', ylabel='y (m)')
     if grid_map is not None:
-        draw_codes(axes, raster.cell_codes(grid_map), whole, cells_to_metres(grid_map))
+        raster.draw_codes(
+            axes, raster.cell_codes(grid_map), whole, raster.cells_to_metres(grid_map)
+        )
     axes.set(xlim=(x0, x1), ylim=(y0, y1))
     draw_places(axes, places, lambda points: points)
     write_names(Labels(axes), places, lambda points: points)
     return figure
-
-
-def cells_to_metres(grid_map: GridMap) -> Affine2D:
-    """Return the transform from grid coordinates to metres of the map's frame."""
-    origin = grid_map.origin
-    turned = Affine2D().translate(0.5, 0.5).scale(grid_map.resolution).rotate(origin.yaw)
-    return turned.translate(origin.x, origin.y)
-
-
-def bounds_of(window: raster.Window, to_axes: Affine2D) -> NDArray[np.float64]:
-    """Return the least and the largest coordinates [2, 2] of a part of a map on the axes."""
-    xs, ys = (window.left - 0.5, window.right - 0.5), (window.bottom - 0.5, window.top - 0.5)
-    corners = to_axes.transform([(x, y) for x in xs for y in ys])
-    return np.array([corners.min(axis=0), corners.max(axis=0)])
-
-
-def draw_codes(
-    axes: Axes, codes: NDArray[np.uint8], window: raster.Window, to_axes: Affine2D
-) -> None:
-    """Draw what the cells of a part of a map show, turned as the map is."""
-    axes.imshow(
-        raster.PALETTE[codes], origin='lower', interpolation='nearest',
-        extent=(window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5),
-        transform=to_axes + axes.transData,
-    )  # fmt: skip

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from llm_astar_planner.search.expansion_order import ExpansionOrder
+from matplotlib.axes import Axes
+from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
@@ -67,6 +69,15 @@ def cell_codes(
     return codes
 
 
+def expanded_cells(
+    order: ExpansionOrder, shape: tuple[int, ...], expansions: int
+) -> NDArray[np.bool_]:
+    """Return which cells of a map are expanded after so many expansions: bool [height, width]."""
+    expanded = np.zeros(shape, dtype=np.bool_)
+    expanded.flat[order.order[: order.cells_after(expansions)]] = True
+    return expanded
+
+
 def choose_window(codes: NDArray[np.uint8], points: NDArray[np.float64]) -> Window:
     """Return the part of a map worth drawing: around expanded cells and points [n, 2].
 
@@ -106,12 +117,6 @@ def surroundings(
     return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
 
 
-def union(windows: Sequence[Window]) -> Window:
-    """Return the smallest part of a map that holds all windows, at least one."""
-    left, bottom, right, top = zip(*windows)
-    return Window(min(left), min(bottom), max(right), max(top))
-
-
 def widen_expanded(codes: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
     """Return codes whose expanded cells are `size` cells wide, so that single ones can be seen."""
     if size < 2:
@@ -133,3 +138,26 @@ def resize_rows(codes: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
         return codes[firsts]
     resized: NDArray[np.uint8] = np.maximum.reduceat(codes, firsts, axis=0)
     return resized
+
+
+def cells_to_metres(grid_map: GridMap) -> Affine2D:
+    """Return the transform from grid coordinates to metres of the map's frame."""
+    origin = grid_map.origin
+    turned = Affine2D().translate(0.5, 0.5).scale(grid_map.resolution).rotate(origin.yaw)
+    return turned.translate(origin.x, origin.y)
+
+
+def bounds_of(window: Window, to_axes: Affine2D) -> NDArray[np.float64]:
+    """Return the least and the largest coordinates [2, 2] of a part of a map on the axes."""
+    xs, ys = (window.left - 0.5, window.right - 0.5), (window.bottom - 0.5, window.top - 0.5)
+    corners = to_axes.transform([(x, y) for x in xs for y in ys])
+    return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+
+def draw_codes(axes: Axes, codes: NDArray[np.uint8], window: Window, to_axes: Affine2D) -> None:
+    """Draw what the cells of a part of a map show, turned as the map is."""
+    axes.imshow(
+        PALETTE[codes], origin='lower', interpolation='nearest',
+        extent=(window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5),
+        transform=to_axes + axes.transData,
+    )  # fmt: skip

@@ -60,12 +60,12 @@ def instructed_costmap(
 
     None where closed cells were not enough: for visits, and where no path keeps every clause.
     """
-    route = Route(costmap, plan.start, plan.goal, instruction.places, instruction.visited)
+    route = Route(costmap, plan.start, plan.goal, instruction.places, instruction.driven)
     demands = demands_of(instruction.interpretation.specification, route)
     if all(demand.problem is not None for demand in demands):
         return costmap
     problem = Enforcer(demands, route).strict()
-    if problem is None or problem.visits is not None:
+    if problem is None or problem.product is not None:
         return None
     return costmap if problem.closed is None else ClosedCostmap(costmap, problem.closed)
 
@@ -106,4 +106,4 @@ def record_exact(search: PlainSearch, recorder: ExpansionRecorder) -> SearchStat
             recorder.advance(search, EXPANSION_SLICE)
         return search.status
     finally:
-        search.close()
+        search.grid.give_back(search.workspace)

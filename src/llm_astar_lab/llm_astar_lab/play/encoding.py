@@ -11,25 +11,19 @@ import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import finite_or_none
+from llm_astar_planner.planning.types import clause_price, finite_or_none
 from llm_astar_planner.search.methods import HEURISTIC_NAMES, METHODS
 from numpy.typing import NDArray
 
 from llm_astar_lab.pictures.style import page_colours
 from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
 from llm_astar_lab.play.planning import PlayedPlan
-from llm_astar_lab.play.request import (
-    EDITED,
-    MAX_REPLY,
-    PARAMETERS,
-    SOURCES,
-    PlayRequest,
-    command_of,
-)
+from llm_astar_lab.play.request import MAX_REPLY, PARAMETERS, SOURCES, PlayRequest, command_of
 from llm_astar_planner import __version__
 
 # Cells of an expansion order that are sent, at most.
 MAX_ORDER = 1_000_000
+EDITED = 'the walls are edited, and a command plans on the map as it is'
 ABOUT_METHODS = {
     'guided': 'follows waypoints, and proves how good its path is',
     'exact_astar': 'shortest path, with costs',
@@ -53,7 +47,7 @@ ABOUT_SOURCES = {
 
 def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
     """Return what the page offers to choose from."""
-    between = PARAMETERS['robot_radius'].between
+    _, radius = PARAMETERS['robot_radius'].between or (0.0, 0.0)
     return {
         'version': __version__,
         'live': live,
@@ -61,11 +55,7 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
         'methods': [{'name': name, 'about': ABOUT_METHODS[name]} for name in METHODS],
         'sources': [{'name': name, 'about': ABOUT_SOURCES[name]} for name in SOURCES],
         'heuristics': list(HEURISTIC_NAMES),
-        'limits': {
-            'cells': MAX_CELLS,
-            'text': MAX_REPLY,
-            'radius_m': between[1] if between else 0.0,
-        },
+        'limits': {'cells': MAX_CELLS, 'text': MAX_REPLY, 'radius_m': radius},
         'maps': [map_summary(play_map) for play_map in maps],
     }
 
@@ -75,12 +65,15 @@ def map_summary(play_map: PlayMap) -> dict[str, Any]:
     grid_map = play_map.grid_map
     return named_json(play_map) | {
         'kind': 'grid' if play_map.barriers is None else 'barriers',
-        'width': grid_map.width,
-        'height': grid_map.height,
-        'resolution': grid_map.resolution,
+        **size_json(grid_map),
         'pairs': len(play_map.pairs()),
         'places': bool(len(play_map.places)),
     }
+
+
+def size_json(grid_map: GridMap) -> dict[str, Any]:
+    """Return the size of a grid in cells, and that of a cell in metres."""
+    return {name: getattr(grid_map, name) for name in ('width', 'height', 'resolution')}
 
 
 def named_json(play_map: PlayMap) -> dict[str, Any]:
@@ -93,15 +86,12 @@ def map_json(play_map: PlayMap) -> dict[str, Any]:
     """Return a map with its cells, pairs and places."""
     pairs = [{'start': list(start), 'goal': list(goal)} for start, goal in play_map.pairs()]
     shown = grid_json(play_map.grid_map, play_map.places) | named_json(play_map)
-    return shown | {'offset': list(play_map.offset), 'pairs': pairs}
+    return shown | {'offset': list(play_map.problem.offset), 'pairs': pairs}
 
 
 def grid_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
     """Return a grid with places; cells are 0 to 100 or 255 for unknown, row by row from y = 0."""
-    return {
-        'width': grid_map.width,
-        'height': grid_map.height,
-        'resolution': grid_map.resolution,
+    return size_json(grid_map) | {
         'origin': list(grid_map.origin),
         'cells': encoded(grid_map.cells.astype(np.uint8)),
         'places': [place_json(place, grid_map) for place in places],
@@ -134,6 +124,7 @@ def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) 
 def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
     """Return one plan."""
     plan = played.plan
+    order = np.flatnonzero(plan.expanded) if played.order is None else played.order
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     shown = report_json(
         plan.to_dict(),
@@ -151,8 +142,8 @@ def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
         'path': plan.path.tolist(),
         'any_angle': None if plan.any_angle is None else plan.any_angle.points.tolist(),
         'via': [list(cell) for cell in plan.via],
-        'expanded': {'order': encoded(played.order[:MAX_ORDER].astype('<i4'))},
-        'order_is_known': played.order_is_known,
+        'expanded': {'order': encoded(order[:MAX_ORDER].astype('<i4'))},
+        'order_is_known': played.order is not None,
     }
 
 
@@ -195,10 +186,17 @@ def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None
         return None
     read = outcome.get('interpretation', {})
     return {
+        'verdict': str(outcome.get('sentence', '')),
+        'satisfied': outcome.get('satisfied') is True,
         'sentence': str(read.get('sentence', '')),
         'status': str(read.get('status', '')),
+        'questions': [str(question) for question in read.get('questions', ())],
         'clauses': [
-            {key: str(clause.get(key, '')) for key in ('clause', 'status', 'detail')}
+            {
+                'clause': str(clause['clause']),
+                'status': str(clause['status']),
+                'detail': f'{clause["detail"]}{clause_price(clause)}'.removeprefix(', '),
+            }
             for clause in outcome.get('clauses', [])
         ],
         'note': str(outcome.get('note', '')),

@@ -9,8 +9,9 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_beside
+from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
+from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
 # What the page can still draw and the server plan on while somebody waits.
@@ -68,11 +69,6 @@ class PlayMap:
         """Whether its points are given in metres: on maps of robots, from map_server."""
         return Path(self.file).suffix.lower() in YAML
 
-    @property
-    def offset(self) -> Point:
-        """The map coordinates of cell (0, 0)."""
-        return self.problem.offset
-
     def pairs(self) -> list[tuple[Point, Point]]:
         """Return the first start-goal pairs, in cells."""
         to_cell = self.problem.to_cell
@@ -114,8 +110,7 @@ def read_maps(file: str) -> Iterator[PlayMap]:
     scenarios = Path(f'{path}.scen')
     if path.suffix.lower() in BARE_MAP and scenarios.is_file():
         file, path = f'{file}.scen', scenarios
-    beside = places_beside(path)
-    places = NO_PLACES if beside is None else load_places(beside)
+    places = open_places('', str(path))
     problems = load_maps(path, MAX_PAIRS)
     several = len(problems) > 1
     for problem in problems[:MAX_MAPS]:
@@ -125,13 +120,7 @@ def read_maps(file: str) -> Iterator[PlayMap]:
                 f'{file}: {grid_map.width} x {grid_map.height} cells are over the {MAX_CELLS} '
                 'that the page can show; cut out or coarsen the map'
             )
-        name = path.name.split('.')[0]
-        yield PlayMap(
-            f'{file}:{problem.id}' if several else file,
-            f'{name}, map {problem.id}' if several else name,
-            file,
-            problem.id if several else None,
-            problem,
-            grid_map,
-            places,
-        )
+        key, name, map_id = file, path.name.split('.')[0], None
+        if several:
+            key, name, map_id = f'{file}:{problem.id}', f'{name}, map {problem.id}', problem.id
+        yield PlayMap(key, name, file, map_id, problem, grid_map, places)

@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 from cachetools import LRUCache
+from llm_astar_planner.cli.planning_options import route_instruction, sample_key_of
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
+from llm_astar_planner.instructions.interpretation import Interpreter
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
@@ -20,7 +21,7 @@ from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.replay import FixedReply
-from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
+from llm_astar_planner.waypoints.source import WaypointSource
 from numpy.typing import NDArray
 
 from llm_astar_lab.pictures.retrace import retrace
@@ -41,15 +42,14 @@ _T = TypeVar('_T')
 class PlayedPlan:
     """A plan, what part it plays (`chosen`, `no_waypoints`, `astar`) and its title.
 
-    `order` is int32 [n]: the cells y * width + x in the order of their expansion, where
-    `order_is_known`, else in no order.
+    `order` is int32 [n]: the cells y * width + x in the order of their expansion, None where that
+    is not known.
     """
 
     role: str
     title: str
     plan: Plan
-    order: NDArray[np.int32]
-    order_is_known: bool
+    order: NDArray[np.int32] | None
 
 
 class PlanningService:
@@ -61,14 +61,6 @@ class PlanningService:
             MAX_KEPT_CELLS, getsizeof=lambda planner: planner.grid_map.cells.size
         )
         self._interpreter: Interpreter = make_interpreter({})
-
-    def compile(self, planner: Planner, request: PlanRequest) -> None:
-        """Compile what such requests take, so that the times of plans are for planning.
-
-        Says so where it takes long.
-        """
-        with compile_progress():
-            planner.compile(request)
 
     def planner_for(self, request: PlayRequest) -> Planner:
         """Return a prepared planner for the map, the rules and the walls of a request."""
@@ -86,31 +78,31 @@ class PlanningService:
         requests = compared(self.plan_request(request))
         plans = []
         for role, wanted in requests.items():
-            self.compile(planner, wanted)
+            # So that the times of plans are for planning; says so where it takes long.
+            with compile_progress():
+                planner.compile(wanted)
             plans.append(played(role, planner, wanted, stop))
         return planner, plans
 
     def plan_request(self, request: PlayRequest) -> PlanRequest:
         """Return the request for the chosen plan."""
-        fields = request_fields(request.values) | {'time_limit': TIME_LIMIT_S}
-        return PlanRequest(
-            request.start,
-            request.goal,
-            source=waypoint_source(request),
-            sample=sample_key(request),
-            via=request.via,
-            instruction=self.instruction(request),
-            **fields,
+        start, goal, values = request.start, request.goal, request.values
+        instruction = route_instruction(
+            values,
+            request.play_map.places,
+            INTERPRETATION_S,
+            lambda: self._interpreter,
+            lambda _: request.answers,
         )
-
-    def instruction(self, request: PlayRequest) -> RouteInstruction | None:
-        """Return what is understood of the instruction, None if there is none."""
-        text = request.values['instruction']
-        if not text:
-            return None
-        places = request.play_map.places
-        read = self._interpreter.interpret(text, places, INTERPRETATION_S)
-        return RouteInstruction(read, places, request.values['instruction_policy'])
+        return PlanRequest(
+            start,
+            goal,
+            source=waypoint_source(request),
+            sample=sample_key_of(request.play_map.problem, start, goal),
+            via=request.via,
+            instruction=instruction,
+            **request_fields(values) | {'time_limit': TIME_LIMIT_S},
+        )
 
 
 def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
@@ -132,9 +124,8 @@ def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
 def played(role: str, planner: Planner, request: PlanRequest, stop: StopFlag) -> PlayedPlan:
     """Plan, and find out in which order the cells were expanded."""
     plan = planner.plan(request, stop)
-    traced = None if stop[0] else retrace(planner, request, plan)
-    order = np.flatnonzero(plan.expanded).astype(np.int32) if traced is None else traced.order
-    return PlayedPlan(role, title_of(request), plan, order, order_is_known=traced is not None)
+    order = None if stop[0] else retrace(planner, request, plan)
+    return PlayedPlan(role, title_of(request), plan, None if order is None else order.order)
 
 
 def title_of(request: PlanRequest) -> str:
@@ -152,20 +143,10 @@ def waypoint_source(request: PlayRequest) -> WaypointSource | None:
     if request.values['method'] not in WAYPOINT_METHODS:
         return None
     if request.reply is not None:
-        return FixedReply(request.reply, request.play_map.offset)
+        return FixedReply(request.reply, request.play_map.problem.offset)
     if request.source in ('none', REPLY):
         return None
     return make_source(SourceSettings(source=request.source))
-
-
-def sample_key(request: PlayRequest) -> SampleKey | None:
-    """Return the key of the map's sample with this start and goal, None if it has none."""
-    problem = request.play_map.problem
-    for pair, sample in enumerate(problem.samples):
-        ends = problem.to_cell(sample.start), problem.to_cell(sample.goal)
-        if ends == (request.start, request.goal):
-            return SampleKey(problem.id, pair)
-    return None
 
 
 class Worker:

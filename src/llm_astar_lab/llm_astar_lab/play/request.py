@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
-from llm_astar_planner.instructions.interpretation import clean_instruction
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.search.result import Cell
@@ -30,8 +30,8 @@ SETTINGS = (
 MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
-FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', *SETTINGS}
-EDITED = 'the walls are edited, and a command plans on the map as it is'
+MAX_ANSWERS = 100
+FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'answers', *SETTINGS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -63,7 +63,8 @@ class PlayRequest:
     """A plan that the page asks for; cells are (x, y) on the map.
 
     `values` are those of all planning parameters, of which the page has `given` some. `reply` is
-    the text of a model's answer, used instead of the `source`; None for none.
+    the text of a model's answer, used instead of the `source`; None for none. `answers` are those
+    to questions about the instruction.
     """
 
     play_map: PlayMap
@@ -75,6 +76,7 @@ class PlayRequest:
     reply: str | None
     via: tuple[Cell, ...]
     walls: Walls
+    answers: Mapping[str, bool] = field(default_factory=dict)
 
 
 def read_request(body: object, maps: Maps) -> PlayRequest:
@@ -100,7 +102,20 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
         reply,
         tuple(read_cells(body.get('via'), 'via', play_map.grid_map, MAX_VIA)),
         read_walls(body.get('walls'), play_map.grid_map),
+        read_answers(body.get('answers')),
     )
+
+
+def read_answers(value: object) -> dict[str, bool]:
+    """Return the answers to questions about an instruction, none for null. Raises PlayError."""
+    answers = {} if value is None else value
+    is_read = isinstance(answers, dict) and all(type(meant) is bool for meant in answers.values())
+    if not is_read or len(answers) > MAX_ANSWERS:
+        raise PlayError(
+            f'answers: up to {MAX_ANSWERS} questions with true or false are expected',
+            'instruction',
+        )
+    return dict(answers)
 
 
 def read_source(source: object, reply: str | None) -> str:
@@ -189,7 +204,7 @@ def command_of(request: PlayRequest) -> str | None:
     words = ['llm-astar', 'plan', '--map', request.play_map.file]
     if request.play_map.map_id is not None:
         words += ['--map-id', str(request.play_map.map_id)]
-    x_min, y_min = request.play_map.offset
+    x_min, y_min = request.play_map.problem.offset
     cells = [('--start', request.start), ('--goal', request.goal)]
     for flag, (x, y) in (*cells, *(('--via', cell) for cell in request.via)):
         words += [flag, str(x + x_min), str(y + y_min)]
@@ -201,6 +216,8 @@ def command_of(request: PlayRequest) -> str | None:
         words.append(f'--reply={request.reply}')
     else:
         words += ['--source', request.source]
+    if request.answers and all(request.answers.values()):
+        words.append('--confirm')
     return shlex.join(words)
 
 

@@ -9,13 +9,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable
 
-from llm_astar_lab.analysis.run_comparison import (
-    METRICS,
-    Run,
-    RunComparison,
-    SampleChange,
-    VariantChange,
-)
+from llm_astar_lab.analysis.run_comparison import METRICS, Run, RunComparison, SampleChange
 from llm_astar_lab.report.pages import bullets, markdown_page
 from llm_astar_lab.report.sentences import counted
 from llm_astar_lab.report.table import Table, columns, counts, json_of, percents, text, texts
@@ -139,17 +133,16 @@ class Judgement:
             'folder': str(comparison.path),
             'differences': list(comparison.differences),
             'unpaired': [str(variant) for variant in comparison.unpaired],
-            'variants': [self.change_json(change) for change in comparison.changes],
+            'variants': [
+                json_of(change)
+                | {'regression': change.regression(self.metric, self.threshold)}
+                | {'variant': str(change.variant)}
+                for change in comparison.changes
+            ],
             'samples': [
                 sample_json(sample, self.metric) for sample in comparison.samples[:SHOWN_SAMPLES]
             ],
         }
-
-    def change_json(self, change: VariantChange) -> dict[str, Any]:
-        """Return the figures of a variant by name, and whether it is a regression."""
-        values: dict[str, Any] = json_of(change)
-        values['regression'] = change.regression(self.metric, self.threshold)
-        return values | {'variant': str(change.variant)}
 
 
 def remarks(comparison: RunComparison) -> Iterator[str]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from llm_astar_lab.analysis.run_comparison import RunComparison, VariantChange
 from llm_astar_lab.analysis.statistics import Interval
 from llm_astar_lab.analysis.summary import Growth, VariantSummary
-from llm_astar_lab.pictures import style
+from llm_astar_lab.pictures import raster, style
 from llm_astar_lab.report.sentences import has_waypoints, variant_label
 
 # What A* expanded where LLM-A* did not.
@@ -64,18 +64,15 @@ def growth_figure(growths: Sequence[Growth]) -> Figure:
 def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
     """Draw each variant's operation and length ratio with its interval; A* is the line at 100."""
     shown = [summary for summary in summaries if summary.operation.mean.value > 0][::-1]
-    figure = Figure(figsize=(8.0, 0.3 * len(shown) + 1.0), layout='constrained')
-    panels = figure.subplots(1, 2, sharey=True)
+    labels = [variant_label(summary.variant) for summary in shown]
+    figure, panels = interval_panels(labels, (8.0, 1.0), 2)
     for axes, quantity in zip(panels, ('operation', 'length')):
         for position, summary in enumerate(shown):
             mean = getattr(summary, quantity).mean
             colour = style.CHART if has_waypoints(summary.variant) else style.SOFT
             draw_interval(axes, position, mean, colour)
-        axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
         name = {'operation': 'expansions', 'length': 'path length'}[quantity]
-        axes.set_xlabel(f'{name}, % of A* (95 % interval)')
-        axes.grid(axis='x', alpha=0.25)
-    panels[0].set_yticks(range(len(shown)), [variant_label(summary.variant) for summary in shown])
+        end_panel(axes, f'{name}, % of A* (95 % interval)')
     return figure
 
 
@@ -86,18 +83,36 @@ def change_figure(comparisons: Sequence[RunComparison], metric: str, threshold: 
     5th to the 95th percentile of the samples.
     """
     rows = [(item, change) for item in comparisons for change in item.changes][::-1]
-    figure = Figure(figsize=(9.0, 0.3 * len(rows) + 1.2), layout='constrained')
     metrics = list(dict.fromkeys((metric, 'length')))
-    panels = figure.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
-    for axes, name in zip(panels, metrics):
-        draw_changes(axes, [change for _, change in rows], name, (metric, threshold))
     several = len(comparisons) > 1
-    names = [
+    labels = [
         variant_label(change.variant) + (f' ({item.path.name})' if several else '')
         for item, change in rows
     ]
-    panels[0].set_yticks(range(len(rows)), names)
+    figure, panels = interval_panels(labels, (9.0, 1.2), len(metrics))
+    for axes, name in zip(panels, metrics):
+        draw_changes(axes, [change for _, change in rows], name, (metric, threshold))
     return figure
+
+
+def interval_panels(
+    labels: Sequence[str], size: tuple[float, float], count: int
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure and its panels beside each other, with a row for each of the labels.
+
+    `size` is its width, and its height without the rows, in inches.
+    """
+    figure = Figure(figsize=(size[0], 0.3 * len(labels) + size[1]), layout='constrained')
+    panels = list(figure.subplots(1, count, sharey=True, squeeze=False)[0])
+    panels[0].set_yticks(range(len(labels)), labels)
+    return figure, panels
+
+
+def end_panel(axes: Axes, name: str) -> None:
+    """Write what the ratios of a panel are below it, and draw the line at 100 %."""
+    axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
+    axes.set_xlabel(name)
+    axes.grid(axis='x', alpha=0.25)
 
 
 def draw_changes(
@@ -110,9 +125,7 @@ def draw_changes(
         percentiles = [100.0 * found.p5, 100.0 * found.p95]
         axes.plot(percentiles, [position] * 2, color=style.LINE, linewidth=5, zorder=1)
         draw_interval(axes, position, found.mean, style.WORSE if is_worse else style.CHART)
-    axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
-    axes.set_xlabel(f'{metric}, % of the base (95 % interval; wide: 90 % of samples)')
-    axes.grid(axis='x', alpha=0.25)
+    end_panel(axes, f'{metric}, % of the base (95 % interval; wide: 90 % of samples)')
     low, high = axes.get_xlim()
     if high > WIDE * max(low, 1.0):
         axes.set_xscale('log')
@@ -132,23 +145,23 @@ def showcase_figure() -> Figure:
     blocked, goal = SHOWCASE.to_grid().blocked(), SHOWCASE_ENDPOINTS[1]
     guided, path = traced(llm_astar, blocked, [*SHOWCASE_WAYPOINTS, goal])
     plain, shortest = traced(astar, blocked, ())
-    expanded = cells_of(guided, blocked)
     # The next waypoint becomes the target where the one before is a neighbour of a cell.
-    stages: list[int] = []
-    for number, cell in enumerate(expanded, start=1):
-        for waypoint in SHOWCASE_WAYPOINTS[len(stages) :]:
-            if max(abs(cell[0] - waypoint[0]), abs(cell[1] - waypoint[1])) > 1:
-                break
-            stages.append(int(guided.steps[np.searchsorted(guided.steps[:, 1], number), 0]))
+    y, x = np.divmod(guided.order, blocked.shape[1])
+    stages, first = [], 0
+    for near_x, near_y in SHOWCASE_WAYPOINTS:
+        first += int(np.argmax(np.maximum(abs(x - near_x), abs(y - near_y))[first:] <= 1))
+        stages.append(int(guided.steps[np.searchsorted(guided.steps[:, 1], first + 1), 0]))
     stages.append(guided.expansions)
     figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
     *panels, beyond = figure.subplots(1, len(stages) + 1)
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
         aim = 'the goal' if axes is panels[-1] else f'waypoint {number}'
-        draw_cells(axes, blocked, (expanded[: guided.cells_after(count)], style.EXPANDED))
+        expanded = raster.expanded_cells(guided, blocked.shape, count)
+        draw_cells(axes, blocked, (expanded, style.EXPANDED))
         mark_points(axes, SHOWCASE_ENDPOINTS, SHOWCASE_WAYPOINTS)
         axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
-    draw_cells(beyond, blocked, (expanded, style.EXPANDED), (cells_of(plain, blocked), BEYOND))
+    every = raster.expanded_cells(plain, blocked.shape, plain.expansions)
+    draw_cells(beyond, blocked, (expanded, style.EXPANDED), (every, BEYOND))
     mark_points(beyond, SHOWCASE_ENDPOINTS, ())
     all_of_astar = describe_expansions(plain.expansions)
     beyond.set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
@@ -165,12 +178,6 @@ def traced(
     options = SearchOptions('chebyshev', recorder=recorder)
     path = method(blocked, *SHOWCASE_ENDPOINTS, targets, options).path
     return recorder.order(), path
-
-
-def cells_of(order: ExpansionOrder, blocked: NDArray[np.bool_]) -> list[Cell]:
-    """Return the cells (x, y) in the order of their expansion."""
-    y, x = np.divmod(order.order, blocked.shape[1])
-    return list(zip(x.tolist(), y.tolist()))
 
 
 def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Path]:
@@ -202,23 +209,20 @@ def map_figure(barrier_map: ProblemMap) -> Figure:
 
 
 def cell_image(
-    blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
+    blocked: NDArray[np.bool_], *layers: tuple[NDArray[np.bool_], str]
 ) -> NDArray[np.float64]:
-    """Colour cells; return an image [height, width, 3] from 0 to 1.
+    """Colour cells of bool [height, width]; return an image [height, width, 3] from 0 to 1.
 
     Obstacles cover the first layer, which covers the second, and so on.
     """
     image = np.ones((*blocked.shape, 3))
-    for cells, colour in reversed(layers):
-        if len(cells):
-            xs, ys = np.array(cells).T
-            image[ys, xs] = to_rgb(colour)
-    image[blocked] = to_rgb(style.OBSTACLE)
+    for cells, colour in (*reversed(layers), (blocked, style.OBSTACLE)):
+        image[cells] = to_rgb(colour)
     return image
 
 
 def draw_cells(
-    axes: Axes, blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
+    axes: Axes, blocked: NDArray[np.bool_], *layers: tuple[NDArray[np.bool_], str]
 ) -> None:
     """Draw a `cell_image` without ticks."""
     axes.imshow(cell_image(blocked, *layers), origin='lower', interpolation='nearest')

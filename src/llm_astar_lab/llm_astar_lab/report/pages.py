@@ -14,25 +14,12 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
-from llm_astar_lab.analysis.summary import (
-    RunSummary,
-    VariantSummary,
-    compare_with_none,
-    is_baseline,
-    summarise,
-)
+from llm_astar_lab.analysis.summary import RunSummary, VariantSummary, is_baseline
 from llm_astar_lab.pictures import style
-from llm_astar_lab.report.sentences import (
-    growth_sentence,
-    has_waypoints,
-    headline,
-    provenance,
-    sentence,
-    variant_label,
-)
+from llm_astar_lab.report import sentences
+from llm_astar_lab.report.sentences import has_waypoints, headline, provenance, variant_label
 from llm_astar_lab.report.table import markdown, text, texts_of
 from llm_astar_lab.report.tables import main_table, report_tables, terminal_table
-from llm_astar_lab.results.stored_rows import StoredRows
 
 # The lines of a README between which `replace_section` writes.
 SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
@@ -65,31 +52,30 @@ def bullets(lines: Iterable[str]) -> str:
     return '\n'.join(f'- {line}' for line in lines)
 
 
-def said_of(run: RunSummary, recorded: str | None) -> dict[str, Any]:
-    """Return what a report says in texts and tables; `recorded` is about the plans in bags."""
+def said_of(run: RunSummary) -> dict[str, Any]:
+    """Return what a report says in texts and tables."""
     metadata, bags = run.metadata, run.metadata.get('bags')
     return {
         'title': f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report',
         'headline': headline(run.comparisons),
-        'recorded': recorded or '',
+        'recorded': sentences.recorded_sentence(run.recorded),
         'provenance': provenance(run),
         'tables': report_tables(run),
-        'sentences': [sentence(item) for item in run.comparisons if item.samples],
-        'grown': growth_sentence(run.growths) or '',
+        'sentences': [sentences.sentence(item) for item in run.comparisons if item.samples],
+        'grown': sentences.growth_sentence(run.growths) or '',
         'left_out': list(metadata.get('left_out') or []),
         'notes': list(metadata.get('notes') or []),
     }
 
 
-def markdown_report(run: RunSummary, recorded: str | None = None, pictures: Pictures = ()) -> str:
+def markdown_report(run: RunSummary, pictures: Pictures = ()) -> str:
     """Return the report with links to pictures in the same folder, but for a page's panels."""
     shown = [(path.name, caption) for path, caption in pictures if not is_panel(path)]
-    return markdown_page('report.md.j2', **said_of(run, recorded), pictures=shown)
+    return markdown_page('report.md.j2', **said_of(run), pictures=shown)
 
 
 def html_report(
     run: RunSummary,
-    recorded: str | None = None,
     pictures: Pictures = (),
     samples: Mapping[str, Any] = NO_SAMPLES,
     *,
@@ -102,7 +88,7 @@ def html_report(
     """
     bars, mark = work_bars(run.variants)
     page: str = TEMPLATES.get_template('report.html.j2').render(
-        **said_of(run, recorded), **page_pictures(pictures), bars=bars,
+        **said_of(run), **page_pictures(pictures), bars=bars,
         mark_100=mark, zone=[(style.INFLATED, 'inflated zone')] if has_zone else [],
         data=script_json(samples), colours=script_json(style.page_colours()),
     )  # fmt: skip
@@ -178,14 +164,10 @@ def results_section(run: RunSummary) -> str:
     return '\n\n'.join([headline(run.comparisons), table, provenance(run)])
 
 
-def text_report(rows: StoredRows, seed: int = 0, recorded: str | None = None) -> str:
-    """Return the finding and the table for a terminal; for bags also the recorded lengths.
-
-    `recorded` is the sentence about the plans in the bags.
-    """
-    sentences = [recorded, headline(compare_with_none(rows, seed))]
-    table = text(terminal_table(summarise(rows, seed)))
-    return '\n'.join([table, '', *filter(None, sentences)])
+def text_report(run: RunSummary) -> str:
+    """Return the finding and the table for a terminal; for bags also the recorded lengths."""
+    said = [sentences.recorded_sentence(run.recorded), headline(run.comparisons)]
+    return '\n'.join([text(terminal_table(run.variants)), '', *filter(None, said)])
 
 
 def replace_section(path: Path, section: str) -> None:

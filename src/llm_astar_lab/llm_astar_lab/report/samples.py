@@ -10,7 +10,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -21,15 +21,14 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.types import describe_expansions
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
-from numpy.typing import NDArray
 from PIL import Image
+from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.analysis.summary import SampleId, by_variant, is_baseline, report_order
 from llm_astar_lab.pictures import raster
-from llm_astar_lab.pictures.animation import AnimatedSearch
-from llm_astar_lab.pictures.figures import Picture, describe_length, drawable_map, picture_of
+from llm_astar_lab.pictures.animation import AnimatedSearch, drawn_search
+from llm_astar_lab.pictures.figures import Picture, drawable_map
 from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.report.pages import data_url
 from llm_astar_lab.report.sentences import variant_label
@@ -85,14 +84,11 @@ def drawn_row(
     """Plan a row again; return its picture, and its animation if the order is known."""
     planner, request = request_again(problem, problem.samples[row.pair], row, settings)
     plan = planner.plan(request)
-    grid_map = drawable_map(planner.grid_map, settings.costmap)
-    picture = picture_of(plan, grid_map, problem.offset, costmap=planner.costmap)
-    name, length = variant_label(row.variant), describe_length(plan, grid_map.resolution)
-    title = f'{name}\n{length}, {describe_expansions(plan.expansions)}'
     recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
-    picture = replace(picture, title=title, recorded=recorded)
-    order = retrace(planner, request, plan)
-    return picture, None if order is None else AnimatedSearch(picture, order, name, length)
+    return drawn_search(
+        plan, planner.costmap, problem.offset, variant_label(row.variant),
+        retrace(planner, request, plan), recorded=recorded,
+    )  # fmt: skip
 
 
 def median_rows(rows: Sequence[Row]) -> list[Row]:
@@ -260,20 +256,16 @@ def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
     """Return names and rings of places in cells; a point is a ring of one corner."""
     if not len(places):
         return []
-    grid_map = problem.to_grid()
+    to_cells = problem.to_grid().world_to_grid
 
-    def cells(points: NDArray[np.float64]) -> list[list[float]]:
-        found: list[list[float]] = grid_map.world_to_grid(points).round(2).tolist()
-        return found
+    def cells(shape: BaseGeometry) -> Any:  # noqa: ANN401 - nested lists
+        return to_cells(shapely.get_coordinates(shape)).round(2).tolist()
 
     return [
         [
             place.name,
-            cells(shapely.get_coordinates(place.geometry.representative_point()))[0],
-            [
-                cells(shapely.get_coordinates(getattr(part, 'exterior', part)))
-                for part in shapely.get_parts(place.geometry)
-            ],
+            cells(place.geometry.representative_point())[0],
+            [cells(getattr(p, 'exterior', p)) for p in shapely.get_parts(place.geometry)],
         ]
         for place in places
     ]

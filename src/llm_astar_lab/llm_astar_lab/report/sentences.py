@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
@@ -16,7 +15,7 @@ from llm_astar_lab.analysis.summary import (
     is_baseline,
     is_learned,
 )
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, Row, Variant
+from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
 
 # A slope of log work over log scale below this counts as near linear.
 NEAR_LINEAR = 1.25
@@ -69,24 +68,15 @@ def counted(number: int, thing: str) -> str:
     return f'{number} {thing}' if number == 1 else f'{number} {thing}s'
 
 
-def recorded_sentence(rows: Iterable[Row]) -> str | None:
-    """Say for how many requests the bags hold a plan; None where they hold none."""
-    requests = {
-        row.key[:2]: (row.recorded_length >= 0, bool(row.recorded_problem))
-        for row in rows
-        if row.bag
-    }
-    counts = Counter(requests.values())
-    plans, broken = counts[True, False] + counts[True, True], counts[True, True]
-    # An empty path has a problem but no length.
-    empty = counts[False, True]
-    if not plans and not empty:
-        return None
-    none = f' (it found none for {empty})' if empty else ''
+def recorded_sentence(counts: Mapping[str, int]) -> str:
+    """Say for how many requests the bags hold a plan, by `RunSummary.recorded`; '' for none."""
+    if not counts or not (counts['plans'] or counts['empty']):
+        return ''
+    none = f' (it found none for {counts["empty"]})' if counts['empty'] else ''
     return (
-        f"The robot's own plan is in the bags for {plans} of "
-        f'{counted(len(requests), "request")}{none}; not valid on their map by these rules: '
-        f'{broken} (`recorded_problem` in results.csv says why).'
+        f"The robot's own plan is in the bags for {counts['plans']} of "
+        f'{counted(counts["requests"], "request")}{none}; not valid on their map by these rules: '
+        f'{counts["broken"]} (`recorded_problem` in results.csv says why).'
     )
 
 

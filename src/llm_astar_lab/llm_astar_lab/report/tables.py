@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import shortened
@@ -115,9 +116,10 @@ REPLY_COLUMNS = (
     *columns('Tokens in, mean', 'Tokens out, mean', digits=1),
     *columns('Seconds, median', 'Seconds, p95'),
 )
+GROWTH_COLUMNS = (*texts({'Quantity': 'quantity'}), *counts({'Samples': 'samples'}))
 RECORDED_COLUMN, *INSTRUCTION_COLUMNS = percents({
     'Length / recorded plan (%)': 'recorded.mean',
-    'Instruction satisfied (%)': 'instruction',
+    'Instruction kept (%)': 'instruction',
     'by the recorded plan (%)': 'recorded_instruction',
 })  # fmt: skip
 PATH_COLUMNS = (
@@ -300,15 +302,14 @@ def cost_row(cost: Mapping[str, Any], variants: Sequence[str]) -> tuple[Cell, ..
 def growth_table(growths: Sequence[Growth]) -> Table:
     """Return the table of growth factors, with a column for each scale."""
     scales = sorted({scale for growth in growths for scale in growth.scales})
-    rows: list[tuple[Cell, ...]] = []
-    for growth in growths:
-        factors = dict(zip(growth.scales, growth.factors))
-        cells = (factors.get(scale, math.nan) for scale in scales)
-        name = variant_label(growth.variant)
-        rows.append((name, growth.quantity, growth.samples, *cells, growth.slope))
-    factor_heads = (f'x{scale}' for scale in scales)
-    heads = (*texts('Variant', 'Quantity'), *counts('Samples'), *columns(*factor_heads, 'Slope'))
-    return Table('growth', 'Growth with the scale of the map', heads, rows, GROWTH_NOTE)
+    factors = {f'x{scale}': partial(factor_at, scale=scale) for scale in scales}
+    heads = (*VARIANT, *GROWTH_COLUMNS, *columns({**factors, 'Slope': 'slope'}))
+    return Table.of('growth', 'Growth with the scale of the map', heads, growths, GROWTH_NOTE)
+
+
+def factor_at(growth: Growth, scale: int) -> float:
+    """Return the growth from scale 1 to another, NaN where that was not run."""
+    return dict(zip(growth.scales, growth.factors)).get(scale, math.nan)
 
 
 def paper_table(metadata: Mapping[str, Any]) -> Table:

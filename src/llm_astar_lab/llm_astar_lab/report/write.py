@@ -26,7 +26,7 @@ from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, pan
 from llm_astar_lab.report.figures import growth_figure, ratio_figure, showcase_figure
 from llm_astar_lab.report.pages import PANEL, html_report, markdown_report
 from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples
-from llm_astar_lab.report.sentences import headline, recorded_sentence, sentence
+from llm_astar_lab.report.sentences import headline, sentence
 from llm_astar_lab.report.table import json_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Row
@@ -44,15 +44,14 @@ def write_report(
     metadata: Mapping[str, Any],
     maps: Sequence[ProblemMap],
     rows: StoredRows | None = None,
-) -> dict[str, Any]:
-    """Write summary.json, the figures, report.md and report.html; return the summary as read back.
+) -> RunSummary:
+    """Write summary.json, the figures, report.md and report.html; return what they are made of.
 
     `maps` are the unscaled maps of the rows, with their samples; `rows` are those of the folder
     where they have been read. Raises ResultsError.
     """
     rows = folder.stored() if rows is None else rows
     shown = shown_samples(rows.rows('scale = 1'), maps)
-    recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
     run = summarise_run(rows, metadata)
     summary = {
         'headline': headline(run.comparisons),
@@ -66,13 +65,13 @@ def write_report(
     }
     folder.write_json('summary.json', summary)
     pictures = draw_all(folder.path, shown.rows, maps, run)
-    folder.write_text('report.md', markdown_report(run, recorded, pictures))
+    folder.write_text('report.md', markdown_report(run, pictures))
     costmap = search_settings(metadata).costmap
     samples = browser_data(shown, maps, costmap, folder.read_places())
     has_zone = costmap is not None and costmap.robot_radius > 0.0
-    page = html_report(run, recorded, pictures, samples, has_zone=has_zone)
+    page = html_report(run, pictures, samples, has_zone=has_zone)
     folder.write_text('report.html', page)
-    return folder.read_json('summary.json')
+    return run
 
 
 def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:

@@ -16,10 +16,9 @@ import os
 import platform
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import NoneType
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
@@ -55,18 +54,18 @@ CLAIMED: dict[Path, int] = {}
 # Rows of a Parquet part: so many wait in results.csv first, where a crash does not lose them.
 PART_ROWS = 16_384
 # What the fields of metadata.json are, where they are there.
-METADATA_TYPES: dict[str, tuple[type, ...]] = {
-    'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
-    'seconds': (int, float), 'bags': (list,), 'left_out': (list,), 'notes': (list,),
-    'map_costs': (list,), 'files': (dict,), 'packages': (dict,),
+METADATA_TYPES = {
+    'version': 'str', 'parameters': 'dict', 'dataset': 'dict', 'machine': 'dict',
+    'seconds': 'int or float', 'bags': 'list', 'left_out': 'list', 'notes': 'list',
+    'map_costs': 'list', 'files': 'dict', 'packages': 'dict',
 }  # fmt: skip
-PARAMETER_TYPES: dict[str, tuple[type, ...]] = {
-    'seed': (int,), 'rules': (dict, NoneType), 'price': (list, NoneType), 'heuristic': (str,),
-    'weight': (int, float), 'time_limit': (int, float), 'tolerance': (int, float),
-    'start_tolerance': (int, float), 'max_suboptimality': (int, float, NoneType),
-    'paper_corners': (bool,),
+PARAMETER_TYPES = {
+    'seed': 'int', 'rules': 'dict or null', 'price': 'list or null', 'heuristic': 'str',
+    'weight': 'int or float', 'time_limit': 'int or float', 'tolerance': 'int or float',
+    'start_tolerance': 'int or float', 'max_suboptimality': 'int or float or null',
+    'paper_corners': 'bool',
 }  # fmt: skip
-DATASET_TYPES: dict[str, tuple[type, ...]] = {'file': (str,), 'sha256': (str,)}
+DATASET_TYPES = {'file': 'str', 'sha256': 'str'}
 
 
 class ResultsFolder:
@@ -122,18 +121,16 @@ class ResultsFolder:
         if (self.path / 'metadata.json').exists():
             return
         for name in REPORT_FILES:
-            if (self.path / name).exists():
-                message = f'{self.path / name}: is there, but of no run; name another --out'
-                raise ResultsError(message)
+            if (path := self.path / name).exists():
+                raise ResultsError(f'{path}: is there, but of no run; name another --out')
 
     def require_new(self) -> None:
         """Raise ResultsError where the folder already has rows."""
         if self.has_rows:
-            message = (
+            raise ResultsError(
                 f'{self.results}: exists; continue it with --resume, replace it with --overwrite, '
                 'or name another --out'
             )
-            raise ResultsError(message)
 
     def discard_results(self) -> None:
         """Remove rows and reports of an earlier run; a transcript stays. Raises ResultsError."""
@@ -283,8 +280,13 @@ class ResultsFolder:
         check_types(metadata['dataset'], DATASET_TYPES, f'{path}: dataset')
         for name in ('bags', 'left_out', 'notes'):
             for item in metadata.get(name) or ():
-                check_types({name: item}, {name: (str,)}, f'{path}: each of')
-        check_price(parameters.get('price'), f'{path}: parameters')
+                check_types({name: item}, {name: 'str'}, f'{path}: each of')
+        price = parameters.get('price')
+        for item in price or ():
+            check_types({'price': item}, {'price': 'int or float'}, f'{path}: parameters')
+        if price is not None and len(price) != 2:
+            what = f'price: two numbers are expected, not {short_repr(price)}'
+            raise ResultsError(f'{path}: parameters: {what}')
         if parameters.get('seed', 0) < 0:
             raise ResultsError(f'{path}: parameters: seed: 0 or more is expected')
         if rules := parameters.get('rules'):
@@ -334,27 +336,13 @@ def format_csv(lines: Iterable[Sequence[str]]) -> str:
     return buffer.getvalue()
 
 
-def check_types(
-    fields: Mapping[str, Any], types: Mapping[str, tuple[type, ...]], where: str
-) -> None:
-    """Raise ResultsError, which begins with `where`, for a field of another type."""
-    for name, kinds in types.items():
-        value = fields.get(name, '')
-        if name in fields and (
-            not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds)
-        ):
-            expected = ' or '.join('null' if kind is NoneType else kind.__name__ for kind in kinds)
+def check_types(fields: Mapping[str, Any], types: Mapping[str, str], where: str) -> None:
+    """Raise ResultsError, which begins with `where`, for a JSON value of another type."""
+    for name, expected in types.items():
+        value = fields.get(name)
+        found = 'null' if value is None else type(value).__name__
+        if name in fields and found not in expected.split(' or '):
             raise ResultsError(f'{where}: {name}: {expected} is expected, not {short_repr(value)}')
-
-
-def check_price(price: Sequence[Any] | None, where: str) -> None:
-    """Raise ResultsError for a price that is not two numbers, nor None."""
-    if price is None:
-        return
-    for item in price:
-        check_types({'price': item}, {'price': (int, float)}, where)
-    if len(price) != 2:
-        raise ResultsError(f'{where}: price: two numbers are expected, not {short_repr(price)}')
 
 
 def describe_run(
@@ -384,10 +372,9 @@ def describe_run(
 
 def describe_machine() -> dict[str, Any]:
     """Return processor, cores, memory in GiB, operating system and Python version."""
-    try:
+    lines: list[str] = []
+    with suppress(OSError):
         lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
-    except OSError:
-        lines = []
     models = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
     return {
         'processor': next(models, platform.processor() or 'unknown'),
@@ -401,16 +388,13 @@ def describe_machine() -> dict[str, Any]:
 def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """Return what differs between two runs' metadata and forbids mixing their rows."""
     changed = []
-    if before.get('version') != now['version']:
-        changed.append(f'version ({before.get("version")} before, {now["version"]} now)')
-    if before.get('dataset', {}).get('sha256') != now['dataset']['sha256']:
+    if before['version'] != now['version']:
+        changed.append(f'version ({before["version"]} before, {now["version"]} now)')
+    if before['dataset'].get('sha256') != now['dataset']['sha256']:
         changed.append('dataset')
-    old = before['parameters']
-    return changed + [
-        f'{name} ({old.get(name)} before)'
-        for name in COMPARED_PARAMETERS
-        if old.get(name, UNSTATED.get(name)) != now['parameters'].get(name, UNSTATED.get(name))
-    ]
+    old, new = UNSTATED | before['parameters'], UNSTATED | now['parameters']
+    differ = (name for name in COMPARED_PARAMETERS if old.get(name) != new.get(name))
+    return changed + [f'{name} ({before["parameters"].get(name)} before)' for name in differ]
 
 
 def without_nan(value: Any) -> Any:  # noqa: ANN401 - any JSON value

@@ -45,10 +45,6 @@ class Variant(NamedTuple):
 PAPER_ASTAR = Variant('astar')
 
 
-# Map id, pair index, scale and variant: unique within a run.
-RowKey = tuple[int, int, int, Variant]
-
-
 @dataclass(frozen=True, slots=True)
 class Row:
     """One sample planned with one variant: a line of results.csv, whose columns are the fields.
@@ -122,7 +118,7 @@ class Row:
         return Variant(self.method, self.source, self.prompt, self.model)
 
     @property
-    def key(self) -> RowKey:
+    def key(self) -> tuple[int, int, int, Variant]:
         """Map, pair, scale and variant, unique within a run."""
         return self.map, self.pair, self.scale, self.variant
 

@@ -5,29 +5,23 @@ from __future__ import annotations
 import pickle
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
-from pathlib import Path
 from typing import Any
 
+from llm_astar_planner.cli.flags import option
 from tqdm import tqdm
 
 from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
-from llm_astar_lab.results.folder import ResultsFolder, describe_run, run_differences
+from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.engine import (
-    Outcome,
-    SearchSettings,
-    Task,
-    list_variants,
-    make_tasks,
-    run_tasks,
-)
+from llm_astar_lab.runner import engine
+from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
 
 # How rows are stored; a run of at least so many is large.
@@ -51,34 +45,39 @@ class BenchmarkConfig:
     """What a run covers.
 
     Scale 1 runs all `samples`. To compare scales, `scale_samples` drawn samples are run at every
-    scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata;
-    `coverage` says which samples replays lack. `identity` is what the metadata says of a dataset
-    that is not the one file `dataset`.
+    scale, 1 included. `coverage` says which samples replays lack.
     """
 
-    dataset: Path
     samples: Sequence[BenchmarkSample]
     methods: Sequence[str]
     sources: Sequence[SourceSpec]
-    settings: SearchSettings
+    settings: engine.SearchSettings
     scales: Sequence[int] = (1,)
     scale_samples: int = 10
     seed: int = 0
-    files: Sequence[Path] = ()
     coverage: Sequence[Coverage] = ()
-    identity: Mapping[str, str] | None = None
 
     @property
     def row_count(self) -> int:
         """The number of rows of the whole run, or a little more."""
         larger = min(self.scale_samples, len(self.samples)) * len(self.scales)
-        return (len(self.samples) + larger) * len(list_variants(self.methods, self.sources))
+        return (len(self.samples) + larger) * len(engine.list_variants(self.methods, self.sources))
 
     def tasks(self, done: Finished | None = None) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
         pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
-        variants = list_variants(self.methods, self.sources)
-        return make_tasks(pairs, variants, self.sources, self.settings, done)
+        variants = engine.list_variants(self.methods, self.sources)
+        return engine.make_tasks(pairs, variants, self.sources, self.settings, done)
+
+
+def add_folder(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options of the results folder of a run; `out` is the default one."""
+    group.set_defaults(default_out=out)
+    text = f'folder for the results (default: {out}, or {out}-2 and so on where that has some)'
+    option(group, '--out DIR', text)
+    again = group.add_mutually_exclusive_group()
+    option(again, '--resume', 'continue an interrupted run: that in --out, or the last one')
+    option(again, '--overwrite', 'replace the results in --out by those of this run')
 
 
 def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
@@ -94,31 +93,6 @@ def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFold
                 break
             folder, following = following, ResultsFolder(f'{default}-{number}')
     return folder if resume else following
-
-
-def start_run(
-    folder: ResultsFolder,
-    config: BenchmarkConfig,
-    parameters: dict[str, Any],
-    *,
-    resume: bool,
-    overwrite: bool = False,
-    file_format: str | None = None,
-) -> tuple[list[Task], dict[str, Any]]:
-    """Start or resume a results folder; return the tasks left and the run's metadata.
-
-    Raises ResultsError where the folder holds rows of another dataset, version or seed.
-    """
-    if config.identity is None:
-        metadata = describe_run([config.dataset], parameters, config.files)
-    else:
-        metadata = describe_run([], parameters, config.files) | {'dataset': dict(config.identity)}
-    if config.coverage:
-        metadata['replays'] = [item.to_json() for item in config.coverage]
-        metadata['notes'] = [item.sentence() for item in config.coverage]
-    parquet = is_parquet_run(file_format, config.row_count)
-    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite, parquet=parquet)
-    return config.tasks(done), metadata
 
 
 def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
@@ -153,16 +127,13 @@ def open_folder(
         folder.start(parquet=parquet)
         return {}
     before = folder.read_metadata()
-    changed = run_differences(before, metadata)
-    if changed:
+    if changed := run_differences(before, metadata):
         message = f'{folder.path}: cannot be resumed, because these differ: {", ".join(changed)}'
         raise ResultsError(message)
-    changed = changed_inputs(before, metadata)
-    if changed:
+    if changed := changed_inputs(before, metadata):
         metadata['notes'] = [*metadata.get('notes', []), *changed]
-    finished = folder.keep_answered()
     metadata['seconds'] = float(before.get('seconds') or 0.0)
-    return finished
+    return folder.keep_answered()
 
 
 def changed_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
@@ -174,6 +145,16 @@ def changed_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[st
         if files.get(name, digest) != digest
     ]
     return list(dict.fromkeys([*(note for note in notes if ANOTHER_INPUT in note), *changed]))
+
+
+@contextmanager
+def timing(metadata: dict[str, Any]) -> Iterator[None]:
+    """Add the seconds of the block to the metadata of a run, also where it is interrupted."""
+    begun = time.monotonic()
+    try:
+        yield
+    finally:
+        metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
 
 
 def run_into_folder(
@@ -194,32 +175,29 @@ def run_into_folder(
         folder.append(outcome.row for outcome in outcomes)
         step(task, outcomes)
 
-    begun = time.monotonic()
-    try:
-        run_tasks(tasks, executor, max_pending, keep)
-    finally:
-        metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
+    with timing(metadata):
+        engine.run_tasks(tasks, executor, max_pending, keep)
 
 
 def describe_unanswered(rows: Iterable[Row]) -> list[str]:
     """Return one line per variant whose source left samples unanswered; read rows once."""
-    counts: dict[Variant, Counter[str]] = {}
+    counts: dict[Variant, Counter[str]] = defaultdict(Counter)
     firsts: dict[Variant, str] = {}
     for row in rows:
         if not row.answered:
-            counts.setdefault(row.variant, Counter())[row.source_status] += 1
+            counts[row.variant][row.source_status] += 1
             firsts.setdefault(row.variant, f'map {row.map}, pair {row.pair}, scale {row.scale}')
-    lines = []
-    for variant, found in counts.items():
-        how = ', '.join(f'{status} {count}' for status, count in found.items())
-        lines.append(
-            f'{variant}: {found.total()} samples without an answer ({how}), '
-            f'the first {firsts[variant]}'
-        )
-    return lines
+    return [
+        f'{variant}: {found.total()} samples without an answer '
+        f'({", ".join(f"{status} {count}" for status, count in found.items())}), '
+        f'the first {firsts[variant]}'
+        for variant, found in counts.items()
+    ]
 
 
-def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task]]:
+def split_timed(
+    tasks: Sequence[Task],
+) -> tuple[dict[int, list[Task]], list[Task]]:
     """Return the first tasks of each scale, to be timed, and the others."""
     timed: dict[int, list[Task]] = {}
     others: list[Task] = []
@@ -262,18 +240,16 @@ def connect(address: str, sources: Sequence[SourceSpec]) -> Iterator[tuple[Execu
         pickle.dumps(sources)
     except (TypeError, AttributeError, pickle.PicklingError):
         names = ', '.join(spec.name for spec in sources)
-        message = (
+        raise ValueError(
             f'--dask: some of the sources {names} cannot be sent to another machine; '
             'record a transcript and replay it'
-        )
-        raise ValueError(message) from None
+        ) from None
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
-    except ImportError:
-        message = "--dask needs Dask: pip install 'dask[distributed]'"
-        raise ValueError(message) from None
-    try:
+
         client = Client(address, timeout=CONNECT_TIMEOUT_S)
+    except ImportError:
+        raise ValueError("--dask needs Dask: pip install 'dask[distributed]'") from None
     except (OSError, ValueError) as error:
         raise ValueError(f'--dask {address}: {error}') from None
     with client:
@@ -294,16 +270,11 @@ def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], o
         with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
             yield lambda: bool(bar.update())
         return
-    done = 0
+    of_total, steps = '' if total is None else f' of {total}', count(1)
 
     def step() -> None:
-        nonlocal done
-        done += 1
-        if total is None:
-            is_due, of_total = done % UNKNOWN_STRIDE == 0, ''
-        else:
-            is_due, of_total = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
-        if is_due:
+        done, parts = next(steps), (1, UNKNOWN_STRIDE) if total is None else (10, total)
+        if done * parts[0] // parts[1] > (done - 1) * parts[0] // parts[1]:
             sys.stderr.write(f'{done}{of_total} {unit}s\n')
             sys.stderr.flush()
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import islice
 from threading import Lock
 from typing import Any, NamedTuple, Protocol
 
@@ -50,6 +51,13 @@ from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.sources import SourceSpec
 
 ALL_METHODS = (*METHODS, WAYPOINTS_ONLY)
+# The settings that are fields of a request.
+OF_REQUEST = (
+    'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
+    'instruction',
+)  # fmt: skip
+# Variants, each with the index of its source.
+Variants = tuple[tuple[Variant, int], ...]
 NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
 # Bounds of the planner cache. A cell of a planner takes about 40 bytes with its landmarks.
 MAX_CACHED_CELLS = 2_000_000
@@ -106,7 +114,7 @@ class Task:
 
     sample: BenchmarkSample
     scale: int
-    variants: tuple[tuple[Variant, int], ...]
+    variants: Variants
     sources: tuple[SourceSpec, ...]
     settings: SearchSettings = field(default_factory=SearchSettings)
     recorded_plan: RecordedPlan | None = None
@@ -166,7 +174,7 @@ def make_tasks(
     # A task goes to its worker without the samples of the others.
     plain = tuple(replace(spec, samples=None) for spec in sources)
     # Most tasks have the same variants: they share one tuple.
-    shared: dict[tuple[tuple[Variant, int], ...], tuple[tuple[Variant, int], ...]] = {}
+    shared: dict[Variants, Variants] = {}
     tasks = []
     for key, (sample, scale) in {(*pair[0].key, pair[1]): pair for pair in samples}.items():
         finished = (done or {}).get(key, frozenset())
@@ -195,7 +203,7 @@ def run_tasks(
     left = iter(tasks)
     try:
         while True:
-            while len(pending) < max_pending and (task := next(left, None)) is not None:
+            for task in islice(left, max_pending - len(pending)):
                 pending[executor.submit(run_task, task)] = task
             if not pending:
                 return
@@ -226,26 +234,23 @@ def run_task(task: Task) -> list[Outcome]:
         source = task.sources[index].source
         if source is not None and index not in replies:
             sample_key = key if task.is_sample else None
-            query = WaypointQuery(
-                planner.costmap, *endpoints, task.settings.time_limit, sample_key
-            )
+            limit = task.settings.time_limit
+            query = WaypointQuery(planner.costmap, *endpoints, limit, sample_key)
             answer, seconds = query_source(source, query)
             replies[index] = answer, reply_columns(answer, seconds, query)
         reply, of_reply = replies.get(index, (NOT_ASKED, {'source_status': 'NONE'}))
+        plan = None
         if variant.method == WAYPOINTS_ONLY:
             columns = waypoints_only_columns(planner, endpoints, reply)
-            plan = None
         else:
             known = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
-            request = make_request(
-                endpoints, variant.method, known, task.settings, want_expanded=False, sample=key
-            )
+            request = make_request(endpoints, variant.method, known, task.settings)
+            request = replace(request, want_expanded=False, sample=key)
             plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
             statuses = [point.status.value for point in plan.checked_waypoints]
             columns = plan_columns(plan.to_dict(), statuses, plan.path)
         columns |= of_reply | recorded | {'family': task.sample.barrier_map.family}
-        row = Row(*task.sample.key, task.scale, *variant, **columns)
-        outcomes.append(Outcome(row, plan))
+        outcomes.append(Outcome(Row(*task.sample.key, task.scale, *variant, **columns), plan))
     return outcomes
 
 
@@ -279,22 +284,10 @@ def make_request(
     method: str,
     source: AnsweredSource | None,
     settings: SearchSettings,
-    **options: Any,  # noqa: ANN401 - further fields of PlanRequest
 ) -> PlanRequest:
     """Return the request for a sample with the settings of the run."""
-    return PlanRequest(
-        *endpoints,
-        method,
-        source,
-        settings.heuristic,
-        settings.weight,
-        settings.time_limit,
-        max_suboptimality=settings.max_suboptimality,
-        tolerance=settings.tolerance,
-        start_tolerance=settings.start_tolerance,
-        instruction=settings.instruction,
-        **options,
-    )
+    values = {name: getattr(settings, name) for name in OF_REQUEST}
+    return PlanRequest(*endpoints, method, source, **values)
 
 
 def waypoints_only_columns(

@@ -16,12 +16,7 @@ from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_p
 from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
 from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
-from llm_astar_planner.waypoints.source import (
-    SampleKey,
-    WaypointSource,
-    live_key,
-    name_problem,
-)
+from llm_astar_planner.waypoints.source import SampleKey, WaypointSource, live_key, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 from llm_astar_lab.datasets.samples import (
@@ -100,20 +95,23 @@ def make_source_specs(
             chosen_settings = replace(settings, source=name)
             specs += model_sources(chosen_settings, prompts, models, dataset, seed)
     specs += [SourceSpec(baselines[name], name) for name in chosen]
-    twice = Counter((spec.name, spec.model, spec.prompt) for spec in specs)
-    for (name, model, prompt), count in twice.items():
-        if count > 1:
-            row = ', '.join(filter(None, (name, model, prompt)))
-            raise SettingsError(f'source: {count} would have the same rows, {row}: rename a file')
+    for count, *row in repeated(specs):
+        same = ', '.join(filter(None, row))
+        raise SettingsError(f'source: {count} would have the same rows, {same}: rename a file')
     return specs
+
+
+def repeated(specs: Iterable[SourceSpec]) -> Iterator[tuple[int, str, str, str]]:
+    """Yield how many sources have a name, model and prompt, and these, where not one alone."""
+    times = Counter((spec.name, spec.model, spec.prompt) for spec in specs)
+    yield from ((count, *row) for row, count in times.items() if count > 1)
 
 
 def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
     """Return the embedded model twice: greedy, and the best of BEST_OF routes."""
-    named = {1: EMBEDDED, BEST_OF: BEST_OF_EMBEDDED}
     return [
         SourceSpec(make_source(replace(settings, source=EMBEDDED, candidates=count)), name)
-        for count, name in named.items()
+        for count, name in ((1, EMBEDDED), (BEST_OF, BEST_OF_EMBEDDED))
     ]
 
 
@@ -157,13 +155,11 @@ def told_apart(specs: Sequence[SourceSpec]) -> list[SourceSpec]:
         else spec
         for spec in specs
     ]
-    twice = Counter((spec.name, spec.model, spec.prompt) for spec in named)
-    for (name, model, prompt), count in twice.items():
-        if count > 1:
-            raise SettingsError(
-                f'transcript: {count} files named {name.removeprefix(REPLAY + ":")} hold model '
-                f'{model}, prompt {prompt}; rename all but one'
-            )
+    for count, name, model, prompt in repeated(named):
+        raise SettingsError(
+            f'transcript: {count} files named {name.removeprefix(REPLAY + ":")} hold model '
+            f'{model}, prompt {prompt}; rename all but one'
+        )
     return named
 
 
@@ -174,25 +170,24 @@ def model_sources(
     dataset: Sequence[BarrierMap],
     seed: int = 0,
 ) -> list[SourceSpec]:
-    """Make a source once per model and prompt. Raises ValueError where one cannot be made."""
+    """Make a source once per model and prompt; an endpoint's label says how often it repairs.
+
+    Raises ValueError where one cannot be made.
+    """
     if settings.source == 'endpoint' and not models:
         raise SettingsError('model: --source endpoint needs --model')
     specs = []
     for model, prompt in product(models or ('',), prompts or ('',)):
         asked = replace(settings, model=model, prompt=prompt)
         source = make_source(asked, dataset, seed)
-        label = prompt_label(asked) if settings.source == 'endpoint' else prompt
-        problem = name_problem(label)
-        if problem:
+        label = prompt
+        if settings.source == 'endpoint':
+            rounds = f', repaired up to {asked.repair_rounds}x' if asked.repair_rounds else ''
+            label = f'{asked.prompt_name}{rounds}'
+        if problem := name_problem(label):
             raise SettingsError(f'prompt: {problem}')
         specs.append(SourceSpec(source, settings.source, label, model))
     return specs
-
-
-def prompt_label(settings: SourceSettings) -> str:
-    """Return the name of a prompt in rows: how it was asked, and how often repaired."""
-    rounds = settings.repair_rounds
-    return f'{settings.prompt_name}, repaired up to {rounds}x' if rounds else settings.prompt_name
 
 
 def check_grid_options(problem: GridProblem, names: Sequence[str]) -> None:
@@ -350,10 +345,6 @@ def groups_of(keys: Iterable[SampleKey]) -> Iterator[SampleGroup]:
 
 def ranges(numbers: Sequence[int]) -> str:
     """Write ascending numbers as `--map-ids` reads them: `0-2,5`."""
-    parts: list[list[int]] = []
-    for number in numbers:
-        if parts and number == parts[-1][1] + 1:
-            parts[-1][1] = number
-        else:
-            parts.append([number, number])
-    return ','.join(str(a) if a == b else f'{a}-{b}' for a, b in parts)
+    runs = groupby(enumerate(numbers), key=lambda item: item[1] - item[0])
+    ends = ((run[0][1], run[-1][1]) for run in (list(group) for _, group in runs))
+    return ','.join(str(a) if a == b else f'{a}-{b}' for a, b in ends)

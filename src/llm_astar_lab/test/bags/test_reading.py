@@ -8,15 +8,8 @@ import tracemalloc
 import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag
-from llm_astar_lab.bags.files import (
-    LARGEST,
-    BagError,
-    Channel,
-    Problems,
-    unpack,
-    unzstd,
-)
-from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.reading import Bag, Problems, unpack
+from llm_astar_lab.bags.storage import LARGEST, BagError, Channel, unzstd
 from llm_astar_lab.bags.types import Decoder, bag_types, define
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
@@ -412,7 +405,7 @@ def test_brackets_in_comments_and_texts_of_a_definition_do_not_count():
 
 
 def test_a_file_is_unpacked_up_to_a_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr('llm_astar_lab.bags.files.MOST_UNPACKED', 2**20)
+    monkeypatch.setattr('llm_astar_lab.bags.reading.MOST_UNPACKED', 2**20)
     packed = tmp_path / 'x.mcap.zstd'
     packed.write_bytes(zstandard.ZstdCompressor().compress(bytes(2**26)))
     problems = Problems()

@@ -102,7 +102,11 @@ def test_the_showcase_expands_less_with_waypoints():
 
 def test_obstacles_cover_expanded_cells():
     blocked = np.array([[True, False], [False, False]])
-    image = cell_image(blocked, ([(0, 0), (1, 0)], '#ff0000'), ([(1, 0), (0, 1)], '#0000ff'))
+    above, below = (
+        np.array([[True, True], [False, False]]),
+        np.array([[False, True], [True, False]]),
+    )
+    image = cell_image(blocked, (above, '#ff0000'), (below, '#0000ff'))
     assert image[0, 1].tolist() == [1.0, 0.0, 0.0]
     assert image[1, 0].tolist() == [0.0, 0.0, 1.0]
     assert image[0, 0].max() < 0.3

@@ -470,7 +470,7 @@ def test_an_instruction_on_the_command_line_replaces_the_recorded_ones(
     printed = capsys.readouterr()
     assert 'recorded_instruction 0.00 % is below 50' in printed.err
     assert ' instruction 100' not in printed.err
-    assert 'Instruction satisfied (%)' in printed.out
+    assert 'Instruction kept (%)' in printed.out
     for row in by_method(out, 'guided'):
         assert row['instruction'].startswith('visit the gallery: satisfied')
         assert row['instruction_satisfied'] == '1.0'

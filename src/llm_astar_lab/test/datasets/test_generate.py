@@ -9,8 +9,6 @@ from llm_astar_lab.datasets.generate import (
     detour,
     generate,
     query_sentence,
-)
-from llm_astar_lab.datasets.validate import (
     summarise_dataset,
     validate_file,
     validate_maps,

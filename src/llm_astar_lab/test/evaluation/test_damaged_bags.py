@@ -3,8 +3,8 @@
 import random
 
 import pytest
-from llm_astar_lab.bags.files import BagError
 from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.storage import BagError
 from llm_astar_lab.evaluation.requests import RequestReader
 from llm_astar_lab.evaluation.topics import TopicSelection
 from llm_astar_planner.cli.main import main

@@ -115,7 +115,7 @@ def test_without_goals_and_calls_each_path_of_the_robot_is_a_request(ask):
     ]  # fmt: skip
     requests, problems = ask([*messages, report_at(4.1, 'NONE', [], 4)])
     assert places(requests) == [((2, 2), (8, 8)), ((5, 5), (9, 2))]
-    assert [len(request.recorded.points) for request in requests] == [2, 2]
+    assert [len(request.points) for request in requests] == [2, 2]
     (note,) = problems.notes
     assert 'goals of actions are not recorded: each path on /plan is a request' in note
     assert not problems.left_out
@@ -125,7 +125,7 @@ def test_paths_are_not_requests_where_there_are_goals_unless_selected(ask, tmp_p
     messages = [map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)), plan_at(3, WAY)]
     requests, _ = ask(messages)
     assert [request.time for request in requests] == [at(2)]
-    assert requests[0].recorded.points.tolist() == [list(point) for point in WAY]
+    assert requests[0].points.tolist() == [list(point) for point in WAY]
     shutil.rmtree(tmp_path / 'bag')
     requests, problems = ask(messages, requests='plans')
     assert [request.time for request in requests] == [at(3)]
@@ -146,8 +146,8 @@ def test_a_response_belongs_to_its_own_call(ask):
         map_at(1, room()), call_at(2, (2, 2), (8, 8), 1), call_at(2.1, (3, 2), (8, 8), 2),
         answer_at(2.2, WAY, 2), answer_at(2.3, [], 1),
     ])  # fmt: skip
-    assert len(requests[0].recorded.points) == 0
-    np.testing.assert_allclose(requests[1].recorded.points, WAY)
+    assert len(requests[0].points) == 0
+    np.testing.assert_allclose(requests[1].points, WAY)
 
 
 def test_the_plan_of_a_goal_is_the_first_that_ends_there_within_the_window(ask):
@@ -157,14 +157,14 @@ def test_the_plan_of_a_goal_is_the_first_that_ends_there_within_the_window(ask):
         plan_at(3, elsewhere), plan_at(4, WAY), plan_at(5, [*WAY, (8.0, 8.1)]),
     ]  # fmt: skip
     requests, _ = ask(messages)
-    np.testing.assert_allclose(requests[0].recorded.points, WAY)
+    np.testing.assert_allclose(requests[0].points, WAY)
 
 
 def test_a_plan_after_the_window_does_not_belong_to_the_request(ask):
     requests, _ = ask([
         map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)), plan_at(4, WAY),
     ], window=1.0)  # fmt: skip
-    assert requests[0].recorded.points is None
+    assert requests[0].points is None
 
 
 def test_the_last_plan_with_one_stamp_and_its_report_are_recorded(ask):
@@ -174,9 +174,9 @@ def test_the_last_plan_with_one_stamp_and_its_report_are_recorded(ask):
         plan_at(3, WAY, 2.5), plan_at(3.1, better, 2.5),
         report_at(3.2, 'NONE', [[5.0, 5.0, 'accepted']], 2.5),
     ])  # fmt: skip
-    np.testing.assert_allclose(requests[0].recorded.points, better)
-    assert requests[0].recorded.code == 'NONE'
-    assert requests[0].recorded.waypoints == ((5.0, 5.0),)
+    np.testing.assert_allclose(requests[0].points, better)
+    assert requests[0].code == 'NONE'
+    assert requests[0].waypoints == ((5.0, 5.0),)
 
 
 @pytest.mark.parametrize('waypoints', [f'[[1{"0" * 400}, 1]]', '[' * 100_000])
@@ -184,7 +184,7 @@ def test_a_report_with_malformed_numbers_is_ignored(ask, waypoints):
     report = report_at(3, 'NONE', [], 3)
     report[2].status[0].values[1].value = waypoints
     (request,), _ = ask([map_at(1, room()), call_at(2, (2, 2), (8, 8)), report])
-    assert request.recorded.code == ''
+    assert request.code == ''
 
 
 def test_the_pose_of_the_robot_is_forgotten_when_the_clock_jumps_back(ask):

@@ -61,6 +61,27 @@ CASES = [
         [(1, 1), (2, 2)],
         DIRECT + NORTH,
     ),
+    ('visit_after', NORTH_FIRST, NORTH + DIRECT[::-1], DIRECT[::-1] + NORTH),
+    ('visit_after', NORTH_FIRST, DIRECT, [*DIRECT, *NORTH[::-1]]),
+    # They overlap, and the path is in both when it leaves the first one, or it is not.
+    ('visit_after', {'first': BOX, 'second': DISC}, [START, (5, 1.25)], [START, (4.5, 0.1), GOAL]),
+    ('never_after', {**NORTH_FIRST, 'metres': 0.0}, [*DIRECT, *NORTH[::-1]], NORTH + DIRECT[::-1]),
+    ('never_after', {**NORTH_FIRST, 'metres': 0.0}, DIRECT + DIRECT[::-1], [*NORTH, START, GOAL]),
+    ('entries', {'region': BOX, 'apart': 0.5, 'at_least': 2}, DIRECT + DIRECT[::-1], DIRECT),
+    ('entries', {'region': BOX, 'apart': 0.5, 'at_most': 1}, DIRECT, DIRECT + DIRECT[::-1]),
+    # To leave it by less than `apart` is no other entry.
+    (
+        'entries',
+        {'region': BOX, 'apart': 0.5, 'at_most': 1},
+        [START, (4.5, 1), (5.4, 1), (4.5, 1)],
+        [START, (4.5, 1), (5.6, 1), (4.5, 1)],
+    ),
+    (
+        'entries',
+        {'region': BOX, 'tol': -0.2, 'apart': 0.5, 'at_least': 1},
+        DIRECT,
+        [(3, 1), (4.1, 1), (3, 1)],
+    ),
     ('end_in', {'region': {'place': 'east room'}}, DIRECT, DIRECT[::-1]),
     ('end_in', {'region': BOX, 'tol': 1.0}, [START, (5.9, 1)], [START, (6.1, 1)]),
     ('dist_min', {'region': {'place': 'desk'}, 'metres': 2.0}, DIRECT, NORTH),

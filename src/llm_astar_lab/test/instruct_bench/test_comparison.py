@@ -65,6 +65,26 @@ SAME = [
         spec(clause('stay_in', {'between': ['vault', 'desk']})),
     ),
     (spec(clause('unknown', text='dance')), spec(clause('unknown', text='dance then sing'))),
+    (
+        spec(clause('visit', {'tag': 'door'})),
+        spec(clause('visit', {'any_of': [{'place': 'south door'}, {'place': 'north door'}]})),
+    ),
+    (
+        spec(clause('avoid', {'any_of': [DESK, VAULT]})),
+        spec(clause('avoid', VAULT), clause('avoid', DESK)),
+    ),
+    (
+        spec(clause('avoid', {'region': {'tag': 'door'}, 'except': [{'place': 'north door'}]})),
+        spec(clause('avoid', {'place': 'south door'})),
+    ),
+    (
+        spec(clause('then', first=DESK, second={'any_of': [VAULT, DESK]})),
+        spec(clause('then', first={'place': 'Desk'}, second={'any_of': [DESK, VAULT]})),
+    ),
+    (
+        spec(clause('unsupported', text='slowly', about='speed')),
+        spec(clause('unsupported', text='slow', about='speed')),
+    ),
 ]
 DIFFERENT = [
     (spec(clause('avoid', DESK)), spec(clause('avoid', VAULT))),
@@ -93,6 +113,25 @@ DIFFERENT = [
         spec(clause('before', first=VAULT, second=DESK)),
     ),
     (spec(clause('pass', DESK, side='north')), spec(clause('pass', DESK, side='left'))),
+    (
+        spec(clause('then', first=DESK, second=VAULT)),
+        spec(clause('then', first=VAULT, second=DESK)),
+    ),
+    (
+        spec(clause('then', first=DESK, second=VAULT)),
+        spec(clause('never_after', first=DESK, second=VAULT)),
+    ),
+    (spec(clause('count', DESK, at_most=2)), spec(clause('count', DESK, at_most=1))),
+    (spec(clause('count', DESK, at_most=2)), spec(clause('count', DESK, at_least=2))),
+    (spec(clause('end_at', {'end': 'start'})), spec(clause('end_at', {'end': 'goal'}))),
+    (
+        spec(clause('avoid', {'region': {'half': 'north'}, 'except': [DESK]})),
+        spec(clause('avoid', {'half': 'north'})),
+    ),
+    (
+        spec(clause('visit', {'any_of': [DESK, VAULT]})),
+        spec(clause('visit', {'all_of': [DESK, VAULT]})),
+    ),
 ]
 
 

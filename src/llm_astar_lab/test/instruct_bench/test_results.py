@@ -220,7 +220,7 @@ def test_one_instruction_in_full(results):
         'truth       avoid the south door',
         'understood  visit the desk',
         'clause      visit the desk: kept',
-        'reported    satisfied, which is false',
+        'reported    The instruction is kept, which is false',
         'check       inside_max fails (2.00 m off)',
         'path        2.00 m, 2.00 m without instruction',
     ):

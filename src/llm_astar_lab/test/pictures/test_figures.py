@@ -25,7 +25,7 @@ CELLS = GridMap(np.zeros((40, 60), np.int8))
 def outlines_of(plan, grid_map=MAP, offset=(0, 0)):
     """The corners of each outline that is drawn for a plan."""
     axes = Figure().add_subplot()
-    draw(axes, picture_of(plan, grid_map, offset))
+    draw(axes, picture_of(plan, Costmap(grid_map), offset))
     drawn = [item for item in axes.collections if isinstance(item, PolyCollection)]
     return [path.vertices[:-1] for item in drawn for path in item.get_paths()]
 
@@ -52,7 +52,7 @@ def drawn_texts(path, **options):
     costmap = Costmap(GridMap(rooms, 0.1, Pose2D(-1.0, 2.0)), CostmapConfig(robot_radius=0.25))
     planner = Planner(costmap.grid_map, costmap.config)
     plan = planner.plan(PlanRequest((30, 5), (30, 35), **options))
-    picture = picture_of(plan, costmap.grid_map, costmap=costmap)
+    picture = picture_of(plan, costmap)
     figures = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Figure, 'savefig', lambda self, *_, **__: figures.append(self))
@@ -91,6 +91,6 @@ def test_no_label_hides_a_mark_or_another_label(tmp_path):
 @pytest.mark.parametrize('start', [(20, 8), (-700, 3)])
 def test_what_is_off_the_map_does_not_change_the_size_of_its_picture(tmp_path, start):
     plan = Planner(MAP).plan(PlanRequest(start, (90_000, 6), via=((5, -400),)))
-    save_picture(picture_of(plan, MAP), tmp_path / 'off.png')
+    save_picture(picture_of(plan, Costmap(MAP)), tmp_path / 'off.png')
     with Image.open(tmp_path / 'off.png') as picture:
         assert max(picture.size) < 2000

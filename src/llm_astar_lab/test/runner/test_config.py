@@ -4,19 +4,25 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from benchmark_samples import FakeSource, config_of
-from llm_astar_lab.results.folder import ResultsFolder
+from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import (
     choose_folder,
+    open_folder,
     run_into_folder,
-    start_run,
 )
 from llm_astar_lab.runner.sources import SourceSpec
 
 
+def start_run(folder, config, dataset, seed=0, *, resume):
+    """Start or resume a run of a dataset; return its tasks and its metadata."""
+    metadata = describe_run([dataset], {'seed': seed})
+    return config.tasks(open_folder(folder, metadata, resume=resume)), metadata
+
+
 def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
     config, folder = config_of(dataset), ResultsFolder(tmp_path / 'out')
-    tasks, metadata = start_run(folder, config, {'seed': 0}, resume=False)
+    tasks, metadata = start_run(folder, config, dataset, resume=False)
     steps = []
 
     def interrupt(*_):
@@ -31,7 +37,7 @@ def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
     folder.write_json('metadata.json', metadata)
     with folder.results.open('a') as file:
         file.write('13,2,1,astar,none')
-    left, metadata = start_run(folder, config, {'seed': 0}, resume=True)
+    left, metadata = start_run(folder, config, dataset, resume=True)
     assert len(left) == len(tasks) - 5
     with ThreadPoolExecutor(1) as executor:
         run_into_folder(folder, left, executor, 2, metadata=metadata, step=lambda *_: None)
@@ -42,32 +48,32 @@ def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
 def test_resuming_asks_again_where_no_source_answered(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
     config = config_of(dataset, [SourceSpec(), SourceSpec(FakeSource(), 'broken')])
-    tasks, metadata = start_run(folder, config, {'seed': 0}, resume=False)
+    tasks, metadata = start_run(folder, config, dataset, resume=False)
     with ThreadPoolExecutor(2) as executor:
         run_into_folder(folder, tasks[:3], executor, 4, metadata=metadata, step=lambda *_: None)
-    left, _ = start_run(folder, config, {'seed': 0}, resume=True)
+    left, _ = start_run(folder, config, dataset, resume=True)
     assert [len(task.variants) for task in left[:4]] == [1, 1, 1, 3]
 
 
 def test_rows_of_different_runs_are_never_mixed(dataset, tmp_path):
     folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
-    tasks, metadata = start_run(folder, config, {'seed': 0}, resume=False)
+    tasks, metadata = start_run(folder, config, dataset, resume=False)
     with ThreadPoolExecutor(1) as executor:
         run_into_folder(folder, tasks[:1], executor, 1, metadata=metadata, step=lambda *_: None)
     with pytest.raises(ResultsError, match='--resume'):
-        start_run(folder, config, {'seed': 0}, resume=False)
+        start_run(folder, config, dataset, resume=False)
     with pytest.raises(ResultsError, match=r'seed \(0 before\)'):
-        start_run(folder, config, {'seed': 1}, resume=True)
+        start_run(folder, config, dataset, 1, resume=True)
     dataset.write_text(dataset.read_text() + '\n')
     with pytest.raises(ResultsError, match='dataset'):
-        start_run(folder, config, {'seed': 0}, resume=True)
+        start_run(folder, config, dataset, resume=True)
 
 
 def test_a_run_killed_before_its_first_row_is_started_again(dataset, tmp_path):
     folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
-    tasks, _ = start_run(folder, config, {'seed': 0}, resume=False)
+    tasks, _ = start_run(folder, config, dataset, resume=False)
     folder.results.unlink()
-    assert len(start_run(folder, config, {'seed': 0}, resume=True)[0]) == len(tasks)
+    assert len(start_run(folder, config, dataset, resume=True)[0]) == len(tasks)
 
 
 def test_scale_one_runs_all_samples_and_the_scales_share_the_drawn_ones(dataset):
@@ -82,8 +88,8 @@ def test_scale_one_runs_all_samples_and_the_scales_share_the_drawn_ones(dataset)
 
 def test_a_folder_without_rows_blocks_no_run(dataset, tmp_path):
     folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
-    assert len(start_run(folder, config, {'seed': 0}, resume=False)[0]) > 0
-    assert len(start_run(folder, config, {'seed': 1}, resume=False)[0]) > 0
+    assert len(start_run(folder, config, dataset, resume=False)[0]) > 0
+    assert len(start_run(folder, config, dataset, 1, resume=False)[0]) > 0
 
 
 def test_every_run_gets_a_folder_of_its_own_unless_it_is_named(tmp_path):

@@ -14,12 +14,14 @@ import os
 import platform
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import printable
 
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.extensions import LAB
 from llm_astar_planner.plugins import PluginError, Plugins
 from llm_astar_planner.resources import find_file
@@ -85,7 +87,7 @@ OPTIONAL = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    option(parser, '--json', 'print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -145,10 +147,9 @@ def version_of(package: str) -> str:
     """Return the version of an imported package."""
     # The ROS wheels are named ros-*, and carry older metadata under the plain name.
     names = (f'ros-{package.replace("_", "-")}', package)
-    known = {item.metadata['Name'] for item in importlib.metadata.distributions()}
-    found = next((name for name in names if name in known), None)
-    if found is not None:
-        return importlib.metadata.version(found)
+    for name in names:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            return importlib.metadata.version(name)
     return str(getattr(sys.modules[package], '__version__', 'version unknown'))
 
 

@@ -13,6 +13,8 @@ from typing import Any
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 
 METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
+# The types of what options take, unless they say otherwise.
+TYPES = {'N': int, 'SECONDS': float}
 # What the flags of some parameters take; those with choices and the rest take a NAME.
 TEXTS = {
     'footprint': 'POINTS',
@@ -33,28 +35,39 @@ def flag_of(name: str) -> str:
     return '--' + name.replace('_', '-')
 
 
-def add_switches(group: Any, **texts: str) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add a flag without a value for each name; its text says what it is for."""
-    for name, text in texts.items():
-        group.add_argument(flag_of(name), action='store_true', help=text)
+def option(group: Any, words: str, text: str, **facts: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add an option to a parser or a group, `text` being its help.
+
+    `words` are its names and what it takes, such as `--count N`. `facts` are for argparse; the
+    type is that of a number as default, else as TYPES has it for what the option takes. What
+    takes nothing and has no facts is a switch.
+    """
+    names = words.split()
+    if len(names) > 1 and not names[-1].startswith('-'):
+        facts['metavar'] = names.pop()
+    elif not facts:
+        facts['action'] = 'store_true'
+    default, word = facts.get('default'), str(facts.get('metavar'))
+    kind = type(default) if isinstance(default, int | float) else TYPES.get(word)
+    if kind is not None:
+        facts.setdefault('type', kind)
+    group.add_argument(*names, help=text, **facts)
 
 
 def add_graph_options(group: Any, *, client: bool = False) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--namespace` and `--node`, which name a running planner, and its `--client`."""
-    group.add_argument(
-        '--namespace', default='/', metavar='NAME', help="the planner's namespace (default: /)"
-    )
-    names = {'--node': ('planner_node', 'the planner')}
-    names |= {'--client': ('llm_client_node', 'its waypoint client')} if client else {}
-    for flag, (default, what) in names.items():
-        text = f'name of {what} (default: %(default)s)'
-        group.add_argument(flag, default=default, metavar='NAME', help=text)
+    option(group, '--namespace NAME', "the planner's namespace (default: /)", default='/')
+    text = 'name of the planner (default: %(default)s)'
+    option(group, '--node NAME', text, default='planner_node')
+    if client:
+        text = 'name of its waypoint client (default: %(default)s)'
+        option(group, '--client NAME', text, default='llm_client_node')
 
 
 def add_time_limit(group: Any, default: float) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the `--time-limit` of waits, in seconds."""
     text = 'longest wait for each answer (default: %(default)s)'
-    group.add_argument('--time-limit', type=float, default=default, metavar='SECONDS', help=text)
+    option(group, '--time-limit SECONDS', text, default=default)
 
 
 def check_time_limit(seconds: float) -> None:
@@ -66,10 +79,8 @@ def check_time_limit(seconds: float) -> None:
 def add_picture_option(group: Any, text: str, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--png`, which may be called `--out` as in other commands; `text` says what is drawn."""
     shown = ' (default: %(default)s)' if default else ''
-    group.add_argument(
-        '--png', type=picture_file, default=default, metavar='FILE',
-        help=f'{text}, into a file whose ending says how: .png, .svg, .pdf, .jpg{shown}',
-    )  # fmt: skip
+    text = f'{text}, into a file whose ending says how: .png, .svg, .pdf, .jpg{shown}'
+    option(group, '--png FILE', text, type=picture_file, default=default)
     hidden = argparse.SUPPRESS
     group.add_argument('--out', dest='png', type=picture_file, default=hidden, help=hidden)
 
@@ -116,10 +127,10 @@ def named(parameters: Iterable[Parameter], *names: str) -> tuple[Parameter, ...]
 
 def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--params-file`, which may be given several times."""
-    group.add_argument(
-        '--params-file', action='append', default=[], metavar='FILE',
-        help="a node's own parameter file; flags override it, and what neither says has the "
-        "node's default",
+    option(
+        group, '--params-file FILE',
+        "a node's own parameter file; flags override it, and what neither says has the "
+        "node's default", action='append', default=[],
     )  # fmt: skip
 
 

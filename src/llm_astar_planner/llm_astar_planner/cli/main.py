@@ -1,4 +1,11 @@
-"""The `llm-astar` command."""
+"""LLM-A*: plan with the waypoints of a language model, and measure what they add.
+
+first steps:
+  llm-astar plan                 plan on the demo map and print what came of it
+  llm-astar play                 do it in the browser
+  llm-astar demo                 do it through a ROS graph
+  llm-astar COMMAND --help       examples, options and units of a command
+"""
 
 from __future__ import annotations
 
@@ -11,7 +18,7 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
@@ -19,9 +26,9 @@ from llm_astar_planner import __version__
 from llm_astar_planner.extensions import LAB_COMMANDS, extensions, not_installed
 from llm_astar_planner.parameter import ParameterError, nearest_name
 
-# Each command is a module of its name (with _ for -), with its description as docstring,
-# `add_arguments`, `run` and optionally an EPILOG. It is imported only for that command: `doctor`
-# must run where what the others need is missing.
+# Each command is a module of its name (with _ for -), with its help as docstring, `add_arguments`
+# and `run`. It is imported only for that command: `doctor` must run where what the others need is
+# missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
     'places': 'check, list and draw the named places of a map',
@@ -32,14 +39,6 @@ COMMANDS = {
     'watch': 'print the plans of a running planner as they are made',
     'doctor': 'check what is installed, what is missing, and how to install it',
 }
-FIRST_STEPS = """\
-first steps:
-  llm-astar plan                 plan on the demo map and print what came of it
-  llm-astar play                 do it in the browser
-  llm-astar demo                 do it through a ROS graph
-  llm-astar COMMAND --help       examples, options and units of a command
-
-"""
 EXIT_CODES = """\
 exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 something was left out,
 130 interrupted
@@ -124,25 +123,15 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
     Raises ParameterError for what cannot be parsed.
     """
-    parser = Parser(
-        prog='llm-astar',
-        description='LLM-A*: plan with the waypoints of a language model, and measure what they '
-        'add.',
-        epilog=FIRST_STEPS + EXIT_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    as_written: Any = {'formatter_class': argparse.RawDescriptionHelpFormatter}
+    parser = Parser(prog='llm-astar', **help_texts(__doc__), **as_written)
     parser.add_argument('--version', action='version', version=f'llm-astar {__version__}')
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for name, (package, summary) in installed_commands(argv[0]).items():
         if argv[:1] == [name]:
             module = importlib.import_module(f'{package}.{name.replace("-", "_")}')
-            command = commands.add_parser(
-                name,
-                description=module.__doc__,
-                usage=getattr(module, 'USAGE', None),
-                epilog=epilog_of(getattr(module, 'EPILOG', '')),
-                formatter_class=argparse.RawDescriptionHelpFormatter,
-            )
+            texts = help_texts(module.__doc__ or '')
+            command = commands.add_parser(name, **texts, **as_written)
             command.set_defaults(run=module.run, command=name)
             module.add_arguments(command)
         else:
@@ -156,9 +145,16 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     return arguments
 
 
-def epilog_of(text: str) -> str:
-    """Return the end of a command's help, which always says what its exit codes mean."""
-    return text if 'exit codes:' in text else f'{text}\n{EXIT_CODES}'.lstrip()
+def help_texts(doc: str) -> dict[str, Any]:
+    """Return the texts of a help by their names in argparse; `doc` is the docstring with them.
+
+    After the description that may have a paragraph `usage: ...`, and then what ends the help,
+    from the first line that is a heading with a colon; it always says what exit codes mean.
+    """
+    match = re.fullmatch(r'(?s)(.*?)(?:\nusage: (.*?)\n)?(?:\n([\w ]+:\n.*))?', doc)
+    description, usage, end = match.groups(default='') if match else (doc, '', '')
+    end = end if 'exit codes:' in end else f'{end}\n{EXIT_CODES}'.lstrip()
+    return {'description': description, 'epilog': end} | ({'usage': usage} if usage else {})
 
 
 def installed_commands(wanted: str) -> dict[str, tuple[str, str]]:

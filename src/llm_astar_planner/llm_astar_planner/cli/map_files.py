@@ -23,7 +23,7 @@ from llm_astar_msgs_adapter.maps.places import (
 )
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 
-from llm_astar_planner.cli.flags import add_switches
+from llm_astar_planner.cli.flags import option
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.resources import find_file
@@ -37,6 +37,8 @@ MAP_KINDS = (
 # Decimals of metres in listings.
 DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
+PLACES_TEXT = """GeoJSON with the named places of the map (default: NAME.places.geojson or
+places.geojson beside the map)"""
 
 
 @dataclass(frozen=True)
@@ -97,27 +99,23 @@ class Coordinates:
 def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--map` and `--map-id`."""
     shown = ' (default: %(default)s)' if default else ''
-    group.add_argument('--map', default=default, metavar='FILE', help=f'{MAP_KINDS}{shown}')
+    option(group, '--map FILE', f'{MAP_KINDS}{shown}', default=default)
     text = 'which of the barrier maps in the file (default: the first)'
-    group.add_argument('--map-id', type=int, metavar='ID', help=text)
+    option(group, '--map-id ID', text, type=int)
 
 
-def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+def add_places_option(group: Any, text: str = PLACES_TEXT) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--places`, the flag of the parameter `places_file`."""
-    group.add_argument(
-        '--places', '--places-file', dest=PLACES_FILE.name, metavar='FILE',
-        help='GeoJSON with the named places of the map (default: NAME.places.geojson or '
-        'places.geojson beside the map)',
-    )  # fmt: skip
+    option(group, '--places --places-file FILE', text, dest=PLACES_FILE.name)
 
 
 def add_unit_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--cells` and `--metres`, of which one may be given."""
-    add_switches(
-        group.add_mutually_exclusive_group(),
-        metres="points are metres of the map's frame: the default on a map_server yaml",
-        cells='points are cells, as the map counts them: the default on all other maps',
-    )
+    either = group.add_mutually_exclusive_group()
+    text = "points are metres of the map's frame: the default on a map_server yaml"
+    option(either, '--metres', text)
+    text = 'points are cells, as the map counts them: the default on all other maps'
+    option(either, '--cells', text)
 
 
 def coordinates_of(

@@ -1,8 +1,19 @@
-"""Serve route planning to agents over MCP, the Model Context Protocol.
+r"""Serve route planning to agents over MCP, the Model Context Protocol.
 
 The server speaks on standard input and output. Its tools are list_places, interpret, plan_route
 and check_path, on a map file with its places, or on what a running planner_node plans with. It
 needs the official SDK: pip install 'mcp>=2'.
+
+usage: llm-astar mcp [--map FILE [--places FILE] | --graph [--namespace NAME]] [options]
+
+examples:
+  llm-astar mcp --map depot.yaml --places depot.places.geojson --robot-radius 0.3
+  llm-astar mcp --map depot.yaml --source endpoint --base-url http://localhost:11434/v1 \
+    --model qwen2.5:7b
+  llm-astar mcp --graph --namespace /robot1
+
+With --graph the map, the places and the parameters are those of the planner at that moment, and
+the graph understands the instructions. The robot's own plans and instruction stay as they are.
 """
 
 from __future__ import annotations
@@ -12,7 +23,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from llm_astar_planner.cli import map_files, planning_options
-from llm_astar_planner.cli.flags import add_graph_options
+from llm_astar_planner.cli.flags import add_graph_options, option
 from llm_astar_planner.cli.route_tools import RouteTools
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.parameters import costmap_config
@@ -25,19 +36,6 @@ if TYPE_CHECKING:
 # The longest wait for an answer of the graph; a small model takes long to understand.
 GRAPH_SECONDS = 60.0
 
-USAGE = """\
-llm-astar mcp [--map FILE [--places FILE] | --graph [--namespace NAME]] [options]"""
-EPILOG = """\
-examples:
-  llm-astar mcp --map depot.yaml --places depot.places.geojson --robot-radius 0.3
-  llm-astar mcp --map depot.yaml --source endpoint --base-url http://localhost:11434/v1 \\
-    --model qwen2.5:7b
-  llm-astar mcp --graph --namespace /robot1
-
-With --graph the map, the places and the parameters are those of the planner at that moment, and
-the graph understands the instructions. The robot's own plans and instruction stay as they are.
-"""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
@@ -45,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     map_files.add_map_options(where, default='demo.json')
     map_files.add_places_option(where)
     graph = parser.add_argument_group('on a running graph')
-    graph.add_argument('--graph', action='store_true', help='use what a running planner has')
+    option(graph, '--graph', 'use what a running planner has')
     add_graph_options(graph)
     planning_options.add_planning_options(parser)
 

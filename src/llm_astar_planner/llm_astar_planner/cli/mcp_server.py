@@ -14,13 +14,14 @@ from pydantic import Field
 
 from llm_astar_planner import __version__
 from llm_astar_planner.cli.route_tools import MAX_POINTS, RouteTools
-from llm_astar_planner.instructions.interpretation import MAX_INSTRUCTION_CHARS, POLICIES
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS, POLICIES
 
 ABOUT = """\
 Plans routes for a robot on one map and holds paths against instructions in plain language.
 Points are [x, y] in metres of the map's frame, x east and y north. Call list_places first.
-A path keeps to an instruction only as far as `instruction.clauses` of the answer says:
-"satisfied" was measured on the path.
+A path keeps to an instruction only as far as `instruction.sentence` and `instruction.clauses` of
+the answer say: "kept" was measured on the path. If it has `questions`, put them to a person, and
+plan again with `confirm` only if the answer is yes.
 """
 READ_ONLY = ToolAnnotations(read_only_hint=True, idempotent_hint=True, open_world_hint=False)
 P = ParamSpec('P')
@@ -66,13 +67,17 @@ def make_server(tools: Callable[[], RouteTools]) -> MCPServer[Any]:
         goal: PlaceOrPoint,
         instruction: Instruction = '',
         policy: Annotated[str, Field(description=f'one of {", ".join(POLICIES)}')] = '',
+        confirm: Annotated[
+            bool, Field(description='a person has said yes to the questions')
+        ] = False,
     ) -> dict[str, Any]:
         """Plan a path that keeps to an instruction as far as possible.
 
         The answer has the path's points, its length in metres, and for each clause whether the
-        path satisfies it. With the policy `require` there is no path unless it keeps all clauses.
+        path keeps it. With the policy `require` there is no path unless it keeps all clauses, or
+        while there are `questions`: unsure readings that a person has to confirm.
         """
-        return tools().plan_route(start, goal, instruction, policy)
+        return tools().plan_route(start, goal, instruction, policy, confirm)
 
     @server.tool(annotations=READ_ONLY)
     @as_tool_errors

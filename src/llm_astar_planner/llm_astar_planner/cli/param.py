@@ -1,4 +1,14 @@
-"""List, read, describe and set the parameters of running nodes."""
+"""List, read, describe and set the parameters of running nodes.
+
+examples:
+  llm-astar param list                                        all nodes, with their values
+  llm-astar param get planner_node robot_radius
+  llm-astar param describe planner_node                       all of its parameters
+  llm-astar param set planner_node robot_radius 0.3           until the node ends
+  llm-astar param set planner_node instruction "avoid the kitchen"
+
+For values that stay, see --params-file and -p of llm-astar run and of the nodes.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +19,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.cli.flags import add_time_limit, check_time_limit
+from llm_astar_planner.cli.flags import add_time_limit, check_time_limit, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.parameter_client import ParameterClient, RemoteParameter
 
-EPILOG = """\
-examples:
-  llm-astar param list                                        all nodes, with their values
-  llm-astar param get planner_node robot_radius
-  llm-astar param describe planner_node                       all of its parameters
-  llm-astar param set planner_node robot_radius 0.3           until the node ends
-  llm-astar param set planner_node instruction "avoid the kitchen"
-
-For values that stay, see --params-file and -p of llm-astar run and of the nodes.
-"""
 # The positional arguments that each action takes: at least, at most.
 COUNTS = {'list': (0, 1), 'get': (2, 2), 'describe': (1, 2), 'set': (3, 3)}
 WIDTH = 90
@@ -33,12 +33,10 @@ WIDTH = 90
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument('action', choices=COUNTS, metavar='{list,get,describe,set}')
-    parser.add_argument('words', nargs='*', metavar='NODE NAME VALUE', help='see the examples')
-    parser.add_argument(
-        '--namespace', default='/', metavar='NAME', help="the node's namespace (default: /)"
-    )
+    option(parser, 'words', 'see the examples', nargs='*', metavar='NODE NAME VALUE')
+    option(parser, '--namespace NAME', "the node's namespace (default: /)", default='/')
     add_time_limit(parser, 10.0)
-    parser.add_argument('--json', action='store_true', help='print one JSON value')
+    option(parser, '--json', 'print one JSON value')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -2,6 +2,13 @@
 
 The file is GeoJSON in metres of the map's frame: drawn in QGIS, written by hand, or the graph of
 nav2_route, whose named nodes are places.
+
+examples:
+  llm-astar places depot.places.geojson
+  llm-astar places depot.places.geojson --map depot.yaml --png out/places.png
+  llm-astar places graph.geojson --json
+
+exit codes: 0 done, also with warnings; 2 a file that cannot be read
 """
 
 from __future__ import annotations
@@ -11,28 +18,20 @@ import json
 
 from llm_astar_msgs_adapter.maps.places import Places, places_problems
 
-from llm_astar_planner.cli.flags import add_picture_option
+from llm_astar_planner.cli.flags import add_picture_option, option
 from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places, place_to_json
 from llm_astar_planner.extensions import find_drawing
 
-EPILOG = """\
-examples:
-  llm-astar places depot.places.geojson
-  llm-astar places depot.places.geojson --map depot.yaml --png out/places.png
-  llm-astar places graph.geojson --json
-
-exit codes: 0 done, also with warnings; 2 a file that cannot be read
-"""
 HEADINGS = ('name', 'kind', 'tags', 'centre (m)', 'area', 'also called')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('file', metavar='FILE', help='GeoJSON file with the places')
+    option(parser, 'file FILE', 'GeoJSON file with the places')
     add_map_options(parser.add_argument_group('the map to check them on'))
     output = parser.add_argument_group('output')
     add_picture_option(output, 'draw the places, on the map if it is given')
-    output.add_argument('--json', action='store_true', help='print one JSON object')
+    option(output, '--json', 'print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:

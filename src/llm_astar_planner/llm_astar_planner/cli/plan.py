@@ -4,34 +4,10 @@ Without options it plans the first start-goal pair of the demo map. Start and go
 (metres on a robot's map, cells on other maps) or names of places. The first line says whether a
 path was found, the others how long it is, what became of the waypoints, and how much was searched.
 The parameters of the nodes are flags; with the nodes' own --params-file it plans as they do.
-"""
 
-from __future__ import annotations
+usage: llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
+                      [--source NAME] [--png FILE] [--json] [options]
 
-import argparse
-import json
-import math
-import sys
-from collections.abc import Iterator
-from typing import Any
-
-from llm_astar_msgs_adapter.maps.barrier_map import Point
-
-from llm_astar_planner.cli.flags import add_picture_option, add_switches
-from llm_astar_planner.cli.map_files import Coordinates
-from llm_astar_planner.cli.planning_options import add_query_options, read_problem
-from llm_astar_planner.extensions import find_drawing
-from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.outcome import InstructionOutcome
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.segment import guiding_points
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
-
-USAGE = """\
-llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
-                      [--source NAME] [--png FILE] [--json] [options]"""
-EPILOG = """\
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
@@ -40,15 +16,35 @@ examples:
   llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
   llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --params-file robot.yaml
   llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
+  llm-astar plan --map house.yaml --from kitchen --to sofa --instruction "avoid the hal" --confirm
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
     horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
     [[25, 10, 22]]."
 
-exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path but, with --require-waypoints, no
-usable waypoint
+exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path that does not keep the instruction
+or, with --require-waypoints, no usable waypoint
 """
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.barrier_map import Point
+
+from llm_astar_planner.cli.flags import add_picture_option, option
+from llm_astar_planner.cli.map_files import Coordinates
+from llm_astar_planner.cli.planning_options import add_query_options, read_problem
+from llm_astar_planner.extensions import find_drawing
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning.segment import guiding_points
+from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,9 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_query_options(parser, 'demo.json')
     output = parser.add_argument_group('output')
     text = 'exit with 3 if no waypoint came that the search could use'
-    add_switches(output, require_waypoints=text)
+    option(output, '--require-waypoints', text)
     add_picture_option(output, 'draw the plan')
-    add_switches(output, json='print one JSON object, with its points in cells')
+    option(output, '--json', 'print one JSON object, with its points in cells')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -86,6 +82,8 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
     else:
         names = (arguments.start_place or '', arguments.goal_place or '')
         print(plan_to_text(plan, coordinates, *names))
+    if plan.instruction is not None and plan.instruction.interpretation.questions:
+        sys.stderr.write('llm-astar: hint: if that is meant, add --confirm\n')
     if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
         points = [*filter(None, (arguments.start, arguments.goal)), *arguments.via]
         if coordinates.metres and all(map(coordinates.could_be_cell, points)):
@@ -95,13 +93,17 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
 
 
 def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
-    """Return 0 for a path, 1 for none, 3 where waypoints were required and none could be used."""
+    """Return 0 for a path, 1 for none, 3 where it is not what was asked.
+
+    That is where it does not keep the instruction, and where waypoints were required and none
+    could be used.
+    """
     if plan.code:
         return 1
     if arguments.require_waypoints and not guiding_points(plan.checked_waypoints):
         sys.stderr.write('llm-astar: --require-waypoints: no waypoint came that can be used\n')
         return 3
-    return 0
+    return 3 if plan.instruction is not None and plan.instruction.satisfied is False else 0
 
 
 def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
@@ -140,7 +142,7 @@ def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: st
         status = point.status.value.replace('_', ' ')
         lines.append(f'waypoint {number} {coordinates.describe(point.x, point.y)}: {status}')
     if plan.instruction is not None:
-        lines += instruction_lines(plan.instruction)
+        lines += instruction_lines(plan.instruction.to_json())
     if plan.code == 0:
         lines += path_lines(plan, coordinates)
     milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
@@ -167,21 +169,3 @@ def path_lines(plan: Plan, coordinates: Coordinates) -> list[str]:
         length = coordinates.describe_length(plan.any_angle.length)
         lines.append(f'any angle  {length}, in {segments} straight segments')
     return lines
-
-
-def instruction_lines(outcome: InstructionOutcome) -> Iterator[str]:
-    """Yield what was understood of an instruction, and a line for each of its clauses."""
-    interpretation = outcome.interpretation
-    yield f'instruction "{interpretation.text}"'
-    if interpretation.specification.enforceable:
-        yield f'understood as: {interpretation.sentence}'
-    by = f' by {interpretation.understood_by}' if interpretation.understood_by else ''
-    reason = f': {interpretation.detail}' if interpretation.detail else ''
-    yield f'{interpretation.status.value}{by}{reason}'
-    for number, clause in enumerate(outcome.clauses, start=1):
-        entry = clause.to_json()
-        detail = f' ({entry["detail"]})' if entry['detail'] else ''
-        verdict = '' if isinstance(clause.clause, Unknown) else f': {entry["status"]}{detail}'
-        yield f'clause {number:<3} {entry["clause"]}{verdict}'
-    if outcome.note:
-        yield f'note       {outcome.note}'

@@ -3,32 +3,26 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_planner.cli import flags, map_files
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.interpretation import (
-    Interpreter,
-    RouteInstruction,
-    clean_instruction,
-)
+from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
 from llm_astar_planner.instructions.route import find_place
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
+from llm_astar_planner.planning import parameters
 from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import (
-    PLANNER,
-    SOURCE,
-    costmap_config,
-    defaults,
-    request_fields,
-    source_config,
-)
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file
@@ -41,6 +35,9 @@ from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 # planner_node's parameters that decide a plan, wherever it is made; the map's options include
 # that of its places.
 RULES = tuple(item for item in PLANNER if not item.node_only and item is not map_files.PLACES_FILE)
+Answers = Callable[[Sequence[str]], Mapping[str, bool]]
+# In each language of the instructions.
+YES = ('y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí')
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class PlanningOptions:
     def make_planner(self, problem: ProblemMap) -> Planner:
         """Return a planner for a map; it still has to be prepared."""
         barriers = problem if isinstance(problem, BarrierMap) else None
-        return Planner(problem.to_grid(), costmap_config(self.values), barriers)
+        return Planner(problem.to_grid(), parameters.costmap_config(self.values), barriers)
 
     def make_interpreter(self) -> Interpreter:
         """Return who understands instructions. Raises ParameterError, TranscriptError."""
@@ -62,14 +59,25 @@ class PlanningOptions:
 
         return make_interpreter(asdict(self.settings))
 
-    def route_instruction(self, places: Places) -> RouteInstruction | None:
-        """Return what is understood of the instruction, None if there is none."""
-        text = clean_instruction(self.values['instruction'])
-        if not text:
-            return None
-        interpreter = self.make_interpreter()
-        interpretation = interpreter.interpret(text, places, self.settings.timeout_s)
-        return RouteInstruction(interpretation, places, self.values['instruction_policy'])
+
+def route_instruction(
+    values: Mapping[str, Any],
+    places: Places,
+    limit: float,
+    make: Callable[[], Interpreter],
+    answers: Answers = lambda _: {},
+) -> RouteInstruction | None:
+    """Return what is understood of the instruction among parameters, None if there is none.
+
+    It is understood within `limit` seconds by the interpreter that `make` returns, and `answers`
+    says which of its questions are answered with yes or no.
+    """
+    text = clean_instruction(values['instruction'])
+    if not text:
+        return None
+    reading = make().interpret(text, places, limit)
+    reading = reading.answered(answers(reading.questions))
+    return RouteInstruction(reading, places, values['instruction_policy'])
 
 
 @dataclass(frozen=True)
@@ -102,44 +110,41 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
     map_files.add_map_options(where, default=default_map)
     map_files.add_places_option(where)
     text = 'start-goal pair of the map, unless start and goal are given (default: 0)'
-    where.add_argument('--pair', type=int, default=0, metavar='N', help=text)
+    flags.option(where, '--pair N', text, default=0)
     first, last = (where.add_mutually_exclusive_group() for _ in range(2))
-    first.add_argument(
-        '--start', **flags.POINT, help='start here: in metres on a robot map, else a cell'
-    )
-    first.add_argument(
-        '--from', dest='start_place', metavar='NAME', help='start at a place instead'
-    )
-    last.add_argument('--goal', **flags.POINT, help='go here, in the same unit')
-    last.add_argument(
-        '--to', dest='goal_place', metavar='NAME',
-        help='go to a place instead: to the free cell that is nearest to its centre; without a '
-        'start, from that of --pair',
+    text = 'start here: in metres on a robot map, else a cell'
+    flags.option(first, '--start', text, **flags.POINT)
+    flags.option(first, '--from NAME', 'start at a place instead', dest='start_place')
+    flags.option(last, '--goal', 'go here, in the same unit', **flags.POINT)
+    flags.option(
+        last, '--to NAME',
+        'go to a place instead: to the free cell that is nearest to its centre; without a '
+        'start, from that of --pair', dest='goal_place',
     )  # fmt: skip
+    text = 'take what is unsure of the instruction as it was read'
+    flags.option(where, '--confirm', text)
     text = 'the whole question as a sentence, in the form of the dataset (see below)'
-    where.add_argument('--query', metavar='TEXT', help=text)
+    flags.option(where, '--query TEXT', text)
     text = 'pass here on the way, in the same unit; repeat it for more, in order'
-    where.add_argument('--via', **flags.POINT, action='append', default=[], help=text)
+    flags.option(where, '--via', text, **flags.POINT, action='append', default=[])
     map_files.add_unit_options(where)
-    add_planning_options(parser).add_argument(
-        '--reply', metavar='TEXT',
-        help="a model's reply, with its waypoints in cells, used instead of a source",
-    )  # fmt: skip
+    text = "a model's reply, with its waypoints in cells, used instead of a source"
+    flags.option(add_planning_options(parser), '--reply TEXT', text)
 
 
 def parameter_values(
     arguments: argparse.Namespace,
-    parameters: Iterable[Parameter],
+    items: Iterable[Parameter],
     file: Mapping[str, Scalar] | None,
 ) -> dict[str, Any]:
     """Return every parameter's value: of its flag, else of a file, else its default.
 
     The default is the node's where there is a file, else the command line's.
     """
-    parameters = tuple(parameters)
-    known = defaults(parameters, cli=file is None)
+    items = tuple(items)
+    known = parameters.defaults(items, cli=file is None)
     in_file = {name: value for name, value in (file or {}).items() if name in known}
-    return known | in_file | flags.given_values(arguments, parameters)
+    return known | in_file | flags.given_values(arguments, items)
 
 
 def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) -> PlanningOptions:
@@ -153,7 +158,9 @@ def read_planning_options(arguments: argparse.Namespace, problem: ProblemMap) ->
     )
     if arguments.corner_cutting is None and not arguments.params_file:
         values['corner_cutting'] = isinstance(problem, BarrierMap)
-    settings = source_config(parameter_values(arguments, SOURCE, files.get('llm_client_node')))
+    settings = parameters.source_config(
+        parameter_values(arguments, SOURCE, files.get('llm_client_node'))
+    )
     if arguments.record and settings.source != 'endpoint':
         raise ParameterError('--record keeps exchanges with --source endpoint; no other has any')
     if settings.transcript:
@@ -183,11 +190,35 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
         source=waypoint_source(arguments, options, maps, problem.offset),
         sample=sample_key_of(problem, start, goal),
         via=tuple(coordinates.to_cell('--via', point) for point in arguments.via),
-        instruction=options.route_instruction(places),
-        **request_fields(options.values),
+        instruction=route_instruction(
+            options.values,
+            places,
+            options.settings.timeout_s,
+            options.make_interpreter,
+            partial(answers_of, arguments),
+        ),
+        **parameters.request_fields(options.values),
     )
     check_request(request)
     return Problem(planner, request, coordinates, places)
+
+
+def answers_of(arguments: argparse.Namespace, questions: Sequence[str]) -> dict[str, bool]:
+    """Return the answers to questions: yes with `--confirm`, else those of a person.
+
+    There are none where this is no terminal.
+    """
+    if arguments.confirm:
+        return dict.fromkeys(questions, True)
+    is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    return {question: is_yes(question) for question in questions} if is_terminal else {}
+
+
+def is_yes(question: str) -> bool:
+    """Ask a person a question; return whether the answer is yes."""
+    sys.stderr.write(f'{printable(question)} [y/n] ')
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().casefold() in YES
 
 
 def waypoint_source(
@@ -221,7 +252,7 @@ def choose_endpoints(
     def cell_of(end: str) -> Cell | None:
         place, point = getattr(arguments, f'{end}_place'), getattr(arguments, end)
         if place is not None:
-            from llm_astar_planner.instructions.enforcement import goal_cell  # noqa: PLC0415
+            from llm_astar_planner.instructions.ground import goal_cell  # noqa: PLC0415
 
             return goal_cell(find_place(place, places), costmap)
         return None if point is None else coordinates.to_cell(f'--{end}', point)

@@ -20,16 +20,15 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions
-from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.interpretation import (
-    POLICIES,
     Interpretation,
     Interpreter,
     RouteInstruction,
-    clean_instruction,
 )
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route, find_place
+from llm_astar_planner.instructions.text import POLICIES, clean_instruction
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
@@ -73,8 +72,9 @@ class RouteTools:
         goal: str | Sequence[float],
         instruction: str = '',
         policy: str = '',
+        confirm: bool = False,
     ) -> dict[str, Any]:
-        """Plan between two places or points, by an instruction.
+        """Plan between two places or points, by an instruction; `confirm` answers its questions.
 
         Returns the path and what became of each clause. Raises RouteToolError, PlaceGoalError,
         InstructionError.
@@ -83,6 +83,8 @@ class RouteTools:
         if policy not in POLICIES:
             raise RouteToolError(f'policy: {policy!r} is not one of {", ".join(POLICIES)}')
         interpretation = self.interpretation(instruction)
+        if confirm:
+            interpretation = interpretation.confirmed()
         asked = RouteInstruction(interpretation, self.places, policy)
         request = PlanRequest(
             self.cell_of('start', start),
@@ -102,6 +104,7 @@ class RouteTools:
             'length': finite_or_none(round(plan.length * resolution, DECIMALS)),
             'path': rounded(self.planner.grid_map.grid_to_world(path)),
             'warnings': list(plan.warnings),
+            'questions': list(interpretation.questions),
             'instruction': None if plan.instruction is None else plan.instruction.to_json(),
         }
 

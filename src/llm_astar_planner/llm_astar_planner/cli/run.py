@@ -1,6 +1,15 @@
 """Run map_node, llm_client_node and planner_node until Ctrl-C.
 
 What `ros2 launch llm_astar_planner planner.launch.py` does, without ROS 2's launch.
+
+examples:
+  llm-astar run                                             the demo map
+  llm-astar run --map depot.yaml --places depot.places.geojson -p robot_radius:=0.3
+  llm-astar run --no-map --params-file config/llm_ollama.yaml    your stack's /map
+
+Then, in another terminal: llm-astar call --start X Y --goal X Y, or watch, param, record.
+
+exit codes: 1 a node has ended by itself, 2 bad usage, 130 Ctrl-C
 """
 
 from __future__ import annotations
@@ -13,24 +22,19 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import IO
 
+from llm_astar_msgs_adapter.maps.places import places_beside
+
+from llm_astar_planner.cli.flags import option
+from llm_astar_planner.cli.map_files import PLACES_FILE, add_places_option
 from llm_astar_planner.nodes.common.process import PARENT_VARIABLE
-from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.parameter import ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES, check_names
 from llm_astar_planner.resources import find_file
 
-EPILOG = """\
-examples:
-  llm-astar run                                             the demo map
-  llm-astar run --map depot.yaml -p robot_radius:=0.3
-  llm-astar run --no-map --params-file config/llm_ollama.yaml    your stack's /map
-
-Then, in another terminal: llm-astar call --start X Y --goal X Y, or watch, param, record.
-
-exit codes: 1 a node has ended by itself, 2 bad usage, 130 Ctrl-C
-"""
 POLL_SECONDS = 0.2
 STOP_SECONDS = 10.0
 # What ends a command but would not let it stop its nodes.
@@ -41,22 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     maps = parser.add_mutually_exclusive_group()
     text = 'a map_server yaml or barrier maps (default: %(default)s)'
-    maps.add_argument('--map', default='demo.json', metavar='FILE', help=text)
-    maps.add_argument(
-        '--no-map', action='store_true', help="start no map_node: another node publishes 'map'"
-    )
-    text = 'which of the barrier maps (default: 0)'
-    parser.add_argument('--map-id', type=int, default=0, metavar='ID', help=text)
+    option(maps, '--map FILE', text, default='demo.json')
+    option(maps, '--no-map', "start no map_node: another node publishes 'map'")
+    option(parser, '--map-id ID', 'which of the barrier maps (default: 0)', default=0)
+    add_places_option(parser)
     text = "the nodes' parameter file, a path or a name in config/; may be given again"
-    parser.add_argument('--params-file', action='append', default=[], metavar='FILE', help=text)
-    parser.add_argument(
-        '-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
-        help='a parameter of the nodes, over those of the files; may be given again',
-    )  # fmt: skip
-    parser.add_argument('--namespace', metavar='NAME', help='of all nodes (default: none)')
-    parser.add_argument(
-        '--log-level', default='info', metavar='NAME', help='of all nodes (default: info)'
-    )
+    option(parser, '--params-file FILE', text, action='append', default=[])
+    text = 'a parameter of the nodes, over those of the files; may be given again'
+    option(parser, '-p --param NAME:=VALUE', text, action='append', default=[])
+    option(parser, '--namespace NAME', 'of all nodes (default: none)')
+    option(parser, '--log-level NAME', 'of all nodes (default: info)', default='info')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -72,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 def node_arguments(arguments: argparse.Namespace) -> dict[str, list[str]]:
     """Return the arguments of each node to start. Raises ParameterError, FileNotFoundError."""
     files = [str(find_file(name, 'config')) for name in arguments.params_file]
-    read_parameter_files(files, tuple(NODES))
+    in_files = read_parameter_files(files, tuple(NODES))['planner_node']
     for setting in arguments.param:
         name, sign, _ = setting.partition(':=')
         if not sign:
@@ -85,12 +83,31 @@ def node_arguments(arguments: argparse.Namespace) -> dict[str, list[str]]:
     if arguments.namespace:
         common += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
     settings = [word for setting in arguments.param for word in ('-p', setting)]
-    nodes = {name: [*common, *settings] for name in ('llm_client_node', 'planner_node')}
+    places = places_setting(arguments, in_files)
+    nodes = {
+        'llm_client_node': [*common, *settings],
+        'planner_node': [*common, *places, *settings],
+    }
     if arguments.no_map:
         return nodes
     which = {'map_file': find_file(arguments.map, 'maps'), 'map_id': arguments.map_id}
     chosen = [word for name, value in which.items() for word in ('-p', f'{name}:={value}')]
     return {'map_node': [*common, *chosen, *settings], **nodes}
+
+
+def places_setting(arguments: argparse.Namespace, in_files: Mapping[str, Scalar]) -> list[str]:
+    """Return the words that name the places of planner_node: by `--places`, else beside the map.
+
+    None where the parameter files name them, or nothing does. Raises FileNotFoundError.
+    """
+    name = PLACES_FILE.name
+    if arguments.places_file:
+        found: Path | None = find_file(arguments.places_file, 'maps')
+    elif arguments.no_map or in_files.get(name):
+        return []
+    else:
+        found = places_beside(find_file(arguments.map, 'maps'))
+    return [] if found is None else ['-p', f'{name}:={found.resolve()}']
 
 
 def wait_for_end(processes: Mapping[str, subprocess.Popen[bytes]]) -> str:

@@ -2,6 +2,16 @@
 
 It prints one for each exchange of its llm_client_node with its source and for each change of
 their state, too.
+
+The last plans from before the watch come first, at most ten. Ctrl-C ends it.
+Lengths are in metres.
+
+examples:
+  llm-astar watch
+  llm-astar watch --namespace /robot1
+  llm-astar watch --json --count 1 | jq .length
+
+exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
 """
 
 from __future__ import annotations
@@ -18,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
-from llm_astar_planner.cli.flags import add_graph_options
+from llm_astar_planner.cli.flags import add_graph_options, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -34,24 +44,12 @@ STATUS_COLOURS = {'kept': GREEN, 'not kept': RED, 'impossible': RED}
 # Clauses stand below the words of their plan, behind the time.
 CLAUSE_INDENT = ' ' * 10
 
-EPILOG = """\
-The last plans from before the watch come first, at most ten. Ctrl-C ends it.
-Lengths are in metres.
-
-examples:
-  llm-astar watch
-  llm-astar watch --namespace /robot1
-  llm-astar watch --json --count 1 | jq .length
-
-exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
-"""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_graph_options(parser, client=True)
-    parser.add_argument('--count', type=int, metavar='N', help='end after N plans')
-    parser.add_argument('--json', action='store_true', help='print one JSON object per line')
+    option(parser, '--count N', 'end after N plans')
+    option(parser, '--json', 'print one JSON object per line')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -129,17 +127,27 @@ def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
 
 
 def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
-    """Yield a colour and a line for each clause of a plan's instruction."""
+    """Yield a colour and a line for each clause of a plan's instruction, and for each question."""
     report = event.values.get('instruction_report') if event.kind == 'plan' else None
-    for clause in (report or {}).get('clauses', ()):
-        detail = f' ({clause["detail"]})' if clause['detail'] else ''
-        code = STATUS_COLOURS.get(clause['status'], YELLOW)
-        yield code, f'{CLAUSE_INDENT}{clause["status"]:<14}  {clause["clause"]}{detail}'
+    if not report:
+        return
+    # Importing numpy takes a tenth of a second.
+    from llm_astar_planner.planning.types import clause_facts  # noqa: PLC0415
+
+    rows = [
+        (
+            clause['status'],
+            clause['clause'].removeprefix('not understood: ') + clause_facts(clause),
+        )
+        for clause in report['clauses']
+    ]
+    rows += [('question', text) for text in report['interpretation'].get('questions', ())]
+    for name, words in rows:
+        yield STATUS_COLOURS.get(name, YELLOW), f'{CLAUSE_INDENT}{name:<14}  {words}'
 
 
 def plan_words(event: MonitorEvent) -> list[str]:
     """Return the words of a plan's line; empty ones are left out."""
-    # Importing numpy takes a tenth of a second.
     from llm_astar_planner.planning.types import describe_expansions  # noqa: PLC0415
 
     plan = event.values

@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import hashlib
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import changes as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflation_reach
-from llm_astar_planner.search.coarse import CoarseGraph
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.search.visibility import LineOfSightChecker
+
+if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+
+    from llm_astar_planner.search.coarse import CoarseGraph
+    from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
 class Costmap:
@@ -66,10 +70,7 @@ class Costmap:
 
     @cached_property
     def _inflated(self) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
-        blocked, cost = inflate(self.grid_map, self.config)
-        # Sources and searches of others are given these.
-        blocked.flags.writeable = cost.flags.writeable = False
-        return blocked, cost
+        return read_only(inflate(self.grid_map, self.config))
 
     @cached_property
     def blocked(self) -> NDArray[np.bool_]:
@@ -125,7 +126,8 @@ class Costmap:
         # One cell more than the inflation reaches: legal moves depend on the neighbours.
         margin = inflation_reach(now, self.config) + 1
         windows = kernels.changed_windows(before.cells, now.cells, margin)
-        self._inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
             self.grid_graph = graph.updated(self.blocked, self._graded_cost(), windows)
@@ -136,11 +138,16 @@ class Costmap:
     @cached_property
     def coarse_graph(self) -> CoarseGraph:
         """The tiles of `components` as a graph for rough routes."""
+        # Kernels that no search takes.
+        from llm_astar_planner.search.coarse import CoarseGraph  # noqa: PLC0415
+
         return CoarseGraph(self.components, self.grid_graph)
 
     @cached_property
     def line_of_sight(self) -> LineOfSightChecker:
         """Tells which straight lines between cells meet no blocked cell."""
+        from llm_astar_planner.search.visibility import LineOfSightChecker  # noqa: PLC0415
+
         return LineOfSightChecker(self.blocked)
 
     def describe_cell(self, cell: Cell) -> str:
@@ -166,6 +173,18 @@ class Costmap:
         if occupancy < FREE and not self.config.allow_unknown:
             return 'unknown'
         return f"an obstacle within the robot's radius, {self.config.robot_radius:g} m"
+
+
+def read_only(
+    layers: tuple[NDArray[np.bool_], NDArray[np.int8]],
+) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+    """Return layers that nobody can write to: sources and searches of others are given these.
+
+    And kernels, which numba compiles once more for arrays that can be written to.
+    """
+    for layer in layers:
+        layer.flags.writeable = False
+    return layers
 
 
 class ClosedCostmap(Costmap):

@@ -28,7 +28,7 @@ from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_exam
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.client import make_client
-from llm_astar_planner.waypoints.prompts.template import MESSAGE
+from llm_astar_planner.waypoints.source import MESSAGE
 
 _LOG = logging.getLogger(__name__)
 CACHE_SIZE = 256

@@ -1,4 +1,4 @@
-"""A specification as a search problem: blocked cells, prices, visits in order.
+"""A specification as a search problem: blocked cells, prices, and automata over regions.
 
 Strictly, what a `must` clause forbids is blocked. Where no path keeps them all, it has a price
 instead, so that the path found violates least: first the `must` clauses, then the `should`
@@ -8,223 +8,63 @@ clauses, and of equal paths the cheapest is taken.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.places import Place, Places
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.raster import Cover, cover, open_border
-from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.clauses.before import Before
+from llm_astar_planner.costmap.raster import Cover
+from llm_astar_planner.instructions.asks import Ask, Mask, Zone
 from llm_astar_planner.instructions.clauses.clause import MUST, Clause
-from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.clauses.stay_in import StayIn
-from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.polygons import (
-    RegionError,
-    entered_polygon,
-    grown,
-    map_polygon,
-    ray,
-    region_polygon,
-    visit_polygon,
-)
-from llm_astar_planner.instructions.regions import (
-    AVOID_RADIUS,
-    VISIT_RADIUS,
-    WALLS,
-    Along,
-    Disc,
-    NamedPlace,
-    Region,
-)
-from llm_astar_planner.instructions.route import PlaceGoalError, Route
+from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.polygons import RegionError
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.lazy import ndimage
-from llm_astar_planner.search.layered import VisitProblem
-from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.automata import Automaton, visits
+from llm_astar_planner.search.product import ProductProblem
 
 # What a cell of length in a forbidden cell costs more: so many cells of detour are made for it.
 MUST_PRICE = 1e6
 SHOULD_PRICE = 1e3
 # Cells that a region only touches cost this share.
 TOUCHED_SHARE = 0.01
-# Half the width, in cells, of the strip that a ray blocks: no move gets past it between cells.
-RAY_WIDTH = 0.3
-
-ROUNDING = 1e-9
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Demand:
-    """What one clause asks of the cells of a path; masks are bool [height, width].
-
-    - `forbidden`: cells that no move may begin or end in; None for none.
-    - `visits`: cells of each region to visit.
-    - `visits_in_order`: whether they come after those of the clauses before.
-    - `before`: cells to visit first, and cells that are forbidden until then.
-    - `goals`: cells to end in.
-    - `problem`: why the clause cannot be demanded, None if it can.
-    """
+    """What one clause asks; `problem` is why it cannot be demanded, None if it can."""
 
     clause: Clause
-    forbidden: Cover | None = None
-    visits: tuple[Mask, ...] = ()
-    visits_in_order: bool = True
-    before: tuple[Mask, Cover] | None = None
-    goals: Mask | None = None
+    ask: Ask
     problem: str | None = None
 
     @property
     def is_must(self) -> bool:
-        """Whether the clause is demanded strictly; a guessed one never is."""
+        """Whether the clause is demanded strictly; one that is not certain never is."""
         return self.clause.strength == MUST and not self.clause.unsure
+
+    @property
+    def price(self) -> float:
+        """What a cell of length costs more where the clause is broken."""
+        return MUST_PRICE if self.is_must else SHOULD_PRICE
 
 
 def demands_of(specification: Specification, route: Route) -> tuple[Demand, ...]:
     """Return what each clause asks of the cells, in the order of the clauses."""
-    return tuple(
-        demand_of(number, clause, route) for number, clause in enumerate(specification.clauses)
-    )
+    ground = Ground(route)
+    return tuple(demand_of(clause, ground) for clause in specification.clauses)
 
 
-def demand_of(number: int, clause: Clause, route: Route) -> Demand:
-    """Return what one clause, the `number`th, asks of the cells."""
+def demand_of(clause: Clause, ground: Ground) -> Demand:
+    """Return what one clause asks of the cells."""
     try:
-        return DEMANDS[type(clause)](number, clause, route)
+        ask = clause.ask(ground)
     except RegionError as error:
-        return Demand(clause, problem=str(error))
-
-
-def avoid(_: int, clause: Avoid, route: Route) -> Demand:
-    """Forbid the region and its margin."""
-    if isinstance(clause.region, Along) and clause.region.place == WALLS:
-        return Demand(clause, near_walls(clause.region.width + clause.margin, route))
-    polygon = region_polygon(clause.region, route, AVOID_RADIUS)
-    if clause.margin:
-        polygon = grown(polygon, clause.margin)
-    grid_map = route.costmap.grid_map
-    return Demand(clause, open_border(cover(polygon, grid_map), polygon, grid_map))
-
-
-def visit(number: int, clause: Visit, route: Route) -> Demand:
-    """Visit the regions that were not visited on the way yet."""
-    regions = [
-        visit_cells(region, route)
-        for part, region in enumerate(clause.regions)
-        if (number, part) not in route.visited
-    ]
-    return Demand(clause, visits=tuple(regions))
-
-
-def before(number: int, clause: Before, route: Route) -> Demand:
-    """Forbid the second region until the first one was visited, on the way or on this path."""
-    if (number, 0) in route.visited:
-        return Demand(clause)
-    later = cover(entered_polygon(clause.second, route), route.costmap.grid_map)
-    return Demand(clause, before=(visit_cells(clause.first, route), later))
-
-
-def stay_in(_: int, clause: StayIn, route: Route) -> Demand:
-    """Forbid what lies outside of the region."""
-    if isinstance(clause.region, Along) and clause.region.place == WALLS:
-        return Demand(clause, near_walls(clause.region.width, route).outside())
-    polygon = region_polygon(clause.region, route, VISIT_RADIUS)
-    grid_map = route.costmap.grid_map
-    outside = cover(polygon, grid_map).outside()
-    return Demand(clause, open_border(outside, map_polygon(route).difference(polygon), grid_map))
-
-
-def pass_by(number: int, clause: Pass, route: Route) -> Demand:
-    """Forbid the object and the ray to the wrong side; cross the ray to the right side.
-
-    A robot that has crossed that ray on the way does not have to do so again.
-    """
-    grid_map = route.costmap.grid_map
-    width = RAY_WIDTH * grid_map.resolution
-    body = cover(region_polygon(clause.region, route, VISIT_RADIUS), grid_map)
-    wrong = cover(ray(clause.region, clause.side, route, opposite=True).buffer(width), grid_map)
-    right = cover(ray(clause.region, clause.side, route).buffer(width), grid_map)
-    forbidden = Cover(*(cells | wrong.touched for cells in body))
-    crossing = right.touched & ~forbidden.touched
-    visits = () if (number, 0) in route.visited else (crossing,)
-    return Demand(clause, forbidden, visits=visits, visits_in_order=False)
-
-
-def keep_distance(_: int, clause: KeepDistance, route: Route) -> Demand:
-    """Forbid what is too near to the walls or the region."""
-    if clause.region is None:
-        return Demand(clause, near_walls(clause.metres, route))
-    return avoid(0, Avoid(clause.strength, clause.unsure, clause.region, clause.metres), route)
-
-
-def end_at(_: int, clause: EndAt, route: Route) -> Demand:
-    """End in the region."""
-    return Demand(clause, goals=visit_cells(clause.region, route))
-
-
-def nothing(_: int, clause: Clause, route: Route) -> Demand:  # noqa: ARG001 - as the others
-    """Ask for nothing: the clause was not understood."""
-    return Demand(clause, problem='not understood')
-
-
-DEMANDS: dict[type[Clause], Callable[..., Demand]] = {
-    Avoid: avoid,
-    Visit: visit,
-    Before: before,
-    StayIn: stay_in,
-    Pass: pass_by,
-    KeepDistance: keep_distance,
-    EndAt: end_at,
-    Unknown: nothing,
-}
-
-
-def visit_cells(region: Region, route: Route) -> Mask:
-    """Return the free cells in which a region counts as visited, bool [height, width]."""
-    costmap = route.costmap
-    polygon = visit_polygon(region, route)
-    cells = cover(polygon, costmap.grid_map).centres
-    if isinstance(region, Disc):
-        column, row = costmap.grid_map.world_to_cell(region.x, region.y)
-        if costmap.grid_map.contains((column, row)):
-            cells[row, column] = True
-    if not cells.any():  # too small for the cells: those that it touches
-        cells = cover(polygon, costmap.grid_map).touched
-    free: Mask = cells & ~costmap.blocked
-    return free
-
-
-def near_walls(metres: float, route: Route) -> Cover:
-    """Return the cells nearer to an occupied cell than so many metres.
-
-    The distance is to the square of the occupied cell. `touched` has also the cells from which a
-    move may come nearer than its two ends are.
-    """
-    grid_map, config = route.costmap.grid_map, route.costmap.config
-    lethal = grid_map.cells >= config.occupied_threshold
-    if not lethal.any():
-        none = np.zeros(lethal.shape, dtype=np.bool_)
-        return Cover(none, none, none)
-    rows, columns = ndimage.distance_transform_edt(
-        ~lethal, return_distances=False, return_indices=True
-    )
-    y, x = np.ogrid[: grid_map.height, : grid_map.width]
-    beside = np.maximum(np.abs(columns - x) - 0.5, 0.0)
-    above = np.maximum(np.abs(rows - y) - 0.5, 0.0)
-    squared = beside**2 + above**2
-    cells = metres / grid_map.resolution
-    # Half a diagonal move is sqrt(1/2) long, so a move dips to sqrt(d^2 - 1/2) between its ends.
-    too_near = squared < cells**2 - ROUNDING
-    return Cover(too_near, too_near, squared < cells**2 + 0.5 - ROUNDING)
+        return Demand(clause, Ask(), str(error))
+    return Demand(clause, Ask() if ask is None else ask, 'not understood' if ask is None else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,11 +72,11 @@ class Enforced:
     """A search problem for a specification.
 
     `closed`: the cells to block besides those of the costmap, bool [height, width], or None.
-    `visits`: the rest of the problem, None if a plain search on the cells left open solves it.
+    `product`: the rest of the problem, None if a plain search on the cells left open solves it.
     """
 
     closed: Mask | None = None
-    visits: VisitProblem | None = None
+    product: ProductProblem | None = None
 
 
 class Enforcer:
@@ -244,78 +84,88 @@ class Enforcer:
 
     def __init__(self, demands: Sequence[Demand], route: Route) -> None:
         """Take the demands of `demands_of` and their route."""
-        self.demands = demands
+        self.demands = [demand for demand in demands if demand.problem is None]
         self.route = route
 
-    def strict(self) -> Enforced | None:
+    def strict(self, *, owes_wishes: bool = True) -> Enforced | None:
         """Return the problem whose paths keep every `must` clause; None if there are none.
 
-        What a clause forbids at the start or at the goal has a price even here.
+        What a clause forbids at the start or at the goal has a price even here. Unless it
+        `owes_wishes`, what rules of a `should` ask to be done is left out.
         """
         closed = np.zeros(self.route.costmap.blocked.shape, dtype=np.bool_)
+        priced = []
         for demand in self.demands:
-            if self.is_blocking(demand) and demand.forbidden is not None:
-                closed |= demand.forbidden.touched
-        return self.problem(closed if closed.any() else None, is_strict=True)
+            barred, rest = self.barred(demand)
+            if barred is not None:
+                closed |= barred
+            if rest is not None:
+                priced.append((demand.price, rest))
+        reached = self.reached(~self.route.costmap.blocked & ~closed)
+        if not self.is_end_reached(reached, self.goals) or not all(
+            (zone.cells & reached).any()
+            for demand in self.demands
+            if demand.is_must
+            for zone in self.due(demand.ask)
+        ):
+            return None
+        rules: list[Automaton] = []
+        for demand in self.demands:
+            made = [
+                rule.automaton(math.inf if demand.is_must else demand.price)
+                for rule in demand.ask.rules
+            ]
+            rules += made if demand.is_must or owes_wishes else map(without_duties, made)
+        product = self.product(reached, self.goals, priced, rules)
+        return Enforced(closed if closed.any() else None, product)
 
-    def relaxed(self) -> Enforced:
+    def relaxed(self, *, owes: bool = True) -> Enforced:
         """Return the problem whose cheapest path violates the clauses least.
 
-        Visits of which no cell can be reached are left out.
+        Visits of which no cell can be reached are left out, and unless it `owes` them so is what
+        rules ask to be done.
         """
-        problem = self.problem(None, is_strict=False)
-        return problem or Enforced()
+        reached = self.reached(~self.route.costmap.blocked)
+        goals = self.goals if self.is_end_reached(reached, self.goals) else None
+        priced = [
+            (demand.price, demand.ask.forbidden)
+            for demand in self.demands
+            if demand.ask.forbidden is not None
+        ]
+        rules = [
+            rule.automaton(demand.price) for demand in self.demands for rule in demand.ask.rules
+        ]
+        if not owes:
+            rules = [without_duties(rule) for rule in rules]
+        return Enforced(product=self.product(reached, goals, priced, rules))
 
-    def is_blocking(self, demand: Demand) -> bool:
-        """Tell whether what a demand forbids can be blocked: it is not at the start or goal."""
-        if demand.forbidden is None or not demand.is_must:
-            return False
-        ends = [self.route.start]
-        if self.goals() is None:
-            ends.append(self.route.goal)
-        return not any(demand.forbidden.touched[y, x] for x, y in ends)
-
+    @cached_property
     def goals(self) -> Mask | None:
-        """Return the cells that clauses ask the path to end in, None without such a clause."""
-        for demand in self.demands:
-            if demand.goals is not None:
-                return demand.goals
-        return None
+        """The cells that clauses ask the path to end in, None without such a clause."""
+        return next((d.ask.goals for d in self.demands if d.ask.goals is not None), None)
 
-    def problem(self, closed: Mask | None, *, is_strict: bool) -> Enforced | None:
-        """Return the problem with some cells closed; None if a strict one cannot be solved."""
-        free = ~self.route.costmap.blocked
-        reached = self.reached(free if closed is None else free & ~closed)
-        goals = self.goals()
-        if goals is not None and not (goals & reached).any():
-            if is_strict:
-                return None
-            goals = None
-        x, y = self.route.goal
-        if goals is None and not reached[y, x]:
-            return None
-        regions: list[Mask] = []
-        groups: list[tuple[int, ...]] = []
-        crossings: list[Mask] = []
-        for demand in self.demands:
-            cells = [visited & reached for visited in demand.visits]
-            if is_strict and demand.is_must and not all(mask.any() for mask in cells):
-                return None
-            cells = [mask for mask in cells if mask.any()]
-            if demand.visits_in_order and cells:
-                groups.append(tuple(range(len(regions), len(regions) + len(cells))))
-                regions += cells
-            else:
-                crossings += cells
-        if crossings and not groups:  # beside visits in order, blocking the wrong side must do
-            groups.append(tuple(range(len(crossings))))
-            regions += crossings
-        befores = self.befores(regions, is_strict=is_strict)
-        price = self.price(is_strict=is_strict)
-        if not groups and not befores and goals is None and price is None:
-            return Enforced(closed)
-        visits = VisitProblem(tuple(regions), tuple(groups), befores, goals, price)
-        return Enforced(closed, visits)
+    def barred(self, demand: Demand) -> tuple[Mask | None, Cover | None]:
+        """Return the cells that a demand closes, and those that have a price instead.
+
+        These are all of them where start or goal is among them; of a distance, those that are as
+        near to that end.
+        """
+        forbidden = demand.ask.forbidden
+        if forbidden is None or not demand.is_must:
+            return None, forbidden
+        ends = [self.route.start, *([] if self.goals is not None else [self.route.goal])]
+        inside = [(x, y) for x, y in ends if forbidden.touched[y, x]]
+        if not inside:
+            return forbidden.touched, None
+        if not demand.ask.ends_within:
+            return None, forbidden
+        cells = demand.ask.ends_within / self.route.costmap.grid_map.resolution
+        height, width = forbidden.touched.shape
+        y, x = np.ogrid[:height, :width]
+        near = np.logical_or.reduce(
+            [np.hypot(x - end_x, y - end_y) <= cells for end_x, end_y in inside]
+        )
+        return forbidden.touched & ~near, Cover(*(part & near for part in forbidden))
 
     def reached(self, free: Mask) -> Mask:
         """Return the cells connected to the start, as the costmap's components are."""
@@ -325,35 +175,77 @@ class Enforcer:
         connected: Mask = (labels == labels[y, x]) & free
         return connected
 
-    def befores(
-        self, regions: list[Mask], *, is_strict: bool
-    ) -> tuple[tuple[int, int, float], ...]:
-        """Return what is forbidden until something was visited; adds its masks to `regions`."""
-        found = []
-        x, y = self.route.start
-        for demand in self.demands:
-            if demand.before is None:
-                continue
-            first, later = demand.before
-            price = MUST_PRICE if demand.is_must else SHOULD_PRICE
-            if is_strict and demand.is_must and not later.touched[y, x]:
-                price = math.inf
-            found.append((len(regions), len(regions) + 1, price))
-            regions += [first, later.touched]
-        return tuple(found)
+    def is_end_reached(self, reached: Mask, goals: Mask | None) -> bool:
+        """Tell whether the goal is reached, or one of the goal cells."""
+        x, y = self.route.goal
+        return bool(reached[y, x] if goals is None else (goals & reached).any())
 
-    def price(self, *, is_strict: bool) -> NDArray[np.float32] | None:
-        """Return what each cell of length in a forbidden cell costs more, None for nothing."""
-        total: NDArray[np.float32] | None = None
+    def due(self, ask: Ask) -> Iterable[Zone]:
+        """Yield the regions of visits that were not visited on the way, as far as one can tell."""
+        return (zone for zone in ask.visits if not zone.driven.any())
+
+    def product(
+        self,
+        reached: Mask,
+        goals: Mask | None,
+        priced: Sequence[tuple[float, Cover]],
+        rules: Sequence[Automaton],
+    ) -> ProductProblem | None:
+        """Return the problem of automata and prices, None where nothing but cells was closed."""
+        zones: list[Zone] = []
+        groups = []
         for demand in self.demands:
-            if demand.forbidden is None or (is_strict and self.is_blocking(demand)):
-                continue
-            price = MUST_PRICE if demand.is_must else SHOULD_PRICE
-            if total is None:
-                total = np.zeros(demand.forbidden.centres.shape, dtype=np.float32)
-            total[demand.forbidden.touched] += price * TOUCHED_SHARE
-            total[demand.forbidden.centres] += price * (1.0 - TOUCHED_SHARE)
-        return None if total is None else np.minimum(total, MUST_PRICE)
+            due = [
+                zone
+                for zone in demand.ask.visits
+                if zone.driven.any() or (zone.cells & reached).any()
+            ]
+            if due:
+                groups.append(tuple(range(len(zones), len(zones) + len(due))))
+                zones += due
+        automata = [started(visits(tuple(groups)), zones)] if groups else []
+        found = [rule for demand in self.demands for rule in demand.ask.rules]
+        for rule, automaton in zip(found, rules):
+            begun = started(automaton, rule.zones)
+            numbers = tuple(len(zones) + number for number in begun.regions)
+            automata.append(replace(begun, regions=numbers))
+            zones += rule.zones
+        price = price_of(priced)
+        if not automata and goals is None and price is None:
+            return None
+        masks = tuple(zone.cells & reached for zone in zones)
+        return ProductProblem(masks, tuple(automata), goals, price)
+
+
+def without_duties(automaton: Automaton) -> Automaton:
+    """Return an automaton that forbids or prices what it did, and accepts every path."""
+    return replace(automaton, accepting=np.ones_like(automaton.accepting))
+
+
+def started(automaton: Automaton, zones: Sequence[Zone]) -> Automaton:
+    """Return an automaton as it is after the way driven: its states are numbered anew."""
+    letters = np.zeros(len(zones[0].driven), dtype=np.int64)
+    for bit, number in enumerate(automaton.regions):
+        letters |= zones[number].driven.astype(np.int64) << bit
+    state = 0
+    for letter in letters[np.flatnonzero(np.diff(letters, prepend=-1))]:
+        state = int(automaton.after[state, letter])
+    order = np.arange(len(automaton.accepting))
+    order[[0, state]] = state, 0
+    price = None if automaton.price is None else automaton.price[order]
+    after = order[automaton.after][order].astype(automaton.after.dtype)
+    return replace(automaton, after=after, accepting=automaton.accepting[order], price=price)
+
+
+def price_of(priced: Sequence[tuple[float, Cover]]) -> NDArray[np.float32] | None:
+    """Return what each cell of length in forbidden cells costs more, None for nothing."""
+    if not priced:
+        return None
+    total = np.zeros(priced[0][1].centres.shape, dtype=np.float32)
+    for price, forbidden in priced:
+        total[forbidden.touched] += price * TOUCHED_SHARE
+        total[forbidden.centres] += price * (1.0 - TOUCHED_SHARE)
+    return np.minimum(total, MUST_PRICE)
 
 
 def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ...]:
@@ -367,48 +259,28 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
         (one.clause, other.clause)
         for number, one in enumerate(musts)
         for other in musts[number + 1 :]
-        if excludes(one, other) or excludes(other, one) or leaves_nothing(one, other)
+        if excludes(one.ask, other.ask)
+        or excludes(other.ask, one.ask)
+        or leaves_nothing(one.ask, other.ask)
     )
 
 
-def excludes(one: Demand, other: Demand) -> bool:
-    """Tell whether one demand forbids all of a region that the other has to visit or end in."""
+def excludes(one: Ask, other: Ask) -> bool:
+    """Tell whether one clause forbids all of a region that the other has to visit or end in."""
     if one.forbidden is None:
         return (
             one.goals is not None
             and other.goals is not None
             and not (one.goals & other.goals).any()
         )
-    wanted = list(other.visits) if other.visits_in_order else []
-    if other.goals is not None:
-        wanted.append(other.goals)
+    wanted = [zone.cells for zone in other.visits]
+    wanted += [] if other.goals is None else [other.goals]
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)
 
 
-def leaves_nothing(one: Demand, other: Demand) -> bool:
-    """Tell whether two demands together forbid every cell, which neither does alone."""
+def leaves_nothing(one: Ask, other: Ask) -> bool:
+    """Tell whether two clauses together forbid every cell, which neither does alone."""
     if one.forbidden is None or other.forbidden is None:
         return False
     first, second = one.forbidden.centres, other.forbidden.centres
     return bool((first | second).all() and not first.all() and not second.all())
-
-
-def goal_cell(place: Place, costmap: Costmap) -> Cell:
-    """Return the cell to go to: the free one nearest to the centre of the place.
-
-    In an area it is well inside, at an object near it, and where there is a choice in the largest
-    part of the map that can be driven. Raises PlaceGoalError where no cell is free.
-    """
-    route = Route(costmap, (0, 0), (0, 0), Places([place]))
-    cells = visit_cells(NamedPlace(place.name), route)
-    if not cells.any():
-        raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
-    components = costmap.components[:, :]
-    sizes = np.bincount(components.ravel())
-    sizes[0] = 0
-    cells &= components == max(np.unique(components[cells]), key=lambda number: sizes[number])
-    centre = place.geometry.centroid
-    x, y = costmap.grid_map.world_to_grid([(centre.x, centre.y)])[0]
-    rows, columns = np.nonzero(cells)
-    nearest = int(np.argmin((columns - x) ** 2 + (rows - y) ** 2))
-    return int(columns[nearest]), int(rows[nearest])

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Protocol
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+import numpy as np
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
+from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
-
-MAX_INSTRUCTION_CHARS = 500
-PREFER, REQUIRE = 'prefer', 'require'
-POLICIES = (PREFER, REQUIRE)
-
-
-class InstructionError(LlmAstarError, ValueError):
-    """An instruction cannot be used; the message says why."""
+from llm_astar_planner.instructions.text import PREFER
 
 
 class Understanding(Enum):
@@ -71,10 +68,7 @@ class Interpretation:
 
     def confirmed(self) -> Interpretation:
         """Return it with its questions answered with yes."""
-        sure = tuple(replace(clause, unsure='') for clause in self.specification.clauses)
-        is_unsure = self.status is Understanding.UNSURE
-        status = status_of(Specification(sure)) if is_unsure else self.status
-        return replace(self, specification=Specification(sure), status=status)
+        return self.answered(dict.fromkeys(self.questions, True))
 
     @property
     def sentence(self) -> str:
@@ -87,6 +81,20 @@ class Interpretation:
         sentence = f': {self.sentence}' if self.sentence else ''
         detail = f' ({self.detail})' if self.detail else ''
         return f'{self.status.value}{by}{sentence}{detail}'
+
+    def answered(self, answers: Mapping[str, bool]) -> Interpretation:
+        """Return it with some of its questions answered: what was not meant is not understood."""
+        clauses = []
+        for clause in self.specification.clauses:
+            if clause.unsure in answers:
+                is_meant, text = answers[clause.unsure], clause.phrase()[:MAX_NAME_CHARS]
+                clauses.append(replace(clause, unsure='') if is_meant else Unknown(text=text))
+            else:
+                clauses.append(clause)
+        specification = Specification(tuple(clauses))
+        is_unsure = self.status is Understanding.UNSURE
+        status = status_of(specification) if is_unsure else self.status
+        return replace(self, specification=specification, status=status)
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""
@@ -110,14 +118,15 @@ class RouteInstruction:
 
     - `policy`: `prefer` takes the path that violates the clauses least, `require` gives no path
       unless every `must` clause is satisfied.
-    - `visited`: the regions already visited on the way, as (index of the clause, index of the
-      region in it).
+    - `driven`: float64 [n, 2] metres, the way driven since the goal and the instruction were
+      given. `want_prices`: whether the outcome says what each clause costs.
     """
 
     interpretation: Interpretation
     places: Places = NO_PLACES
     policy: str = PREFER
-    visited: frozenset[tuple[int, int]] = frozenset()
+    driven: NDArray[np.float64] = field(default_factory=not_driven)
+    want_prices: bool = True
 
 
 class Interpreter(Protocol):
@@ -148,16 +157,3 @@ def not_understood(text: str, detail: str, understood_by: str = '') -> Interpret
     """Return the interpretation of a text of which nothing was understood."""
     clauses = (Unknown(text=text[:80]),) if text else ()
     return Interpretation(text, Specification(clauses), understood_by, detail=detail)
-
-
-def clean_instruction(text: str) -> str:
-    """Return an instruction as one line: unprintable characters become spaces.
-
-    Raises InstructionError where it is longer than MAX_INSTRUCTION_CHARS.
-    """
-    if len(text) > MAX_INSTRUCTION_CHARS:
-        raise InstructionError(
-            f'instruction: {len(text)} characters are more than {MAX_INSTRUCTION_CHARS}'
-        )
-    printable = ''.join(letter if letter.isprintable() else ' ' for letter in text)
-    return ' '.join(printable.split())

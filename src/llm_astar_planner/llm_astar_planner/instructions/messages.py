@@ -11,13 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from llm_astar_planner.instructions.fields import as_mapping
-from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
-    Interpretation,
-    Understanding,
-    status_of,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
 from llm_astar_planner.instructions.specification import from_json
+from llm_astar_planner.instructions.text import InstructionError
 
 # Characters of a question, and of one with the places of the map.
 MAX_QUESTION = 64_000

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Any
 
 from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 
 
@@ -25,6 +26,17 @@ class ClauseStatus(Enum):
     UNSURE = 'unsure'
     # Understood, but nothing that a path has: a speed, a time.
     UNSUPPORTED = 'unsupported'
+
+
+# What a person is told of, besides questions.
+WORST_FIRST = (
+    ClauseStatus.NOT_KEPT,
+    ClauseStatus.IMPOSSIBLE,
+    ClauseStatus.NOT_UNDERSTOOD,
+    ClauseStatus.UNSUPPORTED,
+    ClauseStatus.AS_FAR_AS_POSSIBLE,
+)
+AS_FAR = ClauseStatus.AS_FAR_AS_POSSIBLE.value
 
 
 @dataclass(frozen=True)
@@ -46,6 +58,25 @@ class ClauseOutcome:
     least: float = math.nan
     where: tuple[float, float] | None = None
     price: float = math.nan
+
+    @property
+    def words(self) -> str:
+        """The status with the measured fact and the price: 'kept (0.0 m inside), costs 4.2 m'."""
+        return self.status.value + (f' ({self.detail})' if self.detail else '') + self.cost
+
+    @property
+    def cost(self) -> str:
+        """The price in words: ', costs 4.2 m'; '' where it was not measured."""
+        return f', costs {self.price:.1f} m' if math.isfinite(self.price) else ''
+
+    @property
+    def fact(self) -> str:
+        """What it asks with the measured fact, or the words that were not understood."""
+        if type(self.clause) is Unknown:
+            return f'"{self.clause.text}"'
+        if self.status is ClauseStatus.AS_FAR_AS_POSSIBLE:
+            return f'{self.clause.phrase()}, {self.detail}{self.cost}'
+        return self.clause.phrase() + (f' ({self.detail})' if self.detail else '')
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of reports and `--json`; NaN is null."""
@@ -74,21 +105,59 @@ class InstructionOutcome:
 
     @property
     def satisfied(self) -> bool | None:
-        """True if all was understood and every clause is satisfied; None if nothing was asked."""
+        """True if all was understood and every clause is kept; None if nothing was asked."""
         if self.interpretation.status is Understanding.IRRELEVANT:
             return None
         understood = self.interpretation.status is Understanding.WHOLE
         done = all(outcome.status is ClauseStatus.KEPT for outcome in self.clauses)
         return understood and bool(self.clauses) and done
 
+    def sentence(self) -> str:
+        """Return one sentence for a person: 'The instruction is kept'.
+
+        What is not kept for certain follows with the measured facts, the worst first; a question
+        comes before everything else.
+        """
+        status = self.interpretation.status
+        if self.satisfied:
+            return 'The instruction is kept'
+        if status is Understanding.IRRELEVANT:
+            return 'The instruction asks nothing of the path'
+        if not self.clauses:
+            reason = self.note or self.interpretation.detail
+            read = status in (Understanding.WHOLE, Understanding.PARTLY)
+            verdict = 'not kept' if read else status.value
+            return f'The instruction is {verdict}' + (f': {reason}' if reason else '')
+        facts = self._facts()
+        kept = sum(one.status is ClauseStatus.KEPT for one in self.clauses)
+        question = next((one.clause.unsure for one in self.clauses if one.clause.unsure), '')
+        if question:
+            facts.insert(0, f'A question first: {question}')
+        elif kept == len(self.clauses):
+            facts.insert(0, 'What was understood is kept')
+        elif kept == 0 or (len(facts) == 1 and facts[0].startswith(AS_FAR)):
+            facts[0] = f'The instruction is {facts[0]}'
+        else:
+            verb = 'is' if kept == 1 else 'are'
+            facts.insert(0, f'{kept} of {len(self.clauses)} clauses {verb} kept')
+        return '; '.join([*facts, *filter(None, [self.note])])
+
+    def _facts(self) -> list[str]:
+        """Return what is not kept, by status: 'not kept: visit the lab (...)'."""
+        found = {}
+        for kind in WORST_FIRST:
+            of_kind = [one.fact for one in self.clauses if one.status is kind]
+            if of_kind:
+                found[kind] = f'{kind.value}: {"; ".join(of_kind)}'
+        is_whole = self.interpretation.status is Understanding.WHOLE
+        if not is_whole and not {ClauseStatus.NOT_UNDERSTOOD, ClauseStatus.UNSUPPORTED} & {*found}:
+            return [*found.values(), self.interpretation.status.value]
+        return [*found.values()]
+
     def summary(self) -> str:
         """Return one line for the report: the status of each clause with the measured fact."""
         status = self.interpretation.status
-        parts = [
-            f'{outcome.clause.sentence()}: {outcome.status.value}'
-            + (f' ({outcome.detail})' if outcome.detail else '')
-            for outcome in self.clauses
-        ]
+        parts = [f'{outcome.clause.sentence()}: {outcome.words}' for outcome in self.clauses]
         if not parts:
             parts = [status.value]
             if self.interpretation.detail:
@@ -101,6 +170,7 @@ class InstructionOutcome:
         """Return the form of reports and `--json`."""
         return {
             'summary': self.summary(),
+            'sentence': self.sentence(),
             'satisfied': self.satisfied,
             'clauses': [outcome.to_json() for outcome in self.clauses],
             'note': self.note,

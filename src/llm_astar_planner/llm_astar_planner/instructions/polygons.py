@@ -6,6 +6,7 @@ Verification has its own reading of the same definitions.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,10 +20,14 @@ from llm_astar_planner.instructions.regions import (
     VISIT_DEPTH,
     VISIT_RADIUS,
     WALLS,
+    AllOf,
     Along,
+    AnyOf,
     Between,
     Box,
     Disc,
+    End,
+    Except,
     Half,
     NamedPlace,
     Region,
@@ -41,19 +46,80 @@ class RegionError(LlmAstarError, ValueError):
     """A region that this map does not have; the message says which and why."""
 
 
+class Part(NamedTuple):
+    """A part of a region: its polygon, where it counts as visited, and whether it is an object."""
+
+    polygon: BaseGeometry
+    visited: BaseGeometry
+    is_object: bool = False
+
+
 def region_polygon(region: Region, route: Route, default_radius: float) -> BaseGeometry:
     """Return a region as a polygon, or several, in metres.
 
     `default_radius` is for points without a radius. Raises RegionError for an unknown place or
     tag, and for walls, which are cells and no polygon.
     """
+    return shapely.union_all([part.polygon for part in parts_of(region, route, default_radius)])
+
+
+def visit_polygon(region: Region, route: Route) -> BaseGeometry:
+    """Return where the path has to have a point for a visit. Raises as `region_polygon`.
+
+    Well inside an area, near an object, and within the radius of a point.
+    """
+    return shapely.union_all([part.visited for part in parts_of(region, route)])
+
+
+def entered_polygon(region: Region, route: Route) -> BaseGeometry:
+    """Return where a path has entered a region: any part of an area, or near an object."""
+    parts = parts_of(region, route)
+    if all(part.is_object for part in parts):
+        return visit_polygon(region, route)
+    return shapely.union_all([part.polygon for part in parts])
+
+
+def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list[Part]:
+    """Return the parts of a region; a visit takes any one. `radius` is that of bare points."""
     match region:
         case NamedPlace(name):
-            return place_polygon(find_place(name, route))
+            return [place_part(find_place(name, route))]
         case Tagged(tag):
-            return shapely.union_all([place_polygon(place) for place in tagged(tag, route)])
-        case Disc(x, y, radius):
-            return grown(shapely.Point(x, y), radius or default_radius)
+            return [place_part(place) for place in tagged(tag, route)]
+        case AnyOf(regions):
+            return [part for one in regions for part in parts_of(one, route, radius)]
+        case AllOf((first, *others)):
+            within = [region_polygon(other, route, radius) for other in others]
+            shape = shapely.intersection_all(within) if within else map_polygon(route)
+            return [cut(part, shape) for part in parts_of(first, route, radius)]
+        case Except(inside, others):
+            without = [region_polygon(other, route, radius) for other in others]
+            shape = map_polygon(route).difference(shapely.union_all(without))
+            return [cut(part, shape) for part in parts_of(inside, route, radius)]
+        case Disc(x, y, given):
+            return [disc(shapely.Point(x, y), given or radius)]
+        case End(end):
+            point = route.begin if end == 'start' else route.position(route.goal)
+            return [disc(shapely.Point(point), VISIT_RADIUS)]
+    polygon = simple_polygon(region, route)
+    return [Part(polygon, inner(polygon))]
+
+
+def disc(point: BaseGeometry, radius: float) -> Part:
+    """Return a disc."""
+    polygon = grown(point, radius)
+    return Part(polygon, polygon)
+
+
+def cut(part: Part, shape: BaseGeometry) -> Part:
+    """Return what a part has in common with a polygon."""
+    polygon = part.polygon.intersection(shape)
+    return Part(polygon, part.visited.intersection(shape) if part.is_object else inner(polygon))
+
+
+def simple_polygon(region: Region, route: Route) -> BaseGeometry:
+    """Return a box, a half, a gap or a strip."""
+    match region:
         case Box():
             return box_polygon(region, route)
         case Half(side, of):
@@ -69,33 +135,13 @@ def region_polygon(region: Region, route: Route, default_radius: float) -> BaseG
     raise RegionError('the strip along all walls is no polygon')
 
 
-def visit_polygon(region: Region, route: Route) -> BaseGeometry:
-    """Return where the path has to have a point for a visit. Raises as `region_polygon`.
-
-    Well inside an area, near an object, and within the radius of a point.
-    """
-    if isinstance(region, NamedPlace):
-        return visited_place(find_place(region.place, route))
-    if isinstance(region, Tagged):
-        return shapely.union_all([visited_place(place) for place in tagged(region.tag, route)])
-    polygon = region_polygon(region, route, VISIT_RADIUS)
-    return polygon if isinstance(region, Disc) else inner(polygon)
-
-
-def entered_polygon(region: Region, route: Route) -> BaseGeometry:
-    """Return where a path has entered a region: any part of an area, or near an object."""
-    if isinstance(region, NamedPlace) and find_place(region.place, route).is_object:
-        return visit_polygon(region, route)
-    return region_polygon(region, route, VISIT_RADIUS)
-
-
-def visited_place(place: Place) -> BaseGeometry:
-    """Return where a place counts as visited."""
+def place_part(place: Place) -> Part:
+    """Return a place."""
+    polygon = place_polygon(place)
     if place.is_object:
-        return place.geometry.buffer(OBJECT_REACH, quad_segs=QUARTER)
-    if place.geometry.geom_type in ('Polygon', 'MultiPolygon'):
-        return inner(place.geometry)
-    return place_polygon(place)
+        return Part(polygon, place.geometry.buffer(OBJECT_REACH, quad_segs=QUARTER), True)
+    is_area = place.geometry.geom_type in ('Polygon', 'MultiPolygon')
+    return Part(polygon, inner(polygon) if is_area else polygon)
 
 
 def inner(polygon: BaseGeometry) -> BaseGeometry:
@@ -163,7 +209,7 @@ def half_polygon(side: str, of: str, route: Route) -> BaseGeometry:
     """Return the half of the map, or of the place `of`, on a side."""
     whole = place_polygon(find_place(of, route)) if of else map_polygon(route)
     if side in ROUTE_SIDES:
-        here = route.position(route.start)
+        here = route.begin
         return whole.intersection(half_plane(here, side_direction(side, route), whole))
     x0, y0, x1, y1 = whole.bounds
     middle = ((x0 + x1) / 2, (y0 + y1) / 2)
@@ -188,7 +234,7 @@ def side_direction(side: str, route: Route) -> tuple[float, float]:
     """Return the unit vector towards a side; left and right are of the way from start to goal."""
     if side not in ROUTE_SIDES:
         return DIRECTIONS[side]
-    (x0, y0), (x1, y1) = route.position(route.start), route.position(route.goal)
+    (x0, y0), (x1, y1) = route.begin, route.position(route.goal)
     length = math.dist((x0, y0), (x1, y1))
     if length == 0.0:
         raise RegionError(f'{side}: start and goal are the same, so the way has no sides')

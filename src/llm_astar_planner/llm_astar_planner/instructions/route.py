@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
+from numpy.typing import NDArray
 
 from llm_astar_planner.parameter import nearest_name
 
@@ -18,19 +20,32 @@ if TYPE_CHECKING:  # clients that only look up a name need not wait for numba
 MAX_LISTED = 30
 
 
+def not_driven() -> NDArray[np.float64]:
+    """Return a way of no points, [0, 2]."""
+    return np.empty((0, 2))
+
+
 @dataclass(frozen=True, eq=False)
 class Route:
     """A costmap, its places, and the cells to plan between.
 
-    `visited`: the regions already visited on the way, as (index of the clause, index of the
-    region in it).
+    `driven`: float64 [n, 2] metres, the way driven to the start since the goal and the
+    instruction were given; empty at the beginning.
     """
 
     costmap: Costmap
     start: Cell
     goal: Cell
     places: Places = NO_PLACES
-    visited: frozenset[tuple[int, int]] = frozenset()
+    driven: NDArray[np.float64] = field(default_factory=not_driven)
+
+    @property
+    def begin(self) -> tuple[float, float]:
+        """Where the drive began, (x, y) in metres: the first point driven, or the start."""
+        if not len(self.driven):
+            return self.position(self.start)
+        x, y = self.driven[0]
+        return float(x), float(y)
 
     def position(self, cell: Cell) -> tuple[float, float]:
         """Return the centre (x, y) of a cell in metres, in the map's frame."""

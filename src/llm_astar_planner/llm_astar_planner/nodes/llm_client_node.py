@@ -140,9 +140,12 @@ class LlmClientNode(Node):
             if source_values != self._source_values:
                 if threading.active_count() > MOST_THREADS:
                     return REPLACED_TOO_OFTEN
-                found = with_transcript(values)
-                self._new_source = source_from_parameters(found)
-                self._new_interpreter = make_interpreter(found)
+                transcript, dataset = values['transcript'], values['dataset']
+                maps = load_barrier_maps(find_file(dataset, 'maps')) if dataset else None
+                if transcript:
+                    values = values | {'transcript': str(find_file(transcript, 'maps'))}
+                self._new_source = make_source(source_config(values), dataset=maps)
+                self._new_interpreter = make_interpreter(values)
         except (OSError, ValueError) as error:
             return str(error)
         self._source_values = source_values
@@ -281,19 +284,6 @@ def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
         map_digest=str(key.map),
         pair=str(key.pair),
     )
-
-
-def with_transcript(values: dict[str, Any]) -> dict[str, Any]:
-    """Return parameters with the path of the transcript. Raises FileNotFoundError."""
-    name = values['transcript']
-    return values | {'transcript': str(find_file(name, 'maps')) if name else ''}
-
-
-def source_from_parameters(values: dict[str, Any]) -> WaypointSource:
-    """Make the source that the parameters name. Raises ValueError or OSError where it cannot."""
-    dataset = values['dataset']
-    maps = load_barrier_maps(find_file(dataset, 'maps')) if dataset else None
-    return make_source(source_config(values), dataset=maps)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -51,13 +51,18 @@ class Endpoints(NamedTuple):
 
 def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
-    start = resolve_start(costmap, request)
-    component = int(costmap.components[start[1], start[0]])
-    goal = resolve_goal(costmap, request, request.goal, component)
-    via = request.via
+    components, start, goal, via = costmap.components, request.start, request.goal, request.via
+    component = components.at(start)
+    if not component:
+        start = moved_start(costmap, request)
+        component = components.at(start)
+    if components.at(goal) != component:
+        goal = moved_goal(costmap, request, goal, component)
     if via:
         via = tuple(
-            resolve_goal(costmap, request, cell, component, f'via {number}')
+            cell
+            if components.at(cell) == component
+            else moved_goal(costmap, request, cell, component, f'via {number}')
             for number, cell in enumerate(via, start=1)
         )
     if (start, goal, via) == (request.start, request.goal, request.via):
@@ -78,14 +83,12 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
-def resolve_start(costmap: Costmap, request: PlanRequest) -> Cell:
-    """Return the start, or the free cell within `start_tolerance` that replaces it."""
+def moved_start(costmap: Costmap, request: PlanRequest) -> Cell:
+    """Return the free cell within `start_tolerance` that replaces a start which is not free."""
     start = request.start
     if not costmap.grid_map.contains(start):
         message = outside_message(costmap, 'start', start)
         raise PlanningFailure(ResultCode.START_OUTSIDE_MAP, message)
-    if not costmap.blocked[start[1], start[0]]:
-        return start
     message = blocked_message(costmap, 'start', start)
     if request.start_tolerance > 0.0:
         cell = nearest_reachable_free_cell(costmap, request)
@@ -95,10 +98,10 @@ def resolve_start(costmap: Costmap, request: PlanRequest) -> Cell:
     raise PlanningFailure(ResultCode.START_OCCUPIED, message)
 
 
-def resolve_goal(
+def moved_goal(
     costmap: Costmap, request: PlanRequest, goal: Cell, component: int, name: str = 'goal'
 ) -> Cell:
-    """Return a goal or via point, or the nearest cell of a component within the tolerance.
+    """Return the cell of a component within the tolerance that is nearest to a goal or via point.
 
     Raises PlanningFailure, naming it, if there is none.
     """
@@ -118,13 +121,12 @@ def nearest_reached(costmap: Costmap, cell: Cell, component: int, tolerance: flo
 
     None if there is none within so many metres.
     """
-    components, grid_map = costmap.components, costmap.grid_map
-    if grid_map.contains(cell) and components[cell[1], cell[0]] == component:
+    if costmap.components.at(cell) == component:
         return cell
     if tolerance == 0.0:
         return None
-    reach = squared_cells(tolerance, grid_map.resolution)
-    return nearest_labelled(components, component, cell, reach)
+    reach = squared_cells(tolerance, costmap.grid_map.resolution)
+    return nearest_labelled(costmap.components, component, cell, reach)
 
 
 def goal_failure(
@@ -266,7 +268,7 @@ class ViapointSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the via points; the detail says how many were moved and which had to stay."""
         deadline = time.monotonic() + query.time_limit
-        component = int(query.costmap.components[query.start[1], query.start[0]])
+        component = query.costmap.components.at(query.start)
 
         def place(cell: Cell) -> Cell | None:
             # After its time no other cells are looked for.

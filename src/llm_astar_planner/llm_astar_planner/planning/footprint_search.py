@@ -139,7 +139,7 @@ class FootprintSearch:
 
         Raises PlanningFailure and PathTooLongError.
         """
-        if segment.visit_problem is not None:
+        if segment.product is not None:
             raise self.failure('it meets an obstacle on the way that keeps to the instruction')
         begin = time.monotonic()
         swept = self.swept()

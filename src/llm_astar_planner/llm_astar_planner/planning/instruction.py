@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -11,20 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
-from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.asks import Ask, Zone
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.enforcement import (
+    Demand,
     Enforced,
     Enforcer,
     contradictions,
+    demand_of,
     demands_of,
 )
-from llm_astar_planner.instructions.interpretation import REQUIRE, RouteInstruction, Understanding
+from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import (
     ClauseOutcome,
     ClauseStatus,
     InstructionOutcome,
 )
 from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
@@ -41,12 +48,15 @@ from llm_astar_planner.planning.types import (
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.layered import LayersTooLargeError
+from llm_astar_planner.search.methods import EXACT
+from llm_astar_planner.search.product import ProductProblemError, ProductTooLargeError
 from llm_astar_planner.search.result import SearchStatus
 
 # The part of a request's time for paths that keep to the instruction; the rest is for the check,
 # and for the direct path if there is none in time.
 INSTRUCTED_SHARE = 0.6
+# Parts of a cell to which the greatest distance is found.
+FINENESS = 4
 
 
 class InstructedSearch:
@@ -67,7 +77,9 @@ class InstructedSearch:
         self.policy = instruction.policy
         self.landmarks = landmarks
         self.stop = stop
-        self.demands = demands_of(instruction.interpretation.specification, route)
+        self.asked = demands_of(instruction.interpretation.specification, route)
+        # What of that is demanded, without what no path keeps.
+        self.demands = self.asked
         self.expansions = 0
         self.is_kept = True
 
@@ -79,24 +91,104 @@ class InstructedSearch:
     def search(self) -> SegmentPlanner:
         """Return the search that found the path that violates the clauses least.
 
-        Raises PlanningFailure where the policy is `require` and no path keeps every `must` clause,
-        and where no path was found in time.
+        What no path can keep costs nothing, except a distance, of which the most that is possible
+        is kept. Raises PlanningFailure where the policy is `require` and no path keeps every
+        `must` clause, and where no path was found in time.
         """
-        enforcer = Enforcer(self.demands, self.route)
-        problem = enforcer.strict()
-        segment = None if problem is None else self.solve(problem)
+        segment = self.strictly(self.demands)
         if segment is None and self.policy == REQUIRE:
             message = 'every way breaks a clause of the instruction (the policy is require)'
             raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
         if segment is None:
             self.is_kept = False
-            segment = self.solve(enforcer.relaxed())
+            self.demands = tuple(map(self.possible, self.demands))
+            enforcer = Enforcer(self.demands, self.route)
+            segment = (
+                self.strictly(self.demands)
+                or self.solve(enforcer.relaxed())
+                or self.solve(enforcer.relaxed(owes=False))
+            )
         if segment is None:
             message = 'every reachable cell was searched'
             raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
         return segment
 
-    def solve(self, problem: Enforced) -> SegmentPlanner | None:
+    def strictly(self, demands: Sequence[Demand]) -> SegmentPlanner | None:
+        """Return a search that found a path that keeps every `must` clause, None for none."""
+        enforcer = Enforcer(demands, self.route)
+        problem = enforcer.strict()
+        if problem is None:
+            return None
+        segment = self.solve(problem)
+        if segment is None and any(demand.ask.rules for demand in demands if not demand.is_must):
+            segment = self.solve(enforcer.strict(owes_wishes=False) or problem)
+        return segment
+
+    def possible(self, demand: Demand) -> Demand:
+        """Return a demand as far as some path keeps it, whatever the others ask."""
+        if demand.problem is not None or not demand.is_must:
+            return demand
+        if self.can_keep(demand):
+            return demand
+        if demand.clause.reducible:
+            return self.most_of(demand.clause) or replace(demand, problem='impossible')
+        # Of regions to visit, those that can be.
+        visits = tuple(zone for zone in demand.ask.visits if self.is_possible(demand, zone))
+        if not visits:
+            return replace(demand, problem='impossible')
+        return replace(demand, ask=replace(demand.ask, visits=visits))
+
+    def can_keep(self, *demands: Demand) -> bool:
+        """Tell whether some path keeps demands, without asking a waypoint source."""
+        problem = Enforcer(demands, self.route).strict()
+        if problem is None or problem.product is None or not problem.product.automata:
+            return problem is not None
+        product = replace(problem.product, price=None)
+        return self.solve(replace(problem, product=product)) is not None
+
+    def is_possible(self, demand: Demand, zone: Zone) -> bool:
+        """Tell whether some path visits one region of a clause."""
+        return self.can_keep(replace(demand, ask=Ask(visits=(zone,))))
+
+    def most_of(self, clause: Clause) -> Demand | None:
+        """Return the demand of the most metres of a clause that some path keeps, None for none."""
+        ground, found = Ground(self.route), None
+        low, high = 0.0, float(getattr(clause, clause.reducible))
+        while high - low > self.route.costmap.grid_map.resolution / FINENESS:
+            middle = (low + high) / 2.0
+            less: dict[str, Any] = {clause.reducible: middle}
+            demand = demand_of(replace(clause, **less), ground)
+            if self.can_keep(demand):
+                low, found = middle, demand
+            else:
+                high = middle
+        return found
+
+    def prices(self) -> list[float]:
+        """Return for each clause by how many metres the best path is longer because of it.
+
+        NaN for what is not demanded, and where there was no time left to search without it.
+        """
+        prices = [math.nan] * len(self.demands)
+        asked = [number for number, demand in enumerate(self.demands) if demand.problem is None]
+        with suppress(PlanningFailure):
+            longest = self.shortest(asked)
+            for number in asked:
+                others = [other for other in asked if other != number]
+                prices[number] = max(0.0, longest - self.shortest(others))
+        return prices
+
+    def shortest(self, numbers: Sequence[int]) -> float:
+        """Return the metres of the best path under some demands. Raises PlanningFailure."""
+        enforcer = Enforcer([self.demands[number] for number in numbers], self.route)
+        exact = replace(self.request, method=EXACT, source=None, want_expanded=False)
+        segment = self.solve(enforcer.strict() or enforcer.relaxed(), exact)
+        cells = math.nan if segment is None else segment.result.length
+        return cells * self.route.costmap.grid_map.resolution
+
+    def solve(
+        self, problem: Enforced, request: PlanRequest | None = None
+    ) -> SegmentPlanner | None:
         """Return a search that found a path, None if there is none. Raises PlanningFailure."""
         costmap = self.route.costmap
         if problem.closed is not None:
@@ -105,14 +197,14 @@ class InstructedSearch:
             # Landmarks hold on the map with more cells closed, too.
             with self.landmarks.lend(self.route.costmap.grid_graph) as landmarks:
                 segment = SegmentPlanner(
-                    costmap, self.request, self.deadline, self.stop, landmarks
+                    costmap, request or self.request, self.deadline, self.stop, landmarks
                 )
-                if problem.visits is None:
+                if problem.product is None:
                     for _ in segment.search():
                         pass
                 else:
-                    segment.search_visits(problem.visits)
-        except LayersTooLargeError as error:
+                    segment.search_product(problem.product)
+        except (ProductProblemError, ProductTooLargeError) as error:
             raise PlanningFailure(ResultCode.UNKNOWN, str(error)) from None
         self.expansions += segment.result.expansions
         if len(segment.result.path):
@@ -125,7 +217,7 @@ class InstructedSearch:
         """Say which clauses contradict each other, or that no path keeps all; else ''."""
         pairs = [
             f'"{one.sentence()}" contradicts "{other.sentence()}"'
-            for one, other in contradictions(self.demands)
+            for one, other in contradictions(self.asked)
         ]
         return '; '.join(pairs) or ('' if self.is_kept else 'no path of cells keeps every clause')
 
@@ -149,8 +241,8 @@ def plan_with_instruction(
     except PlanningFailure:
         outcome = InstructionOutcome(instruction.interpretation, note='there is no path')
         return with_outcome(planner.direct_plan(direct, stop), outcome)
-    places, visited = instruction.places, instruction.visited
-    route = Route(planner.costmap, endpoints.start, endpoints.goal, places, visited)
+    places, driven = instruction.places, instruction.driven
+    route = Route(planner.costmap, endpoints.start, endpoints.goal, places, driven)
     part = replace(direct, start=endpoints.start, goal=endpoints.goal)
     search = InstructedSearch(route, part, instruction, planner.landmarks, stop)
     note = ''
@@ -167,12 +259,21 @@ def plan_with_instruction(
             time_left = max(0.0, search.deadline - time.monotonic()) + spare_time(request)
             plan = planner.direct_plan(replace(direct, source=None, time_limit=time_left), stop)
     plan, outcome = verified(plan, route, instruction, note, deadline)
+    if instruction.want_prices and search.can_be_enforced and outcome.clauses:
+        outcome = replace(
+            outcome, clauses=tuple(map(with_price, outcome.clauses, search.prices()))
+        )
     problem = required_problem(outcome) if instruction.policy == REQUIRE else None
     if problem is not None and plan.code is ResultCode.NONE:
         withheld = PlanningFailure(ResultCode.NO_VALID_PATH, problem)
         plan = planner.build_plan(request, endpoints, [], failure=withheld)
         outcome = replace(outcome, note='of a path that was withheld')
     return with_outcome(plan, outcome)
+
+
+def with_price(outcome: ClauseOutcome, price: float) -> ClauseOutcome:
+    """Return the outcome of a clause that is kept with what it costs."""
+    return replace(outcome, price=price) if outcome.status is ClauseStatus.KEPT else outcome
 
 
 def spare_time(request: PlanRequest) -> float:
@@ -244,7 +345,8 @@ def required_problem(outcome: InstructionOutcome) -> str | None:
     if status in (Understanding.PENDING, Understanding.NONE):
         return f'the instruction is {status.value}'
     for clause in outcome.clauses:
-        if clause.status is not ClauseStatus.KEPT and clause.clause.strength != SHOULD:
+        is_fine = clause.status in (ClauseStatus.KEPT, ClauseStatus.UNSUPPORTED)
+        if not is_fine and clause.clause.strength != SHOULD:
             return f'{clause.clause.sentence()}: {clause.status.value} ({clause.detail})'
     return None
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from llm_astar_planner.costmap import config as costmap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.instructions.interpretation import (
+from llm_astar_planner.instructions.text import (
     MAX_INSTRUCTION_CHARS,
     POLICIES,
     PREFER,

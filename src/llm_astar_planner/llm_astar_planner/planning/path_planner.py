@@ -11,14 +11,12 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
-from llm_astar_planner.planning.footprint_search import collides, fit_footprint
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     footprint_problem,
@@ -42,7 +40,6 @@ from llm_astar_planner.planning.types import (
     check_request,
 )
 from llm_astar_planner.plugins import PluginError
-from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
@@ -55,7 +52,10 @@ from llm_astar_planner.search.result import (
 from llm_astar_planner.search.stop import StopFlag
 
 if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
     from typing_extensions import Self
+
+    from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
@@ -130,6 +130,11 @@ class PathPlanner:
             endpoints = resolve_endpoints(self.costmap, request)
             if request.footprint is not None:
                 search_deadline -= FIT_SHARE * request.time_limit
+                # Kernels and shapely, which plans without a footprint do not take.
+                from llm_astar_planner.planning.footprint_search import (  # noqa: PLC0415
+                    collides,
+                    fit_footprint,
+                )
             # 2. Search the segments between the via points, with the source's waypoints.
             for segment in self.segments(request, endpoints, search_deadline, stop):
                 segments.append(segment)
@@ -141,11 +146,14 @@ class PathPlanner:
                     # 3. A better path, while the search goes on.
                     if self.problem(request, endpoints, solution.path) is None:
                         yield self.build_plan(request, endpoints, segments, solution)
-                check_found(request, segments)
+                ended, path = segment.result.status, segment.result.path
+                is_found = len(path) > 0 and ended is not SearchStatus.EXHAUSTED
+                if not (is_found or ended is SearchStatus.FOUND):
+                    raise no_path(request, segments)
             if request.footprint is not None:
                 endpoints = fit_footprint(self.costmap, request, endpoints, segments, fit_deadline)
             # 4. Only a path that passes the independent check leaves.
-            result = concatenate_results(segments)
+            result = concatenate_results(segments) if request.via else segment.result
             problem = self.problem(request, endpoints, result.path)
             if problem is not None:
                 message = f'the path found was withheld: {problem}'
@@ -300,6 +308,13 @@ class PathPlanner:
 
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
+        # Kernels that only these plans take.
+        from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
+            AnyAnglePath,
+            interpolate,
+            string_pull,
+        )
+
         try:
             parts = [
                 string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
@@ -313,22 +328,20 @@ class PathPlanner:
         points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
         if self.checker.segments_problem(points) is not None:
             return None, ''
-        if request.footprint is not None and (
-            collides(self.costmap, request, points)
-            or footprint_problem(interpolate(points), self.costmap, request)
-        ):
-            return None, NOT_SHORTENED
+        if request.footprint is not None:
+            from llm_astar_planner.planning.footprint_search import collides  # noqa: PLC0415
+
+            if collides(self.costmap, request, points) or footprint_problem(
+                interpolate(points), self.costmap, request
+            ):
+                return None, NOT_SHORTENED
         length, cost = sum(part.length for part in parts), sum(part.cost for part in parts)
         return AnyAnglePath(points, length, cost), ''
 
 
-def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:
-    """Raise PlanningFailure if the last segment's search ended without a path."""
-    result = segments[-1].result
-    is_stopped = result.status is SearchStatus.STOPPED
-    if result.status is SearchStatus.FOUND or (is_stopped and len(result.path)):
-        return
+def no_path(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> PlanningFailure:
+    """Return why there is no path: the search of the last segment ended without one."""
     via = [f'via {number}' for number in range(1, len(request.via) + 1)]
     names = ['the start', *via, 'the goal']
     expansions = sum(segment.result.expansions for segment in segments)
-    raise segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])
+    return segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])

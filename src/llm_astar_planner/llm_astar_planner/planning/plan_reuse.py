@@ -6,11 +6,10 @@ import math
 import threading
 import time
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from cachetools import LRUCache
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
@@ -33,26 +32,6 @@ MAX_DEVIATION = 3.0
 CACHED_GOALS = 64
 
 
-class MapPlacement(NamedTuple):
-    """Which map a plan was made on and where its cells lie, without the cells themselves."""
-
-    digest: str
-    shape: tuple[int, ...]
-    resolution: float
-    origin: Pose2D
-    frame_id: str
-
-    @classmethod
-    def of(cls, grid_map: GridMap) -> MapPlacement:
-        """Return the placement of a map."""
-        shape, resolution = grid_map.cells.shape, grid_map.resolution
-        return cls(grid_map.digest, shape, resolution, grid_map.origin, grid_map.frame_id)
-
-    def matches(self, grid_map: GridMap) -> bool:
-        """Tell whether each cell is at the same place on both maps."""
-        return self[1:] == MapPlacement.of(grid_map)[1:]
-
-
 def reuse_problem(
     plan: Plan, grid_map: GridMap, planner: Planner, footprint: Footprint | None = None
 ) -> str | None:
@@ -61,7 +40,7 @@ def reuse_problem(
     It can be kept if both maps have their cells at the same places and its path, the any-angle
     one too, is still valid, also for the `footprint`.
     """
-    if not MapPlacement.of(grid_map).matches(planner.grid_map):
+    if not grid_map.is_laid_out_as(planner.grid_map):
         return 'the map has another size, resolution, origin or frame'
     problem = planner.checker.path_problem(plan.path, plan.start, plan.goal)
     if problem is None and plan.any_angle is not None:
@@ -75,9 +54,13 @@ def reuse_problem(
 
 @dataclass(frozen=True)
 class CachedWaypoints:
-    """The waypoints as the source gave them, the map they were for, and the path they led to."""
+    """The waypoints as the source gave them, the map they were for, and the path they led to.
 
-    placement: MapPlacement
+    Of the map only its digest and where its cells lie is kept, without the cells themselves.
+    """
+
+    digest: str
+    layout: tuple[object, ...]
     reply: WaypointReply
     path: NDArray[np.int32]
 
@@ -94,13 +77,12 @@ class CachedWaypoints:
 
     def can_reach(self, waypoints: tuple[Waypoint, ...], query: WaypointQuery) -> bool:
         """Tell whether every waypoint is still free and reachable from the query's start."""
-        components, grid_map = query.costmap.components, query.grid_map
-        if not (self.placement.matches(grid_map) and grid_map.contains(query.start)):
-            return False
-        here = components[query.start[1], query.start[0]]
-        cells = [(round(x), round(y)) for x, y in waypoints]
-        return all(
-            grid_map.contains(cell) and components[cell[1], cell[0]] == here for cell in cells
+        components = query.costmap.components
+        here = components.at(query.start)
+        return (
+            self.layout == query.grid_map.layout
+            and here > 0
+            and all(components.at((round(x), round(y))) == here for x, y in waypoints)
         )
 
 
@@ -127,14 +109,14 @@ class CachedWaypointSource:
         waypoints = None if cached is None else cached.ahead_of(query.start)
         if cached is None or waypoints is None:
             return self._inner.waypoints(query)
-        is_same_map = cached.placement.digest == query.grid_map.digest
+        is_same_map = cached.digest == query.grid_map.digest
         is_same_query = is_same_map and waypoints == cached.reply.waypoints
         if is_same_query or not cached.can_reach(waypoints, query):
             return self._inner.waypoints(query)
         return replace(
             cached.reply,
             waypoints=waypoints,
-            detail=f'kept from the plan on map {cached.placement.digest}',
+            detail=f'kept from the plan on map {cached.digest}',
             prompt_tokens=0,
             completion_tokens=0,
             seconds=0.0,
@@ -157,7 +139,7 @@ class CachedWaypointSource:
         accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
         if not (good and plan.checked_waypoints and accepted):
             return
-        cached = CachedWaypoints(MapPlacement.of(grid_map), plan.reply, plan.path)
+        cached = CachedWaypoints(grid_map.digest, grid_map.layout, plan.reply, plan.path)
         with self._lock:
             if started > self._cleared:
                 self._cached[plan.goal] = cached

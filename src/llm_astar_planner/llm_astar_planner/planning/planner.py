@@ -65,7 +65,7 @@ class Planner(PathPlanner):
         has nothing in its cache. `stop` ends it as it ends a plan.
         """
         is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
-        kind = self.config, request, is_graded, self.landmarks.is_measured
+        kind = self.config, request, is_graded, self.landmarks.current is not None
         if kind_of_plan(*kind) in COMPILED:
             return True
         # Importing it takes a while, and a process whose plans are compiled needs it no more.

@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,6 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
-from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.methods import (
     SEARCH_METHODS,
     PluginMethod,
@@ -48,6 +48,9 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
     WaypointSource,
 )
+
+if TYPE_CHECKING:
+    from llm_astar_planner.search.product import ProductProblem
 
 # The part of a request's time that a source may take; the rest is for the search.
 SOURCE_SHARE = 0.8
@@ -72,10 +75,9 @@ class SegmentPlanner:
     """Plans from the start of a request to its goal, both free and connected.
 
     `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
-    `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
-    were), `seconds_source` and `seconds_search`; `search_visits` instead fills in `result`,
-    `visit_problem` and `seconds_search`. `is_asked` says that the source was
-    asked, `by_heading` that another search replaced its path.
+    `reply`, `checked_waypoints`, `guiding_waypoints` and the seconds of both;
+    `search_product` instead `result`, `product`, `changes` and `seconds_search`.
+    `is_asked` says that the source was asked, `by_heading` that another search replaced its path.
     """
 
     def __init__(
@@ -98,37 +100,26 @@ class SegmentPlanner:
         self.stop = stop
         self.landmarks = landmarks
         self.result = NOT_SEARCHED
-        self.visit_problem: VisitProblem | None = None
+        self.product: ProductProblem | None = None
+        self.changes: list[int] = []
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
-        self.waypoints_used = True
+        # Of the checked ones those that the search uses.
+        self.guiding_waypoints: Sequence[CheckedWaypoint] = ()
         self.is_asked = self.by_heading = False
         self.seconds_source = 0.0
         self.seconds_search = 0.0
-
-    @property
-    def guiding_waypoints(self) -> list[CheckedWaypoint]:
-        """The waypoints that the search used."""
-        if not self.waypoints_used:
-            return []
-        usable = KEPT_BY_PAPER if self.method.as_published else GUIDING
-        return [point for point in self.checked_waypoints if point.status in usable]
 
     def search(self) -> Iterator[SearchResult]:
         """Query and search; yield each better path of a method that finds several, not validated.
 
         Raises PathTooLongError, and PluginError where a plug-in's method fails.
         """
-        request, query = self.request, self.query()
-        task, waypoints = None, list[Waypoint]()
+        request, waypoints = self.request, list[Waypoint]()
         arrivals: deque[NDArray[np.float64]] = deque()
-        if query is not None:
-            self.is_asked = True
-            if self.method.takes_late_waypoints and request.search_while_waiting:
-                task = self.query_meanwhile(query, arrivals)
-            else:
-                self.reply, self.seconds_source = query_source(*query, self.stop)
-                waypoints = self.check(self.reply)
+        task = None
+        if self.method.uses_waypoints and request.source and request.start != request.goal:
+            task = self.query(request.source, waypoints, arrivals)
         problem = SearchProblem(
             self.costmap.grid_graph,
             request.start,
@@ -150,25 +141,31 @@ class SegmentPlanner:
         self.result = result
         if task is not None:
             self.reply, self.seconds_source = task.close()
-        if isinstance(result, GuidedResult):
-            self.waypoints_used = result.guided_expansions > 0
+        if isinstance(result, GuidedResult) and not result.guided_expansions:
+            self.guiding_waypoints = ()
 
-    def search_visits(self, problem: VisitProblem) -> None:
-        """Search for the cheapest path that solves a problem of visits and prices.
+    def search_product(self, problem: ProductProblem) -> None:
+        """Search for the cheapest path that automata accept, with prices.
 
-        Raises LayersTooLargeError where it does not fit in memory.
+        Raises ProductTooLargeError where it does not fit in memory.
         """
+        # Kernels that plans without an instruction do not take.
+        from llm_astar_planner.search.product import product_search  # noqa: PLC0415
+
         begin = time.monotonic()
-        self.visit_problem = problem
-        self.result = visit_search(
+        self.product = problem
+        self.result = result = product_search(
             self.costmap.grid_graph,
             self.request.start,
             self.request.goal,
             problem,
+            landmarks=self.landmarks,
             stop=self.stop,
             deadline=self.deadline,
             want_expanded=self.request.want_expanded,
         )
+        changed = np.diff(result.trace, axis=0).any(axis=1)
+        self.changes = (np.flatnonzero(changed) + 1).tolist()
         self.seconds_search = time.monotonic() - begin
 
     def failure(
@@ -207,50 +204,49 @@ class SegmentPlanner:
         if isinstance(own, BoundedResult):
             self.result = replace(found, **vars(self.result), first_expansions=expansions)
         self.seconds_search += seconds
-        self.by_heading, self.waypoints_used = True, False
+        self.by_heading, self.guiding_waypoints = True, ()
 
     def stretches(self) -> list[NDArray[np.int32]]:
         """Return the parts of the path found, int32 [n, 2], that may be shortened at any angle.
 
-        Their ends are shared. A path with visits keeps these as ends; one that pays prices stays
-        as it is: no parts.
+        Their ends are shared. A path with visits keeps these as ends; one that pays prices, or
+        keeps a rule that a shorter way may break, stays as it is: no parts.
         """
-        result, problem = self.result, self.visit_problem
-        if problem is None or not isinstance(result, LayeredResult):
-            return [result.path]
-        if problem.price is not None or problem.before:
+        path, problem = self.result.path, self.product
+        if problem is None or self.by_heading:
+            return [path]
+        if problem.price is not None or not all(rule.only_gains for rule in problem.automata):
             return []
-        cuts = sorted({0, *(index for index in result.visited_at if index > 0)})
-        ends = [*cuts[1:], len(result.path) - 1]
-        return [result.path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
+        cuts = [0, *self.changes]
+        ends = [*cuts[1:], len(path) - 1]
+        return [path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
 
-    def query(self) -> tuple[WaypointSource, WaypointQuery] | None:
-        """Return whom to ask what, or None if no waypoints are needed."""
-        request = self.request
-        needless = not self.method.uses_waypoints or request.start == request.goal
-        if request.source is None or needless:
-            return None
+    def query(
+        self,
+        source: WaypointSource,
+        waypoints: list[Waypoint],
+        arrivals: deque[NDArray[np.float64]],
+    ) -> QueryTask | None:
+        """Query the source: its waypoints go to `waypoints`, or to `arrivals` while it searches.
+
+        Returns the query in the latter case.
+        """
+        self.is_asked, request = True, self.request
         time_left = self.deadline - time.monotonic()
-        return request.source, WaypointQuery(
-            self.costmap,
-            request.start,
-            request.goal,
-            min(request.source_time_limit, SOURCE_SHARE * time_left),
-            request.sample,
-        )
-
-    def query_meanwhile(
-        self, query: tuple[WaypointSource, WaypointQuery], arrivals: deque[NDArray[np.float64]]
-    ) -> QueryTask:
-        """Start the query; its waypoints go to `arrivals` as soon as they are there."""
+        limit = min(request.source_time_limit, SOURCE_SHARE * time_left)
+        query = WaypointQuery(self.costmap, request.start, request.goal, limit, request.sample)
+        if not (self.method.takes_late_waypoints and request.search_while_waiting):
+            self.reply, self.seconds_source = query_source(source, query, self.stop)
+            waypoints += self.check(self.reply)
+            return None
 
         def on_reply(reply: WaypointReply) -> None:
-            waypoints = self.check(reply)
-            if waypoints:
-                arrivals.append(np.array(waypoints, dtype=np.float64))
+            arrived = self.check(reply)
+            if arrived:
+                arrivals.append(np.array(arrived, dtype=np.float64))
 
-        task = start_query(*query, on_reply)
-        task.wait(min(HEAD_START, query[1].time_limit), self.stop)
+        task = start_query(source, query, on_reply)
+        task.wait(min(HEAD_START, limit), self.stop)
         return task
 
     def check(self, reply: WaypointReply) -> list[Waypoint]:
@@ -259,9 +255,10 @@ class SegmentPlanner:
         is_published = self.method.as_published
         occupied = costmap.rejected_cells if is_published else costmap.blocked
         edge = PAPER_EDGE if is_published else 0
-        self.checked_waypoints = checked = check_waypoints(
-            reply.waypoints, occupied, costmap.components, start, edge
-        )
+        checked = check_waypoints(reply.waypoints, occupied, costmap.components, start, edge)
+        usable = KEPT_BY_PAPER if is_published else GUIDING
+        self.guiding_waypoints = [point for point in checked if point.status in usable]
+        self.checked_waypoints = checked
         return target_list(checked, start, goal)[1:] if is_published else guiding_points(checked)
 
 
@@ -271,8 +268,6 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
-    if len(segments) == 1:
-        return segments[0].result
     first, *others = results = [segment.result for segment in segments]
     stopped = any(result.status is SearchStatus.STOPPED for result in results)
     whole = replace(
@@ -396,12 +391,14 @@ def mark_out_of_order(
     """
     if len(path) == 0 or len(waypoints) < 2:
         return tuple(waypoints)
-    marked = list(waypoints)
-    accepted = [i for i, point in enumerate(marked) if point.status is WaypointStatus.ACCEPTED]
+    marked, accepted, points = list(waypoints), list[int](), list[Waypoint]()
+    for i, point in enumerate(waypoints):
+        if point.status is WaypointStatus.ACCEPTED:
+            accepted.append(i)
+            points.append((point.x, point.y))
     if len(accepted) < 2:
         return tuple(marked)
-    points = np.array([(marked[i].x, marked[i].y) for i in accepted])
-    places = nearest_places(path, points).tolist()
+    places = nearest_places(path, np.array(points)).tolist()
     if sorted(places) != places:
         in_order = {accepted[i] for i in longest_rising_run(places)}
         for i in set(accepted) - in_order:

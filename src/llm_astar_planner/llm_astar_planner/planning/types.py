@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from operator import index
-from typing import TYPE_CHECKING, Any, SupportsIndex
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.report import PlanReport
 from numpy.typing import NDArray
 
-from llm_astar_planner.instructions.interpretation import RouteInstruction
-from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -29,7 +26,11 @@ from llm_astar_planner.waypoints.source import (
 )
 
 if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.messages.report import PlanReport
+
     from llm_astar_planner.costmap.config import CostmapConfig
+    from llm_astar_planner.instructions.interpretation import RouteInstruction
+    from llm_astar_planner.instructions.outcome import InstructionOutcome
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 MAX_VIA = 10_000
 # Via points that may guide a search; it follows at most 256 of them, taken evenly.
 MAX_VIAPOINTS = 1024
+# Kinds of clauses that ask nothing of a path.
+UNKNOWN, UNSUPPORTED = 'unknown', 'unsupported'
 # The fields of a request that have the names and limits of parameters. A request says None where
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
@@ -145,22 +148,17 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
-        object.__setattr__(self, 'start', as_cell('start', self.start))
-        object.__setattr__(self, 'goal', as_cell('goal', self.goal))
-        if self.via:
-            object.__setattr__(self, 'via', tuple(as_cell('via', cell) for cell in self.via))
-        if self.viapoints:
-            viapoints = tuple(as_cell('viapoints', cell) for cell in self.viapoints)
-            object.__setattr__(self, 'viapoints', viapoints)
-
-
-def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
-    """Return a cell as two ints. Raises ValueError, naming the field, if it is none."""
-    try:
-        x, y = cell
-        return index(x), index(y)
-    except (TypeError, ValueError):
-        raise ValueError(f'{name}: {cell!r} is not a cell: two whole numbers (x, y)') from None
+        given = {'start': (self.start,), 'goal': (self.goal,)}
+        for name, cells in (given | {'via': self.via, 'viapoints': self.viapoints}).items():
+            whole: list[Cell] = []
+            try:
+                for cell in cells:
+                    x, y = cell
+                    whole.append((index(x), index(y)))
+            except (TypeError, ValueError):
+                problem = f'{cell!r} is not a cell: two whole numbers (x, y)'
+                raise ValueError(f'{name}: {problem}') from None
+            object.__setattr__(self, name, whole[0] if name in given else tuple(whole))
 
 
 def check_request(request: PlanRequest) -> None:
@@ -319,6 +317,9 @@ def plan_report(plan: Plan, grid_map: GridMap | None, map_age: float | None = No
 
     `map_age` is how many seconds before the plan the map arrived, None where it never did.
     """
+    # A planner that reports nothing needs it not.
+    from llm_astar_msgs_adapter.messages.report import PlanReport  # noqa: PLC0415
+
     values = plan.to_dict()
     waypoints: tuple[tuple[float, float, str], ...] = ()
     if grid_map is not None:
@@ -366,13 +367,40 @@ def report_lines(
 
 
 def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what became of an instruction, as `PlanReport.instruction_report` has it."""
-    yield f'instruction {interpretation_line(outcome["interpretation"])}'
-    for clause in outcome['clauses']:
-        detail = f' ({clause["detail"]})' if clause['detail'] else ''
-        yield f'  {clause["status"]:<14} {clause["clause"]}{detail}'
-    if outcome['note']:
-        yield f'  {outcome["note"]}'
+    """Yield what became of an instruction, as `InstructionOutcome.to_json` has it."""
+    interpretation = outcome['interpretation']
+    yield f'instruction "{interpretation["text"]}"'
+    if {clause['kind'] for clause in outcome['clauses']} - {UNKNOWN, UNSUPPORTED}:
+        yield f'understood as: {interpretation["sentence"]}'
+    yield interpretation_line({**interpretation, 'sentence': ''})
+    for number, clause in enumerate(outcome['clauses'], start=1):
+        yield f'clause {number:<3} {clause_line(clause)}'
+    said = str(outcome.get('sentence', ''))
+    more = [('question', question) for question in interpretation.get('questions', ())]
+    more.append(('note', outcome['note']))
+    yield from (f'{name:<10} {words}' for name, words in more if words not in said)
+    if said:
+        yield f'verdict    {said}'
+
+
+def clause_line(clause: Mapping[str, Any]) -> str:
+    """Return what became of a clause: 'avoid the lab: kept (0.0 m inside), costs 4.2 m'."""
+    if clause['kind'] == UNKNOWN:
+        return str(clause['clause'])
+    if clause['kind'] == UNSUPPORTED:
+        return f'{clause["status"]}: {clause["clause"]}'
+    return f'{clause["clause"]}: {clause["status"]}{clause_facts(clause)}'
+
+
+def clause_facts(clause: Mapping[str, Any]) -> str:
+    """Return what was measured of a clause and what it costs: ' (0.0 m inside), costs 4.2 m'."""
+    return (f' ({clause["detail"]})' if clause['detail'] else '') + clause_price(clause)
+
+
+def clause_price(clause: Mapping[str, Any]) -> str:
+    """Return what a clause costs: ', costs 4.2 m'; '' where that was not measured."""
+    price = clause.get('price')
+    return '' if price is None else f', costs {price:.1f} m'
 
 
 def interpretation_line(interpretation: Mapping[str, Any]) -> str:

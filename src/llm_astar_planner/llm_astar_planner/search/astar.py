@@ -31,7 +31,7 @@ class PathTooLongError(LlmAstarError, ArithmeticError):
 
 
 class SlicedSearch:
-    """A search that runs in slices on a borrowed workspace; return that with `close`.
+    """A search that runs in slices on a borrowed workspace; give that back at its end.
 
     `best` is the cost in units of the best path known, NO_PATH without one. `work` is what has
     been done in the unit of a quota.
@@ -72,10 +72,6 @@ class SlicedSearch:
     def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
         """Set `expanded` [height, width] where this search has expanded a cell."""
         kernels.add_expanded(self.workspace.records, self.generation, expanded)
-
-    def close(self) -> None:
-        """Return the workspace."""
-        self.grid.give_back(self.workspace)
 
 
 class PlainSearch(SlicedSearch):
@@ -213,7 +209,7 @@ def complete(
         run(search, stop, deadline)
         return make_result(search, want_expanded=want_expanded)
     finally:
-        search.close()
+        search.grid.give_back(search.workspace)
 
 
 def run(search: PlainSearch, stop: StopFlag, deadline: float) -> None:

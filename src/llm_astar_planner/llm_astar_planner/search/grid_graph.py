@@ -134,9 +134,9 @@ class GridGraph:
         self.unknown_cost = unknown_cost
         if cost is not None:
             self.cell_surcharge = cell_surcharges(cost, grid.shape, cost_multiplier, unknown_cost)
-        self.straight, self.diagonal = FINE_UNITS
         self.moves = np.empty(grid.size, dtype=np.uint8)
         kernels.build_moves(grid, corner_cutting, whole(grid.shape), self.moves)
+        self.set_units(*FINE_UNITS)
         self.ring = self._ring()
         self._spare: list[Workspace] = []
         self._coarse: GridGraph | None = None
@@ -165,6 +165,7 @@ class GridGraph:
             grid.cell_surcharge = self.cell_surcharge.copy()
             table = surcharge_table(self.cost_multiplier, self.unknown_cost)
             kernels.fill_surcharges(cost, table, windows, grid.cell_surcharge)
+        grid.set_units(self.straight, self.diagonal)
         grid.ring = grid._ring()
         if grid.ring != self.ring:
             grid._spare = []
@@ -173,12 +174,17 @@ class GridGraph:
             grid.packed = self.packed.updated(blocked, windows)
         return grid
 
-    @property
-    def cells(self) -> kernels.Cells:
-        """The cells as the compiled loops take them."""
-        return kernels.Cells(
-            self.moves, self.cell_surcharge, self.width, self.straight, self.diagonal
-        )
+    def set_units(self, straight: int, diagonal: int) -> None:
+        """Set the units of length, and what searches take that depends on them."""
+        self.straight, self.diagonal = straight, diagonal
+        # The cells as the compiled loops take them.
+        self.cells = kernels.Cells(self.moves, self.cell_surcharge, self.width, straight, diagonal)
+        # How many times its units the exact cost of a path may be: 1 on uniform costs. Prices are
+        # rounded down to 1/256, and the price of a move to a unit.
+        self.rounding = 1.0
+        if self.cell_surcharge.size:
+            diagonals = diagonal / (straight * math.sqrt(2.0))
+            self.rounding = (1.0 + 1.0 / SURCHARGE_ONE) * (1.0 + 1.0 / (straight - 1)) * diagonals
 
     def _ring(self) -> int:
         """Return the number of buckets that a search's queue needs, a power of two."""
@@ -210,17 +216,6 @@ class GridGraph:
         if 0 <= x < self.width and 0 <= y < self.height:
             return int(y) * self.width + int(x)
         raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
-
-    @property
-    def rounding(self) -> float:
-        """How many times its units the exact cost of a path may be: 1 on uniform costs.
-
-        Prices are rounded down to 1/256, and the price of a move to a unit.
-        """
-        if not self.cell_surcharge.size:
-            return 1.0
-        diagonals = self.diagonal / (self.straight * math.sqrt(2.0))
-        return (1.0 + 1.0 / SURCHARGE_ONE) * (1.0 + 1.0 / (self.straight - 1)) * diagonals
 
     def proven(
         self, path: NDArray[np.int32], units: float, bound: float
@@ -265,7 +260,7 @@ class GridGraph:
         """Return the same grid in coarser units, for paths too long for the fine ones."""
         if self._coarse is None:
             grid = copy.copy(self)
-            grid.straight, grid.diagonal = COARSE_UNITS
+            grid.set_units(*COARSE_UNITS)
             grid._spare = []
             grid._coarse = grid
             self._coarse = grid

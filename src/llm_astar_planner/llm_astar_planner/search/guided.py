@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,13 +25,15 @@ from llm_astar_planner.search.astar import (
     PlainSearch,
     SlicedSearch,
 )
-from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
+
+if TYPE_CHECKING:
+    from llm_astar_planner.search.expansion_order import ExpansionRecorder
 
 # How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2
@@ -119,12 +121,11 @@ class GuidedSearch:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
         if not isinstance(blocked, GridGraph):
             blocked = GridGraph(blocked, corner_cutting=corner_cutting)
-        self._grid = blocked
-        self._grid.index(start)
-        self._grid.index(goal)
-        if landmarks is not None and landmarks.distances.shape[1] != self._grid.moves.size:
+        blocked.index(start)
+        blocked.index(goal)
+        if landmarks is not None and landmarks.distances.shape[1] != blocked.moves.size:
             raise ValueError('landmarks: are of a map of another size')
-        self._landmarks = landmarks
+        self._grid, self._landmarks = blocked, landmarks
         self.start, self.goal, self.stop = start, goal, no_stop() if stop is None else stop
         self.max_suboptimality, self.recorder = max_suboptimality, recorder
         self.deadline, self.weight, self.work_factor = deadline, weight, work_factor
@@ -157,10 +158,13 @@ class GuidedSearch:
         """
         grid, landmarks = self._grid, self._landmarks
         while True:
-            run = _Run(self, grid, landmarks)
+            self._begin(grid, landmarks)
             try:
-                yield from run.solutions()
-                self._result = run.result(want_expanded=want_expanded)
+                while self._status is None:
+                    solution = self._step()
+                    if solution is not None:
+                        yield solution
+                self._result = self._describe(want_expanded=want_expanded)
                 return self._result
             except OverflowError:
                 # Too long for the fine units: restart in coarse ones, which landmarks are not in.
@@ -168,29 +172,145 @@ class GuidedSearch:
                     message = f'the cost of a path {self.start} to {self.goal} does not fit'
                     raise PathTooLongError(message) from None
                 grid, landmarks = grid.coarse(), None
-                if run.waypoints is not None:
-                    self.inbox.appendleft(run.waypoints)
+                if self._waypoints is not None:
+                    self.inbox.appendleft(self._waypoints)
             except GeneratorExit:
-                self._result = run.result(want_expanded=want_expanded)
+                self._result = self._describe(want_expanded=want_expanded)
                 raise
             finally:
-                run.plain.close()
-                if run.waypoint_search is not None:
-                    run.waypoint_search.close()
-
-    def is_met(self, plain: PlainSearch) -> bool:
-        """Tell whether the best path that the plain search knows is good enough."""
-        if plain.best == plain_kernels.NO_PATH or self.max_suboptimality is None:
-            return plain.best < plain_kernels.NO_PATH
-        # Rounded down: the bound reported is never above the one asked for.
-        limit = math.floor(self.max_suboptimality / plain.grid.rounding * kernels.ONE)
-        return plain.best * kernels.ONE <= plain.bound * limit
+                for search in (self._plain, self._led):
+                    if search is not None:
+                        search.grid.give_back(search.workspace)
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
         if self._result is None:
             raise RuntimeError('the search has not run to an end')
         return self._result
+
+    def _begin(self, grid: GridGraph, landmarks: Landmarks | None) -> None:
+        """Begin on one grid: an exact search and, when there are waypoints, theirs."""
+        # Jump points pay for far goals, on uniform costs without corner cutting, unless the map
+        # is full of them.
+        (x, y), (goal_x, goal_y) = self.start, self.goal
+        self._fewest_moves = max(abs(x - goal_x), abs(y - goal_y))
+        jumps = self._fewest_moves >= FAR and not (grid.cell_surcharge.size or grid.corner_cutting)
+        jumps = jumps and grid.packed.jump_points <= MOST_JUMP_POINTS * grid.moves.size
+        exact_search = JumpSearch if jumps else PlainSearch
+        self._plain = exact_search(grid, self.start, self.goal, landmarks)
+        self._led: WaypointSearch | None = None
+        self._waypoints: NDArray[np.float64] | None = None
+        self._expansions = self._plain_first = 0
+        self._status = self._plain.status
+        self._best = self._units = plain_kernels.NO_PATH
+        self._solution: AnytimeSolution | None = None
+        self._first = (0, math.inf)
+        is_plain = not jumps and not len(self._plain.active)
+        measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
+        self._work_factor = measured if self.work_factor is None else self.work_factor
+        # Rounded down: the bound reported is never above the one asked for.
+        limit = (self.max_suboptimality or 0.0) / grid.rounding * kernels.ONE
+        self._limit = math.floor(limit)
+
+    def _step(self) -> AnytimeSolution | None:
+        """Search one slice; return the path that it found, None if it is not better."""
+        if self.stop[0] or time.monotonic() >= self.deadline:
+            self._status = SearchStatus.STOPPED
+            return None
+        if self.inbox:
+            self._take_waypoints()
+        searched, quota = self._next()
+        if self.recorder is None:
+            searched.advance(quota)
+        else:
+            self.recorder.advance(searched, quota, self._expansions - searched.expansions)
+        led_expansions = 0 if self._led is None else self._led.expansions
+        self._expansions = self._plain.expansions + led_expansions
+        if searched is self._plain:
+            self._status = searched.status
+        elif searched.status is SearchStatus.EXHAUSTED or (
+            searched.status is SearchStatus.FOUND and self.max_suboptimality is None
+        ):
+            is_known = searched.best < plain_kernels.NO_PATH
+            self._status = SearchStatus.FOUND if is_known else SearchStatus.EXHAUSTED
+        best, enough = self._plain.best, self._plain.bound * self._limit
+        if self._status is None and best < plain_kernels.NO_PATH and best * kernels.ONE <= enough:
+            self._status = SearchStatus.FOUND
+        return self._take_solution(searched) if searched.best < self._best else None
+
+    def _next(self) -> tuple[PlainSearch | WaypointSearch, int]:
+        """Return which search goes on, and how many cells it may expand."""
+        plain, led = self._plain, self._led
+        if self._waypoints is None or (led is not None and led.status is not None):
+            return plain, EXPANSION_SLICE
+        if plain.expansions < self._plain_first:
+            return plain, self._plain_first - plain.expansions
+        if led is None:
+            led = self._led = WaypointSearch(self, plain)
+            led.follow(self._waypoints)
+        allowed = max(HEAD_START * self._fewest_moves, self._work_factor * plain.expansions)
+        quota = min(int(allowed) - led.expansions, EXPANSION_SLICE)
+        if quota > 0:
+            return led, quota
+        return plain, max(_MIN_PLAIN_STEP, plain.expansions // _PLAIN_SHARE)
+
+    def _take_waypoints(self) -> None:
+        """Follow the newest waypoints, unless a path is known: then they count for nothing."""
+        points = self.inbox.pop()
+        self.inbox.clear()
+        if self._best < plain_kernels.NO_PATH:
+            return
+        self._waypoints = points
+        if self._led is not None:
+            self._led.follow(points)
+            return
+        moves, grid = self._fewest_moves, self._plain.grid
+        if not grid.cell_surcharge.size:
+            moves = max(moves, self._plain.bound // grid.diagonal)
+        self._fewest_moves = moves
+        self._plain_first = max(moves, PLAIN_FIRST) if moves >= FAR else 0
+
+    def _take_solution(self, searched: PlainSearch | WaypointSearch) -> AnytimeSolution | None:
+        """Note the path that the records now hold and return it, None if it is a worse one.
+
+        A path may cost less than the goal's g, since a cell on it may have improved after g was
+        set. So a path that improves on g may still cost more than the path noted before.
+        """
+        self._best = searched.best
+        path, length, units = searched.path()
+        proven = self._plain.grid.proven(path, units, self._plain.bound)
+        cost = proven[0]
+        if self._solution is None:
+            self._first = self._expansions, cost
+        elif cost > self._solution.cost:
+            return None
+        nothing = np.zeros((0, 0), dtype=np.bool_)
+        self._solution = AnytimeSolution(
+            SearchStatus.STOPPED, self._expansions, 0, nothing, path, length, *proven
+        )
+        self._units = units
+        return self._solution
+
+    def _describe(self, *, want_expanded: bool) -> GuidedResult:
+        """Return what is known now."""
+        plain, led, best = self._plain, self._led, self._solution
+        status = SearchStatus.STOPPED if self._status is None else self._status
+        expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
+        if want_expanded and not self.stop[0]:
+            plain.add_expanded(expanded)
+            if led is not None:
+                led.add_expanded(expanded)
+        costs = math.inf, math.inf, math.inf
+        if best is not None:
+            costs = plain.grid.proven(best.path, self._units, plain.bound)
+        elif status is not SearchStatus.EXHAUSTED:
+            costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
+        storage, led_expansions = (led.storage, led.expansions) if led else (0, 0)
+        found = (best.path, best.length) if best else (empty_path(), math.nan)
+        return GuidedResult(
+            status, self._expansions, plain.storage + storage, expanded, *found, *costs,
+            *self._first, led_expansions, plain.expansions,
+        )  # fmt: skip
 
 
 @search_method(uses_waypoints=True, takes_late_waypoints=True)
@@ -250,7 +370,8 @@ class WaypointSearch(SlicedSearch):
     def advance(self, quota: int) -> None:
         """Expand up to `quota` cells, looking only for paths cheaper than the plain search's.
 
-        Sets `status` if that ends the search. Raises OverflowError.
+        Sets `status` if that ends the search; the plain one then learns what it has found. Raises
+        OverflowError.
         """
         workspace, plain, control = self.workspace, self._plain, self._control
         control[kernels.G_BEST] = min(control[kernels.G_BEST], plain.best)
@@ -261,150 +382,7 @@ class WaypointSearch(SlicedSearch):
         self.best, self.expansions, self.storage = control[kernels.G_BEST :].tolist()
         self.work = self.expansions
         self.note(ended)
-
-
-class _Run:
-    """One run of a guided search on one grid: an exact search and, with waypoints, theirs."""
-
-    def __init__(self, query: GuidedSearch, grid: GridGraph, landmarks: Landmarks | None) -> None:
-        self.query = query
-        (x, y), (goal_x, goal_y) = query.start, query.goal
-        # Jump points pay for far goals, on uniform costs without corner cutting, unless the map
-        # is full of them.
-        self.fewest_moves = max(abs(x - goal_x), abs(y - goal_y))
-        jumps = self.fewest_moves >= FAR and not (grid.cell_surcharge.size or grid.corner_cutting)
-        jumps = jumps and grid.packed.jump_points <= MOST_JUMP_POINTS * grid.moves.size
-        exact_search = JumpSearch if jumps else PlainSearch
-        self.plain = exact_search(grid, query.start, query.goal, landmarks)
-        self.waypoint_search: WaypointSearch | None = None
-        self.waypoints: NDArray[np.float64] | None = None
-        self.expansions = self.plain_first = 0
-        self.status = self.plain.status
-        self.best = self.units = plain_kernels.NO_PATH
-        self.solution: AnytimeSolution | None = None
-        self.first = (0, math.inf)
-        is_plain = not jumps and not len(self.plain.active)
-        measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
-        self.work_factor = measured if query.work_factor is None else query.work_factor
-
-    def solutions(self) -> Iterator[AnytimeSolution]:
-        """Search to the end; yield each better path."""
-        query = self.query
-        while self.status is None:
-            if query.stop[0] or time.monotonic() >= query.deadline:
-                self.status = SearchStatus.STOPPED
-                return
-            searched = self.step()
-            self.expansions = self.count()
-            if searched.best < self.best:
-                self.best = searched.best
-                solution = self.take_solution(searched)
-                if solution is not None:
-                    yield solution
-
-    def step(self) -> PlainSearch | WaypointSearch:
-        """Search one slice; set the status if that ends the search; return which one searched."""
-        query = self.query
-        if query.inbox:
-            self.take_waypoints()
-        plain, led = self.plain, self.waypoint_search
-        if self.waypoints is None or (led is not None and led.status is not None):
-            return self.step_plain(EXPANSION_SLICE)
-        if plain.expansions < self.plain_first:
-            return self.step_plain(self.plain_first - plain.expansions)
-        if led is None:
-            led = self.waypoint_search = WaypointSearch(query, plain)
-            led.follow(self.waypoints)
-        allowed = max(HEAD_START * self.fewest_moves, self.work_factor * plain.expansions)
-        quota = min(int(allowed) - led.expansions, EXPANSION_SLICE)
-        if quota <= 0:
-            return self.step_plain(max(_MIN_PLAIN_STEP, plain.expansions // _PLAIN_SHARE))
-        self.advance(led, quota)
-        if led.status is SearchStatus.EXHAUSTED:
-            # No path costs less than the best one known, if there is one.
-            plain.learn(led.best, led.best)
-            self.status = SearchStatus.FOUND if led.best < plain_kernels.NO_PATH else led.status
-        elif led.status is SearchStatus.FOUND:
-            plain.learn(led.best)
-            if query.is_met(plain):
-                self.status = SearchStatus.FOUND
-        return led
-
-    def advance(self, search: PlainSearch | WaypointSearch, quota: int) -> None:
-        """Advance one of the searches, and record what it expands if that is wanted."""
-        if self.query.recorder is None:
-            search.advance(quota)
-        else:
-            self.query.recorder.advance(search, quota, self.count() - search.expansions)
-
-    def count(self) -> int:
-        """Return the expansions of both searches."""
-        led = self.waypoint_search
-        return self.plain.expansions + (0 if led is None else led.expansions)
-
-    def step_plain(self, quota: int) -> PlainSearch:
-        """Let the plain A* expand `quota` cells; set the status if that ends the search."""
-        plain = self.plain
-        self.advance(plain, quota)
-        if plain.status is not None:
-            self.status = plain.status
-        elif self.query.max_suboptimality is not None and self.query.is_met(plain):
-            self.status = SearchStatus.FOUND
-        return plain
-
-    def take_waypoints(self) -> None:
-        """Follow the newest waypoints, unless a path is known: then they count for nothing."""
-        points = self.query.inbox.pop()
-        self.query.inbox.clear()
-        if self.best < plain_kernels.NO_PATH:
-            return
-        self.waypoints = points
-        if self.waypoint_search is not None:
-            self.waypoint_search.follow(points)
-            return
-        moves, grid = self.fewest_moves, self.plain.grid
-        if not grid.cell_surcharge.size:
-            moves = max(moves, self.plain.bound // grid.diagonal)
-        self.fewest_moves = moves
-        self.plain_first = max(moves, PLAIN_FIRST) if moves >= FAR else 0
-
-    def take_solution(self, searched: PlainSearch | WaypointSearch) -> AnytimeSolution | None:
-        """Note the path that the records now hold and return it, None if it is a worse one.
-
-        A path may cost less than the goal's g, since a cell on it may have improved after g was
-        set. So a path that improves on g may still cost more than the path noted before.
-        """
-        path, length, units = searched.path()
-        proven = self.plain.grid.proven(path, units, self.plain.bound)
-        cost = proven[0]
-        if self.solution is None:
-            self.first = self.expansions, cost
-        elif cost > self.solution.cost:
-            return None
-        nothing = np.zeros((0, 0), dtype=np.bool_)
-        self.solution = AnytimeSolution(
-            SearchStatus.STOPPED, self.expansions, 0, nothing, path, length, *proven
-        )
-        self.units = units
-        return self.solution
-
-    def result(self, *, want_expanded: bool) -> GuidedResult:
-        """Return what is known now."""
-        plain, led, best = self.plain, self.waypoint_search, self.solution
-        status = SearchStatus.STOPPED if self.status is None else self.status
-        expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
-        if want_expanded and not self.query.stop[0]:
-            plain.add_expanded(expanded)
-            if led is not None:
-                led.add_expanded(expanded)
-        costs = math.inf, math.inf, math.inf
-        if best is not None:
-            costs = plain.grid.proven(best.path, self.units, plain.bound)
-        elif status is not SearchStatus.EXHAUSTED:
-            costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
-        storage, led_expansions = (led.storage, led.expansions) if led else (0, 0)
-        found = (best.path, best.length) if best else (empty_path(), math.nan)
-        return GuidedResult(
-            status, self.expansions, plain.storage + storage, expanded, *found, *costs,
-            *self.first, led_expansions, plain.expansions,
-        )  # fmt: skip
+        if self.status is not None:
+            # An exhausted one proves that no path costs less than the best one known, if any.
+            is_exhausted = self.status is SearchStatus.EXHAUSTED
+            plain.learn(self.best, self.best if is_exhausted else 0)

@@ -188,7 +188,8 @@ class LandmarkManager:
         self._count = count
         self._max_bytes = max_bytes
         self._changed = threading.Condition()
-        self._landmarks: Landmarks | None = None
+        # The newest, of whatever map; a search takes them by `lend`.
+        self.current: Landmarks | None = None
         self._newest: GridGraph | None = None
         # The maps that the landmarks are known to be admissible on, once repaired.
         self._admitted: weakref.WeakSet[GridGraph] = weakref.WeakSet()
@@ -204,14 +205,9 @@ class LandmarkManager:
         self._tally: defaultdict[str, float] = defaultdict(float)
 
     @property
-    def is_measured(self) -> bool:
-        """Whether there are landmarks, of whatever map."""
-        return self._landmarks is not None
-
-    @property
     def nbytes(self) -> int:
         """Bytes the landmarks hold now."""
-        landmarks = self._landmarks
+        landmarks = self.current
         return 0 if landmarks is None else landmarks.nbytes
 
     def update(self, grid: GridGraph) -> None:
@@ -238,7 +234,12 @@ class LandmarkManager:
         They do not change until the block ends.
         """
         with self._changed:
-            landmarks = self._usable(grid)
+            landmarks = None if self._repair is not None else self.current
+            if landmarks is not None and grid not in self._admitted:
+                if landmarks.is_admissible_on(grid):
+                    self._admitted.add(grid)
+                else:
+                    landmarks = None
             self._tally['searches'] += 1
             self._tally['searches_with'] += landmarks is not None
             self._readers += landmarks is not None
@@ -262,7 +263,7 @@ class LandmarkManager:
         """Stop what runs in the background and release the landmarks, for good."""
         with self._changed:
             self._closed = True
-            self._landmarks = self._repair = None
+            self.current = self._repair = None
             self._stop_build[0] = self._stop_repair[0] = 1
             self._changed.notify_all()
         self.wait()
@@ -275,9 +276,9 @@ class LandmarkManager:
         over the octile distance (1: none). What they saved is not known without searching again.
         """
         with self._changed:
-            tally, landmarks, grid = self._tally, self._landmarks, self._newest
+            tally, landmarks, grid = self._tally, self.current, self._newest
             gain = 1.0
-            if landmarks is not None and grid is not None and self._usable(grid):
+            if landmarks and grid and grid in self._admitted and self._repair is None:
                 gain = landmarks.bound_gain(grid)
             return {
                 'landmarks': 0 if landmarks is None else landmarks.count,
@@ -290,39 +291,29 @@ class LandmarkManager:
                 'landmark_availability': tally['searches_with'] / max(tally['searches'], 1.0),
             }
 
-    def _usable(self, grid: GridGraph) -> Landmarks | None:
-        """Return the landmarks if they are ready and admissible on `grid`."""
-        if self._landmarks is None or self._repair is not None:
-            return None
-        if grid not in self._admitted:
-            if not self._landmarks.is_admissible_on(grid):
-                return None
-            self._admitted.add(grid)
-        return self._landmarks
-
     def _has_work(self) -> bool:
         """Tell whether there is something to do for the background."""
         if self._closed or self._newest is None:
             return False
         if self._repair is not None:
             return True
-        if self._landmarks is None or self._is_stale():
+        if self.current is None or self._is_stale():
             fits = landmark_count(self._newest, self._count, self._max_bytes) > 0
             return fits and self._newest not in self._tried
         return self._newest not in self._admitted
 
     def _is_stale(self) -> bool:
         """Tell whether others should be measured now."""
-        stale = self._landmarks is not None and self._landmarks.is_stale
+        stale = self.current is not None and self.current.is_stale
         return stale and self._tally['maps'] - self._tally['built_at'] > _STALE_MAPS
 
     def _follow(self) -> None:
         """Merge the newest map; begin a repair if it is freer, drop landmarks of another kind."""
-        grid, landmarks = self._newest, self._landmarks
+        grid, landmarks = self._newest, self.current
         if landmarks is None or grid is None:
             return
         if not is_alike(landmarks.freest, grid):
-            self._landmarks = None
+            self.current = None
             return
         began = time.thread_time()
         changed = landmarks.merge(grid)
@@ -351,7 +342,7 @@ class LandmarkManager:
             while self._newest is not None and self._has_work():
                 if self._repair is not None:
                     self._finish_repair(self._repair)
-                elif self._landmarks is None or self._is_stale():
+                elif self.current is None or self._is_stale():
                     self._build(self._newest)
                 else:
                     self._follow()
@@ -375,7 +366,7 @@ class LandmarkManager:
         if self._repair is repair:
             self._repair = None
             if not done:
-                self._landmarks = None
+                self.current = None
 
     def _build(self, grid: GridGraph) -> None:
         """Measure new landmarks; those there are serve until the new ones replace them."""
@@ -396,5 +387,5 @@ class LandmarkManager:
         if stop[0]:
             self._tried.clear()
         elif landmarks is not None:
-            self._landmarks, self._repair = landmarks, None
+            self.current, self._repair = landmarks, None
             self._admitted = weakref.WeakSet((grid,))

@@ -100,6 +100,15 @@ class Tiles:
         labels, _, _, *arrays = self.tables
         return labels.nbytes + self.components.nbytes + sum(array.nbytes for array in arrays)
 
+    def at(self, cell: tuple[int, int]) -> int:
+        """Return the number of the component of a cell (x, y), 0 also where it is off the grid."""
+        x, y = cell
+        labels, shift, _, counts, nodes, _, _ = self.tables
+        if not (0 <= y < labels.shape[0] and 0 <= x < labels.shape[1]):
+            return 0
+        tile = (y >> shift) * counts.shape[1] + (x >> shift)
+        return int(self.components[nodes[tile] + labels[y, x]])
+
     @overload
     def __getitem__(self, index: tuple[int, int]) -> int: ...
 

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from typing import TYPE_CHECKING
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
-from llm_astar_planner.waypoints.llm.credentials import KEY_NAMES, Endpoint
-from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
 from llm_astar_planner.waypoints.plugins import SOURCES
-from llm_astar_planner.waypoints.prompts.template import FORMS, MESSAGE, load_template, prompt_name
-from llm_astar_planner.waypoints.source import WaypointSource, name_problem
+from llm_astar_planner.waypoints.source import (
+    FORMS,
+    KEY_NAMES,
+    MESSAGE,
+    RESPONSE_FORMATS,
+    WaypointSource,
+    name_problem,
+)
+
+if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 DEFAULT_PROMPT = 'few_shot'
 SOURCE_NAMES = tuple(SOURCES.own)
@@ -83,7 +89,7 @@ class SourceSettings:
         'shipped ones (`instructions/model/examples.json`)',
     )
     response_format: str = parameter(
-        'text', 'Response format to ask the endpoint for', choices=tuple(RESPONSE_FORMATS)
+        'text', 'Response format to ask the endpoint for', choices=RESPONSE_FORMATS
     )
     candidates: int = parameter(
         8,
@@ -141,6 +147,10 @@ class SourceSettings:
                 raise SettingsError(problem)
         if self.source != 'endpoint':
             return
+        # Only who asks a model needs these.
+        from llm_astar_planner.waypoints.llm.credentials import Endpoint  # noqa: PLC0415
+        from llm_astar_planner.waypoints.prompts.template import load_template  # noqa: PLC0415
+
         try:
             Endpoint(self.base_url, self.api_key_env, self.api_key_names)
             template = load_template(self.prompt or DEFAULT_PROMPT)
@@ -155,8 +165,10 @@ class SourceSettings:
     @property
     def prompt_name(self) -> str:
         """The name of the prompt in replies, rows and transcripts. Raises TemplateError."""
-        template = load_template(self.prompt or DEFAULT_PROMPT)
-        return prompt_name(template.name, self.prompt_form, self.retrieved_examples)
+        from llm_astar_planner.waypoints.prompts import template as templates  # noqa: PLC0415
+
+        template = templates.load_template(self.prompt or DEFAULT_PROMPT)
+        return templates.prompt_name(template.name, self.prompt_form, self.retrieved_examples)
 
 
 # The parameters, by field name.

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap
 
 Waypoint = tuple[float, float]
+# How a language model may be asked, and the formats that its replies may be asked for in.
+MESSAGE, TURNS, COMPLETION = FORMS = ('message', 'turns', 'completion')
+RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
+# Which variables may hold a key, unless the start says otherwise.
+KEY_NAMES = '*_API_KEY, *_TOKEN'
 # Characters of the name of a model or a prompt, which stands in logs, tables and file names.
 MAX_NAME = 200
 # More waypoints than any route needs; checking an unlimited number would take unlimited time.

@@ -10,13 +10,13 @@ from llm_astar_planner.instructions import current
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Understanding,
     not_understood,
 )
 from llm_astar_planner.instructions.regions import NamedPlace
 from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.text import InstructionError
 
 LONG = 20.0
 FREE_WORDING = 'the soup smells, so keep clear of wherever they cook it'

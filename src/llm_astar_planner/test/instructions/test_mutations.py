@@ -17,13 +17,27 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
-from llm_astar_planner.instructions.regions import Box, Disc, Half, NamedPlace, Tagged
+from llm_astar_planner.instructions.outcome import ClauseStatus
+from llm_astar_planner.instructions.regions import (
+    AllOf,
+    AnyOf,
+    Box,
+    Disc,
+    End,
+    Except,
+    Half,
+    NamedPlace,
+    Tagged,
+)
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.verification import verify
@@ -31,7 +45,6 @@ from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from path_samples import box_depth, dense, disc_depth, length_where
-from verified_maps import SATISFIED
 
 # 24 m x 18 m in cells of 0.25 m: three rooms in the south, three in the north, a hall between,
 # and a table in the hall.
@@ -48,6 +61,7 @@ ROOMS = {
 }
 TABLE = (11.0, 8.5, 13.0, 9.5)
 TAGS = {'blue': ('store', 'kitchen')}
+HELD = (ClauseStatus.KEPT, ClauseStatus.AS_FAR_AS_POSSIBLE)
 START, GOAL = (2.125, 2.125), (21.875, 15.875)
 
 
@@ -116,6 +130,23 @@ INSTRUCTIONS = [
     (EndAt(region=Disc(22.0, 1.0, 0.5)), Avoid(region=HALL)),
     (EndAt(region=SHOP), Visit(regions=(LAB,))),
     (EndAt(region=TABLES), Avoid(region=STORE)),
+    (Then(first=HALL, second=KITCHEN),),
+    (Visit(regions=(SHOP,)), Then(first=SHOP, second=DOCK)),
+    (Then(first=STORE, second=SHOP), Visit(regions=(STORE,)), Avoid(region=KITCHEN)),
+    (Visit(regions=(DOCK,)), NeverAfter(first=HALL, second=DOCK)),
+    (Visit(regions=(KITCHEN, STORE)), NeverAfter(first=KITCHEN, second=HALL)),
+    (NeverAfter(first=Disc(3.75, 7.0, 1.5), second=LAB),),
+    (Count(region=HALL, at_least=2),),
+    (Count(region=KITCHEN, at_least=1, at_most=1), Visit(regions=(SHOP,))),
+    (Count(region=HALL, at_most=1), Visit(regions=(DOCK,)), Visit(regions=(KITCHEN,))),
+    (Count(region=DOCK, at_least=2, at_most=2),),
+    (Count(region=TABLES, at_least=1), Avoid(region=STORE)),
+    (Visit(regions=(AnyOf((DOCK, SHOP)),)),),
+    (Avoid(region=AnyOf((STORE, KITCHEN))),),
+    (Visit(regions=(Except(Tagged('blue'), (STORE,)),)),),
+    (Avoid(region=Except(HALL, (Box(16.0, -math.inf, math.inf, math.inf),))),),
+    (Visit(regions=(AllOf((HALL, Half('west'))),)), Avoid(region=AllOf((HALL, Half('east'))))),
+    (Visit(regions=(End('goal'),)), EndAt(region=End('start'))),
 ]
 
 
@@ -169,8 +200,14 @@ def misread(clause):
             yield replace(clause, regions=regions[:-1])
         case Visit(regions=(region,)):
             yield Avoid(region=region)
-        case Before(first=first, second=second):
+        case Before(first=first, second=second) | Then(first=first, second=second):
             yield replace(clause, first=second, second=first)
+        case NeverAfter(first=first, second=second):
+            yield replace(clause, first=second, second=first)
+            yield Before(first=first, second=second)
+        case Count(at_least=at_least, at_most=at_most):
+            yield replace(clause, at_least=max(0, at_least - 1))
+            yield replace(clause, at_most=None if at_most is None else at_most + 1)
         case StayIn(region=Half(side)):
             yield replace(clause, region=Half(opposite[side]))
         case StayIn(region=region):
@@ -199,12 +236,21 @@ def depth_in(region, xy):
         case Half(side):
             x, y = SIZE[0] / 2 - xy[:, 0], SIZE[1] / 2 - xy[:, 1]
             return {'west': x, 'east': -x, 'south': y, 'north': -y}[side]
+        case AnyOf(regions):
+            return np.max([depth_in(one, xy) for one in regions], axis=0)
+        case AllOf(regions):
+            return np.min([depth_in(one, xy) for one in regions], axis=0)
+        case Except(inner, others):
+            return np.min([depth_in(inner, xy), *(-depth_in(one, xy) for one in others)], axis=0)
+        case End(end):
+            return disc_depth(xy, *(START if end == 'start' else GOAL), 0.5)
     raise TypeError(region)
 
 
 def visit_places(region, xy, slack):
     """The numbers of the points at which a region counts as visited."""
-    needed = {NamedPlace: 0.5, Tagged: 0.5, Disc: -CELL}.get(type(region), 0.0)
+    areas = dict.fromkeys((NamedPlace, Tagged, AnyOf, AllOf, Except), 0.5)
+    needed = {**areas, Disc: -CELL}.get(type(region), 0.0)
     needed = -1.0 if region == TABLES else needed
     return np.flatnonzero(depth_in(region, xy) >= needed - slack)
 
@@ -226,6 +272,18 @@ def surely_broken(specification, index, points, best):
             entries = np.flatnonzero(depth_in(second, xy) > 0.02)
             visits = visit_places(first, xy, 0.05)
             return len(entries) > 0 and (not len(visits) or visits[0] > entries[0] + 5)
+        case Then(first=first, second=second):
+            entries = np.flatnonzero(depth_in(first, xy) > 0.02)
+            visits = visit_places(second, xy, 0.05)
+            return len(entries) > 0 and (not len(visits) or visits[-1] < entries[-1] - 5)
+        case NeverAfter(first=first, second=second):
+            entries = np.flatnonzero(depth_in(first, xy) > 0.02)
+            later = np.flatnonzero(depth_in(second, xy) > 0.02)
+            return len(entries) > 0 and len(later) > 0 and later[-1] > entries[0] + 5
+        case Count(region=region, at_least=at_least, at_most=at_most):
+            if entries_of(region, xy, 0.05) < at_least:
+                return True
+            return at_most is not None and entries_of(region, xy, -0.05) > at_most
         case Pass(region=region, side=side):
             return surely_not_passed(region, side, xy)
         case KeepDistance(metres=metres, region=None):
@@ -235,6 +293,14 @@ def surely_broken(specification, index, points, best):
         case EndAt(region=region):
             return not len(visit_places(region, xy[-1:], 0.55 if region != TABLES else 0.05))
     raise TypeError(clause)
+
+
+def entries_of(region, xy, slack):
+    """How often a path comes to a region after it was a cell and a half away from it."""
+    deep = visit_places(region, xy, slack)
+    reach = -1.0 if region == TABLES else 0.0
+    outside = np.flatnonzero(depth_in(region, xy) < reach - 1.5 * CELL - slack)
+    return len(np.unique(np.searchsorted(outside, deep)))
 
 
 def allowed(clause, margin, best):
@@ -291,7 +357,7 @@ def test_who_keeps_another_instruction_is_caught(planner, clauses):
     points = planned(planner, right)
     best = dense(points)
     for index, found in enumerate(verified(planner, right, points)):
-        assert found.status is SATISFIED, found.detail
+        assert found.status in HELD, found.detail
         assert not surely_broken(right, index, points, best)
     caught = 0
     for wrong in mutants(right):
@@ -299,7 +365,7 @@ def test_who_keeps_another_instruction_is_caught(planner, clauses):
         for index, found in enumerate(verified(planner, right, other)):
             if surely_broken(right, index, other, best):
                 caught += 1
-                assert found.status is not SATISFIED, (found, wrong)
+                assert found.status not in HELD, (found, wrong)
     assert caught or not any(
         surely_broken(right, index, planned(planner, NOTHING_ASKED), best)
         for index in range(len(clauses))

@@ -1,31 +1,17 @@
-"""What counts as visited on the way, from where a robot plans again."""
+"""Which way counts as driven, from where a robot plans again."""
 
 from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from instruction_places import HOSPITAL
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 from llm_astar_planner.instructions.progress import Progress
-from llm_astar_planner.instructions.regions import NamedPlace
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import Specification
 
-COSTMAP = Costmap(GridMap(np.zeros((44, 64), dtype=np.int8), 0.5))
-ROUTE = Route(COSTMAP, (2, 20), (60, 20), HOSPITAL)
+RESOLUTION = 0.5
+WARD_1 = HOSPITAL.get('ward 1').geometry.buffer(-0.5)
 GOAL = [(29.0, 10.0)]
 START, IN_WARD_1, BACK, BEYOND = (1.0, 10.0), (15.0, 4.0), (14.0, 10.0), (25.0, 10.0)
-
-
-def visits(*names, text='visit', status=Understanding.WHOLE):
-    clauses = tuple(Visit(regions=(NamedPlace(name),)) for name in names)
-    return Interpretation(text, Specification(clauses), 'grammar', status)
-
-
-WARD_1 = visits('ward 1')
 
 
 def line(*corners):
@@ -37,39 +23,44 @@ def line(*corners):
     return np.concatenate(parts)
 
 
+def was_in_ward_1(driven):
+    return bool(shapely.contains_xy(WARD_1, driven).any())
+
+
 @pytest.fixture
 def progress():
     """A drive from the start through ward 1 and back to the corridor that has just begun."""
     made = Progress()
-    assert made.at(START, GOAL, WARD_1, ROUTE) == set()
+    assert np.array_equal(made.at(START, GOAL, 'visit', RESOLUTION), [START])
     made.follow(line(START, BACK, IN_WARD_1, BACK, *GOAL))
     return made
 
 
-def drive(progress, *positions, interpretation=WARD_1, goal=GOAL):
+def drive(progress, *positions, text='visit', goal=GOAL):
     for position in positions:
-        visited = progress.at(position, goal, interpretation, ROUTE)
+        driven = progress.at(position, goal, text, RESOLUTION)
         if position is not positions[-1]:
             progress.follow(line(position, *goal))
-    return visited
+    return was_in_ward_1(driven)
 
 
-def test_what_the_robot_has_passed_on_its_path_is_visited(progress):
-    assert drive(progress, BEYOND) == {(0, 0)}
-    assert progress.visited == {(0, 0)}
+def test_what_the_robot_has_passed_on_its_path_is_driven(progress):
+    assert drive(progress, BEYOND)
+    expected = np.hypot(13.0, 0) + 2 * np.hypot(1.0, 6.0) + 11.0
+    assert progress.metres == pytest.approx(expected, abs=0.2)
 
 
 def test_a_path_there_and_back_is_not_taken_as_driven_at_its_beginning(progress):
     """The path passes BACK twice, before the ward and after it."""
-    assert drive(progress, BACK) == set()
+    assert not drive(progress, BACK)
 
 
-def test_visits_are_kept_from_plan_to_plan(progress):
-    assert drive(progress, (15.0, 4.2)) == {(0, 0)}
+def test_the_way_goes_on_from_plan_to_plan(progress):
+    assert drive(progress, (15.0, 4.2))
     progress.follow(line((15.0, 4.2), BACK, *GOAL))
-    assert drive(progress, BACK) == {(0, 0)}
+    assert drive(progress, BACK)
     progress.follow(line(BACK, *GOAL))
-    assert drive(progress, BEYOND, BEYOND) == {(0, 0)}
+    assert drive(progress, BEYOND, BEYOND)
 
 
 @pytest.mark.parametrize(
@@ -82,36 +73,20 @@ def test_visits_are_kept_from_plan_to_plan(progress):
     ],
     ids=['off the path', 'another goal', 'a via point more', 'another instruction'],
 )
-def test_another_drive_begins_without_visits(progress, position, goal, text):
-    assert drive(progress, BEYOND) == {(0, 0)}
-    assert (
-        drive(progress, position, interpretation=visits('ward 1', text=text), goal=goal) == set()
-    )
+def test_another_drive_begins_where_the_robot_is(progress, position, goal, text):
+    assert drive(progress, BEYOND)
+    assert np.array_equal(progress.at(position, goal, text, RESOLUTION), [position])
 
 
 def test_no_instruction_ends_the_drive(progress):
-    assert drive(progress, BEYOND) == {(0, 0)}
+    assert drive(progress, BEYOND)
     progress.reset()
-    assert progress.visited == set()
-    assert drive(progress, BEYOND) == set()
-
-
-def test_an_instruction_understood_on_the_way_is_held_against_all_of_the_way():
-    progress = Progress()
-    pending = visits(status=Understanding.PENDING)
-    progress.at(START, GOAL, pending, ROUTE)
-    progress.follow(line(START, BACK, IN_WARD_1, BACK, *GOAL))
-    assert drive(progress, BEYOND, interpretation=pending) == set()
-    assert drive(progress, BEYOND, interpretation=visits('ward 1')) == {(0, 0)}
-
-
-def test_regions_count_only_in_their_order(progress):
-    ordered = visits('ward 2', 'ward 1')
-    assert drive(progress, BEYOND, interpretation=ordered) == set()
+    assert progress.metres == 0.0
+    assert not drive(progress, BEYOND)
 
 
 def test_a_robot_that_found_no_path_may_stand_where_it_is_but_not_jump():
     progress = Progress()
-    assert progress.at(IN_WARD_1, GOAL, WARD_1, ROUTE) == {(0, 0)}
-    assert progress.at((15.5, 4.0), GOAL, WARD_1, ROUTE) == {(0, 0)}
-    assert progress.at(BEYOND, GOAL, WARD_1, ROUTE) == set()
+    assert drive(progress, IN_WARD_1)
+    assert drive(progress, (15.5, 4.0))
+    assert not drive(progress, BEYOND)

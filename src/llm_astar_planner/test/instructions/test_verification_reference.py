@@ -2,7 +2,7 @@
 
 import heapq
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -35,10 +35,13 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.instructions.verification.geometry import disc_area, polygon_area, polyline
+from llm_astar_planner.instructions.verification.keep_distance import STEP, greatest_clearance
+from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.search.astar import shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
+from path_samples import box_depth
 from verified_maps import IMPOSSIBLE, SATISFIED, turned
 
 SAMPLES = 200
@@ -109,11 +112,59 @@ def test_the_least_length_in_a_region_is_that_of_a_plain_search(
                 np.minimum(xy[:, 1] - y, y + size - xy[:, 1]),
             )
 
-    found = Reference(route, Walls(route.costmap, polyline([(0, 0)])), None).least_inside(
-        area, outside=outside
-    )
+    found = Reference(route, Walls(route.costmap), None).least_inside(area, outside=outside)
     wanted = least_by_dijkstra(route, depth, outside=outside)
     assert found == pytest.approx(wanted, abs=0.1 + 0.03 * wanted, nan_ok=True)
+
+
+def greatest_by_thresholds(route, away, metres):
+    """The greatest distance of cells that leaves a way, all cells near the ends being free."""
+    graph, near = route.costmap.grid_graph, np.zeros(away.shape, bool)
+    for x, y in (route.start, route.goal):
+        rows, columns = np.indices(away.shape)
+        near |= np.hypot(columns - x, rows - y) <= metres
+    for least in sorted({metres, *np.minimum(away, metres).ravel()}, reverse=True):
+        allowed = near | (away >= least)
+        seen, stack = {route.start}, [route.start]
+        while stack:
+            x, y = stack.pop()
+            for dx, dy in product((-1, 0, 1), repeat=2):
+                other = (x + dx, y + dy)
+                if other in seen or (dx, dy) == (0, 0) or not is_move(graph, (x, y), other):
+                    continue
+                if allowed[other[1], other[0]]:
+                    seen.add(other)
+                    stack.append(other)
+        if route.goal in seen:
+            return least
+    return math.nan
+
+
+@given(routes(), st.sampled_from([0.4, 1.0, 1.7, 3.2]), st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_the_greatest_distance_is_that_of_all_thresholds(drawn, metres, of_walls):
+    route, random = drawn
+    grid_map = route.costmap.grid_map
+    rows, columns = np.indices(route.costmap.blocked.shape)
+    points = grid_map.grid_to_world(np.column_stack((columns.ravel(), rows.ravel())))
+    box = tuple(random.uniform(0.0, 8.0, 2))
+    box = (*box, box[0] + 1.5, box[1] + 2.5)
+    if of_walls:
+        assume(route.costmap.blocked.any())
+        walls = np.argwhere(grid_map.cells > 0)[:, ::-1]
+        cells = np.column_stack((columns.ravel(), rows.ravel()))
+        off = np.maximum(np.abs(cells[:, None] - walls) - 0.5, 0.0)
+        away = np.hypot(off[..., 0], off[..., 1]).min(axis=1)
+        target = Walls(route.costmap).zone(0.0)
+    else:
+        away = np.maximum(-box_depth(points, *box), 0.0)
+        target = polygon_area(shapely.box(*box))
+    wanted = greatest_by_thresholds(route, away.reshape(rows.shape), metres)
+    assume(not math.isnan(wanted))
+    path = polyline([grid_map.grid_to_world([cell])[0] for cell in (route.start, route.goal)])
+    found = greatest_clearance(Measurement(Specification(()), path, route), target, metres)
+    # The wall whose centre is nearest may be a fifth of a cell farther than the nearest.
+    assert wanted - STEP - 1e-5 <= found <= wanted + (0.21 if of_walls else 1e-5)
 
 
 PLACES = (

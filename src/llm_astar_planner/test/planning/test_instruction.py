@@ -7,21 +7,25 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import (
-    REQUIRE,
     Interpretation,
     RouteInstruction,
     Understanding,
     status_of,
 )
-from llm_astar_planner.instructions.regions import Disc, Half, NamedPlace
+from llm_astar_planner.instructions.outcome import ClauseStatus
+from llm_astar_planner.instructions.regions import Box, Disc, End, Half, NamedPlace
 from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning import instruction as instruction_module
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
@@ -69,8 +73,9 @@ def instructed(*clauses, **changes):
     return RouteInstruction(interpretation, PLACES, **changes)
 
 
-def plan(planner, *clauses, start=START, goal=GOAL, policy='prefer', visited=frozenset(), **more):
-    instruction = instructed(*clauses, policy=policy, visited=visited)
+def plan(planner, *clauses, start=START, goal=GOAL, policy='prefer', driven=(), **more):
+    way = np.reshape(np.asarray(driven, dtype=np.float64), (-1, 2))
+    instruction = instructed(*clauses, policy=policy, driven=way)
     return planner.plan(PlanRequest(start, goal, instruction=instruction, **more))
 
 
@@ -126,7 +131,8 @@ def test_visits_are_made_in_their_order(planner):
 
 
 def test_a_region_that_was_visited_on_the_way_is_not_visited_again(planner):
-    made = plan(planner, Visit(regions=(WEST,)), visited=frozenset({(0, 0)}))
+    there = PLACES.get('west room').geometry.centroid
+    made = plan(planner, Visit(regions=(WEST,)), driven=[(there.x, there.y), (1.75, 3.25)])
     assert inside(planner, made, 'west room') == 0.0
     assert statuses(made) == ['kept']
 
@@ -170,6 +176,63 @@ def test_an_impossible_clause_is_said_and_the_path_comes_all_the_same(planner):
     walled_in = plan(planner, Avoid(region=Half('south')), start=(3, 20), goal=GOAL)
     assert statuses(walled_in) == ['impossible']  # the goal lies inside
     assert walled_in.code is ResultCode.NONE
+
+
+def test_what_is_impossible_costs_nothing(planner):
+    direct = planner.plan(PlanRequest((3, 20), GOAL))
+    for clause in (
+        Avoid(region=Half('south')),
+        Avoid(region=Box(9.0, -1.0, 11.0, 20.0)),
+        Visit(regions=(SAFE,)),
+        Count(region=SAFE, at_least=1),
+    ):
+        made = plan(planner, clause, start=(3, 20))
+        assert statuses(made) == ['impossible']
+        assert made.length == pytest.approx(direct.length), clause
+
+
+def test_of_a_distance_that_cannot_be_kept_the_greatest_is(planner):
+    asked = plan(planner, KeepDistance(metres=5.0), start=(3, 20))
+    (outcome,) = asked.instruction.clauses
+    assert outcome.status in (ClauseStatus.IMPOSSIBLE, ClauseStatus.AS_FAR_AS_POSSIBLE)
+    kept = outcome.clause.metres - outcome.measured
+    possible = plan(planner, KeepDistance(metres=kept - 0.01), start=(3, 20))
+    assert statuses(possible) == ['kept']
+    more = plan(planner, KeepDistance(metres=kept + 0.2), start=(3, 20))
+    assert statuses(more) != ['kept']
+
+
+def test_clauses_about_the_order_of_entries(planner):
+    then = plan(planner, Visit(regions=(WEST,)), Then(first=WEST, second=EAST))
+    assert statuses(then) == ['kept', 'kept']
+    assert inside(planner, then, 'east room') > 1.0
+    untouched = plan(planner, Then(first=WEST, second=EAST))
+    assert statuses(untouched) == ['kept']
+    assert untouched.length == planner.plan(PlanRequest(START, GOAL)).length
+    never = plan(planner, NeverAfter(first=EAST, second=WEST), Visit(regions=(WEST, EAST)))
+    assert statuses(never) == ['kept', 'kept']
+    twice = plan(planner, Count(region=WEST, at_least=2, at_most=2))
+    assert statuses(twice) == ['kept']
+    assert twice.length > plan(planner, Visit(regions=(WEST,))).length
+
+
+def test_there_and_back(planner):
+    made = plan(planner, Visit(regions=(End('goal'),)), EndAt(region=End('start')))
+    assert statuses(made) == ['kept', 'kept']
+    assert np.hypot(*np.subtract(made.goal, START)) <= 1.0  # half a metre
+    assert made.length > 1.9 * planner.plan(PlanRequest(START, GOAL)).length - 2.0
+
+
+def test_each_clause_has_its_price(planner):
+    direct = planner.plan(PlanRequest(START, GOAL, method='exact_astar')).length
+    made = plan(planner, Visit(regions=(WEST,)), Avoid(region=SAFE))
+    visit, avoid = (outcome.price for outcome in made.instruction.clauses)
+    assert visit == pytest.approx(0.5 * (made.length - direct))
+    assert avoid == 0.0
+    quiet = planner.plan(
+        PlanRequest(START, GOAL, instruction=instructed(Visit(regions=(WEST,)), want_prices=False))
+    )
+    assert np.isnan(quiet.instruction.clauses[0].price)
 
 
 def test_require_gives_no_path_that_breaks_a_must_clause(planner):

@@ -19,8 +19,6 @@ from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import (
-    POLICIES,
-    REQUIRE,
     Interpretation,
     RouteInstruction,
     status_of,
@@ -37,6 +35,7 @@ from llm_astar_planner.instructions.regions import (
     Tagged,
 )
 from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.text import POLICIES, REQUIRE
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest

@@ -8,10 +8,10 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap import costmap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import endpoints as ends
-from llm_astar_planner.planning import path_planner as planner_module
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.search import any_angle
 from llm_astar_planner.search.any_angle import AnyAnglePath
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.methods import METHODS
@@ -107,7 +107,7 @@ def test_a_shortcut_through_the_robots_body_is_caught(monkeypatch):
 
     request = replace(REQUEST, any_angle=True)
     assert planner().plan(request).any_angle is not None
-    monkeypatch.setattr(planner_module, 'string_pull', straight)
+    monkeypatch.setattr(any_angle, 'string_pull', straight)
     plan = planner().plan(request)
     assert plan.code is ResultCode.NONE
     assert plan.any_angle is None

@@ -156,7 +156,7 @@ def test_a_very_long_path_is_searched_in_coarse_units():
     fine = exact_astar(grid, (0, 0), (399, 1))
     huge = GridGraph(grid.blocked)
     # Units so fine that 32 bits hold only some 200 cells of path.
-    huge.straight, huge.diagonal = (value * 4000 for value in grid_graph.FINE_UNITS)
+    huge.set_units(*(value * 4000 for value in grid_graph.FINE_UNITS))
     huge.ring = 1 << 20
     result = exact_astar(huge, (0, 0), (399, 1))
     assert result.length == fine.length

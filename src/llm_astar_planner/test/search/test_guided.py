@@ -308,7 +308,7 @@ def test_landmarks_of_another_map_are_refused():
 def test_a_very_long_path_is_searched_in_coarse_units():
     grid = GridGraph(np.zeros((2, 400), dtype=bool))
     huge = GridGraph(grid.blocked)
-    huge.straight, huge.diagonal = (value * 4000 for value in grid_graph.FINE_UNITS)
+    huge.set_units(*(value * 4000 for value in grid_graph.FINE_UNITS))
     huge.ring = 1 << 20
     fine = exact_astar(grid, (0, 0), (399, 1))
     for waypoints in ([], [[200.0, 1.0]]):

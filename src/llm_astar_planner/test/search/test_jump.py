@@ -232,7 +232,7 @@ def test_grids_of_another_kind_are_refused():
 
 def test_a_cost_beyond_32_bits_is_refused():
     grid = GridGraph(np.zeros((2, 400), dtype=bool))
-    grid.straight, grid.diagonal = (value * 4000 for value in (2378, 3363))
+    grid.set_units(*(value * 4000 for value in (2378, 3363)))
     with pytest.raises(OverflowError):
         jump_search(grid, (0, 0), (399, 1), stop=no_stop())
 
@@ -280,7 +280,7 @@ def test_the_expanded_cells_are_the_jump_points_taken_from_the_queue():
     run(search, no_stop(), math.inf)
     expanded = np.zeros_like(blocked)
     search.add_expanded(expanded)
-    search.close()
+    search.grid.give_back(search.workspace)
     # From the start to the cell past the end of the wall, and from there to the goal.
     assert search.expansions == expanded.sum() == 2
     assert expanded[1, 1]
@@ -299,4 +299,4 @@ def test_only_paths_cheaper_than_one_known_are_looked_for():
         assert search.best == search.bound == optimum
         if is_better:
             assert search.path()[2] == optimum
-        search.close()
+        search.grid.give_back(search.workspace)

@@ -8,8 +8,8 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints import async_query
-from llm_astar_planner.waypoints.async_query import CachedSource
+from llm_astar_planner.waypoints.llm import source as endpoint_source
+from llm_astar_planner.waypoints.llm.source import CachedSource
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -114,7 +114,7 @@ def test_identical_queries_are_sent_once_and_a_late_answer_is_kept():
 
 
 def test_running_queries_are_bounded(monkeypatch):
-    monkeypatch.setattr(async_query, 'MAX_PENDING', 2)
+    monkeypatch.setattr(endpoint_source, 'MAX_PENDING', 2)
     inner = Scripted(opened=False)
     source = CachedSource(inner)
     hasty = [replace(QUERY, goal=(20 + i, 20), time_limit=0.01) for i in range(3)]

@@ -24,6 +24,8 @@ class Page {
   constructor(options) {
     this.options = options;
     this.settings = defaultSettings();
+    // To questions about readings of instructions on this map.
+    this.answers = {};
     this.stage = new Stage(options.colours, {
       partOf: (expansions) => (this.live ? 1 : this.player.partOf(expansions)),
       drawn: () => this.board.placeHandles(),
@@ -67,6 +69,8 @@ class Page {
     $('zoom-fit').addEventListener('click', () => this.stage.zoom(0));
     $('pair-back').addEventListener('click', () => this.choosePair(-1));
     $('pair-next').addEventListener('click', () => this.choosePair(1));
+    $('answer-yes').addEventListener('click', () => this.answer(true));
+    $('answer-no').addEventListener('click', () => this.answer(false));
     $('copy-link').addEventListener('click', () => this.copyLink());
     $('copy-command').addEventListener('click', () =>
       copy($('command').textContent, 'The command is copied.'),
@@ -103,6 +107,7 @@ class Page {
       const map = new GridMap(await api.mapOf(id));
       if (this.opening !== id || this.live) return;
       this.hasPlans = false;
+      this.answers = {};
       this.player.setTotal(0);
       this.stage.setMap(map);
     } catch (error) {
@@ -146,6 +151,7 @@ class Page {
       source: isTyped || source !== 'reply' ? source : 'none',
       reply: isTyped ? reply : null,
       instruction: instruction.trim() || null,
+      answers: this.answers,
       walls: this.stage.walls.toRequest(),
     };
   }
@@ -194,6 +200,12 @@ class Page {
       head: 'This cannot be planned.',
       rest: error.field ? ' The field in red says why.' : ` ${error.message}`,
     });
+  }
+
+  /** Answer the question that is shown, and plan with the answer. */
+  answer(isMeant) {
+    this.answers[$('question-text').textContent] = isMeant;
+    this.replan();
   }
 
   moved(name, cell, isDone) {

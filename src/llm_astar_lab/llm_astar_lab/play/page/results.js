@@ -7,7 +7,13 @@ import { statusName, statusShape } from './theme.js';
 import { verdictOf } from './verdict.js';
 
 const $ = (id) => document.getElementById(id);
-const CLAUSE_TONES = { kept: 'good', 'not kept': 'bad', impossible: 'bad', unsure: 'warn' };
+const CLAUSE_TONES = {
+  kept: 'good',
+  'kept as far as possible': 'warn',
+  'not kept': 'bad',
+  impossible: 'bad',
+  unsure: 'warn',
+};
 const NOT_UNDERSTOOD = 'not understood';
 const MAX_ITEMS = 300;
 
@@ -167,6 +173,10 @@ export function showWaypoints(waypoints, map, palette) {
 }
 
 export function showInstruction(instruction) {
+  // The others follow when this one is answered.
+  const [question] = Array.isArray(instruction?.questions) ? instruction.questions : [];
+  $('question').hidden = !question;
+  $('question-text').textContent = text(question, 500);
   $('instruction-block').hidden = !instruction;
   if (!instruction) return;
   const clauses = Array.isArray(instruction.clauses) ? instruction.clauses : [];

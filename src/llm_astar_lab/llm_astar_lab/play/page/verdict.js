@@ -70,23 +70,17 @@ function byAstar(chosen, astar) {
 }
 
 function byInstruction(chosen, other) {
-  const { clauses = [], status } = chosen.instruction;
-  const kept = clauses.filter((clause) => clause.status === 'kept').length;
-  if (!clauses.length)
-    return { tone: 'lose', head: 'The instruction was not used:', rest: ` ${text(status, 100)}.` };
-  if (clauses.every((clause) => clause.status === 'not understood')) {
-    return {
-      tone: 'lose',
-      head: 'The instruction was not understood:',
-      rest: ' the path does not follow it.',
-    };
-  }
-  const isKept = kept === clauses.length;
+  const { clauses = [], questions = [], satisfied, verdict } = chosen.instruction;
   const path = other ? pathBeside(chosen, other) : '';
+  const beside = path && `on ${path} than without it`.replace('long path than', 'long path as');
+  // What follows the first sign says why it is not kept; the question stands below.
+  const said = text(verdict, 2000).replace(`: ${questions[0]}`, '');
+  const [head, why = ''] = said.split(/(?<=[:;]) (.*)/s);
+  const isBroken = clauses.some(({ status }) => ['not kept', 'impossible'].includes(status));
   return {
-    tone: isKept ? 'win' : 'lose',
-    head: isKept ? 'The instruction is kept:' : 'The instruction is not kept whole:',
-    rest: ` ${isKept ? 'each clause is kept' : `${kept} of ${clauses.length} clauses are kept`}${path ? `, on ${path} than without it`.replace('long path than', 'long path as') : ''}.`,
+    tone: satisfied === true ? 'win' : isBroken ? 'fail' : 'lose',
+    head: why || !path ? head : `${head},`,
+    rest: `${[why, beside].filter(Boolean).map((part) => ` ${part}`).join(';')}.`,
   };
 }
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields
 from llm_astar_planner.instructions.regions import (
     NOWHERE,
@@ -58,5 +59,5 @@ class Before(OfTwo):
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the second region until the first one was visited."""
-        regions = ground.visited(self.first), ground.entered(self.second).touched
-        return Ask(regions=regions, automaton=partial(automata.before, 0, 1))
+        zones = ground.visited(self.first), ground.entered(self.second)
+        return Ask(rules=(Rule(zones, partial(automata.before, 0, 1)),))

@@ -1,43 +1,19 @@
-"""What all clauses have, and what a clause asks of the search."""
+"""What all clauses have."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from llm_astar_planner.instructions.asks import Ask
 from llm_astar_planner.instructions.fields import Fields
 from llm_astar_planner.instructions.regions import Region
 
 if TYPE_CHECKING:  # clauses are read where no search is
-    from llm_astar_planner.costmap.raster import Cover
     from llm_astar_planner.instructions.ground import Ground
-    from llm_astar_planner.search.automata import Automaton
 
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)
-Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Ask:
-    """What one clause asks of the cells of a path; masks are bool [height, width].
-
-    - `forbidden`: cells that no move may begin or end in; None for none.
-    - `visits`: cells of each region to visit, after those of the clauses before, in any order.
-    - `regions`, `automaton`: an automaton over these regions, made for the price in cells per
-      cell of what it forbids, inf to forbid it; None for none.
-    - `goals`: cells to end in.
-    """
-
-    forbidden: Cover | None = None
-    visits: tuple[Mask, ...] = ()
-    regions: tuple[Mask, ...] = ()
-    automaton: Callable[[float], Automaton] | None = None
-    goals: Mask | None = None
 
 
 @dataclass(frozen=True)
@@ -51,6 +27,8 @@ class Clause:
     kind: ClassVar[str] = ''
     # Whether the path is not to be in the regions; they are drawn hatched.
     is_closed: ClassVar[bool] = False
+    # A field of metres of which the most that is possible is kept, where all of it is not.
+    reducible: ClassVar[str] = ''
     strength: str = MUST
     unsure: str = ''
 

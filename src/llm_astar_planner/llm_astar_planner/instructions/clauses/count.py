@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields, SpecificationError, as_count
 from llm_astar_planner.instructions.regions import NOWHERE, Region, region_from_json
 from llm_astar_planner.search import automata
@@ -56,7 +56,12 @@ class Count(Clause):
         return f'enter {self.region.phrase(any_one=True)}{how_often}'
 
     def ask(self, ground: Ground) -> Ask:
-        """Count the entries."""
-        automaton = partial(automata.entries, 0, 1, self.at_least, self.at_most)
-        regions = ground.visited(self.region), ground.around(self.region, self.at_least > 0)
-        return Ask(regions=regions, automaton=automaton)
+        """Count the entries: at least by the surest of them, at most by all that may be one."""
+        rules = []
+        if self.at_least:
+            zones = ground.visited(self.region), ground.around(self.region)
+            rules.append(Rule(zones, lambda _: automata.entries(0, 1, self.at_least)))
+        if self.at_most is not None:
+            zones = ground.touching(self.region), ground.entered(self.region)
+            rules.append(Rule(zones, lambda _: automata.entries(0, 1, 0, self.at_most)))
+        return Ask(rules=tuple(rules))

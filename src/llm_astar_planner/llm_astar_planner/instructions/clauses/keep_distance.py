@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import (
     MAX_METRES,
     Fields,
@@ -24,6 +25,7 @@ class KeepDistance(Clause):
 
     kind: ClassVar[str] = 'keep_distance'
     is_closed: ClassVar[bool] = True
+    reducible: ClassVar[str] = 'metres'
     metres: float = 0.0
     region: Region | None = None
 
@@ -50,5 +52,5 @@ class KeepDistance(Clause):
     def ask(self, ground: Ground) -> Ask:
         """Forbid what is too near to the walls or the region."""
         if self.region is None:
-            return Ask(forbidden=ground.near_walls(self.metres))
-        return Ask(forbidden=ground.avoided(self.region, self.metres))
+            return Ask(ground.near_walls(self.metres), ends_within=self.metres)
+        return Ask(ground.avoided(self.region, self.metres), ends_within=self.metres)

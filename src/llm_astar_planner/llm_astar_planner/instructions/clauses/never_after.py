@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
+from llm_astar_planner.instructions.asks import Ask, Rule
 from llm_astar_planner.instructions.clauses.before import OfTwo
-from llm_astar_planner.instructions.clauses.clause import Ask
 from llm_astar_planner.instructions.regions import refused_phrase
 from llm_astar_planner.search import automata
 
@@ -28,5 +28,5 @@ class NeverAfter(OfTwo):
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the second region from the first entry of the first one on."""
-        regions = ground.entered(self.first).touched, ground.entered(self.second).touched
-        return Ask(regions=regions, automaton=partial(automata.never_after, 0, 1))
+        zones = ground.entered(self.first), ground.entered(self.second)
+        return Ask(rules=(Rule(zones, partial(automata.never_after, 0, 1)),))

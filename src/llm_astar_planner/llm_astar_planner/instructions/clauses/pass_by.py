@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.asks import Ask, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields, as_choice
 from llm_astar_planner.instructions.regions import (
     NOWHERE,
@@ -56,6 +57,4 @@ class Pass(Clause):
     def ask(self, ground: Ground) -> Ask:
         """Forbid the object and the ray to the wrong side; cross the ray to the right side."""
         forbidden, crossing = ground.sides(self.region, self.side)
-        return Ask(
-            forbidden=forbidden, regions=(crossing,), automaton=lambda _: automata.visits(((0,),))
-        )
+        return Ask(forbidden, rules=(Rule((crossing,), lambda _: automata.visits(((0,),))),))

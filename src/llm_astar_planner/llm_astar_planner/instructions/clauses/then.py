@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from llm_astar_planner.instructions.asks import Ask, Rule
 from llm_astar_planner.instructions.clauses.before import OfTwo
-from llm_astar_planner.instructions.clauses.clause import Ask
 from llm_astar_planner.search import automata
 
 if TYPE_CHECKING:
@@ -29,5 +29,5 @@ class Then(OfTwo):
 
     def ask(self, ground: Ground) -> Ask:
         """Owe a visit of the second region from each entry of the first one on."""
-        regions = ground.entered(self.first).touched, ground.visited(self.second)
-        return Ask(regions=regions, automaton=lambda _: automata.then(0, 1))
+        zones = ground.entered(self.first), ground.visited(self.second)
+        return Ask(rules=(Rule(zones, lambda _: automata.then(0, 1)),))

@@ -52,15 +52,14 @@ from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
-    InstructionError,
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
     status_of,
 )
 from llm_astar_planner.instructions.regions import NamedPlace, Region, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
 # What a canonical sentence quotes: what was not understood, and what a path does not have.

@@ -1,10 +1,11 @@
 """The independent check: a path, measured in metres against what was asked of it.
 
 Nothing here knows how an instruction is enforced. Regions become shapely geometry, the path a
-polyline, and what the best path could do is found by searches of their own.
+polyline, and what the best path could do is found by searches of their own. A kind of clause has
+a module of the name that it has in `clauses`, with a function `check`.
 """
 
 from llm_astar_planner.instructions.verification.geometry import PathError
-from llm_astar_planner.instructions.verification.verify import verify, visited_regions
+from llm_astar_planner.instructions.verification.verify import verify
 
-__all__ = ['PathError', 'verify', 'visited_regions']
+__all__ = ['PathError', 'verify']

@@ -6,13 +6,14 @@ A path is a polyline, an area a polygon with exact discs beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -21,7 +22,13 @@ STRAIGHT = 1e-9
 # Metres along the path that rounding may cost.
 ROUNDING = 1e-9
 
-Spans = NDArray[np.float64]
+# Less than any length of a segment.
+TINY = 1e-300
+
+Spans = Vectors = NDArray[np.float64]
+# The first and the last place of lines in something, float64 [n] each; last before first: nowhere.
+Stretches = tuple[NDArray[np.float64], NDArray[np.float64]]
+Parts = Callable[[Vectors, Vectors], Iterable[Stretches]]
 # Metres. A path that lies no deeper in an area than this runs along its edge.
 EDGE = 1e-6
 # Sides of a quarter circle where an arc has to become a polygon: 0.075 mm off for 1 m of radius.
@@ -96,25 +103,47 @@ class Polyline:
         )
 
     def spans_in_discs(self, discs: NDArray[np.float64]) -> Spans:
-        """Return where each segment lies in each disc, float64 [n, 3], by its quadratic."""
-        if not len(discs):
-            return np.empty((0, 2))
-        begins = self.corners[: max(1, len(self.corners) - 1), None]
-        lengths = np.diff(self.at, append=self.at[-1])[: len(begins), None]
-        steps = np.diff(self.corners, axis=0, append=self.corners[-1:])[: len(begins), None]
-        ahead = steps / np.where(lengths > 0.0, lengths, 1.0)[..., None]
-        to_centre = discs[:, :2] - begins
-        along = (to_centre * ahead).sum(axis=-1)
-        off = np.where(
-            lengths > 0.0,
-            ahead[..., 0] * to_centre[..., 1] - ahead[..., 1] * to_centre[..., 0],
-            np.hypot(*np.moveaxis(to_centre, -1, 0)),
+        """Return where each segment lies in each disc, float64 [n, 3]."""
+        numbers = np.indices((len(self.segments), len(discs))).reshape(2, -1)
+        x, y, radii = discs[numbers[1]].T
+        return self.spans_in_convex(
+            numbers[0],
+            lambda begins, ahead: [in_disc(ahead, np.column_stack((x, y)) - begins, radii)],
         )
-        half = np.sqrt(np.maximum(discs[:, 2] ** 2 - off**2, 0.0))
-        first, last = np.maximum(along - half, 0.0), np.minimum(along + half, lengths)
-        hit = (np.abs(off) <= discs[:, 2]) & (first <= last)
-        begin_at = np.broadcast_to(self.at[: len(begins), None], hit.shape)[hit]
-        return np.column_stack((begin_at + first[hit], begin_at + last[hit]))
+
+    def spans_in_convex(self, segment: NDArray[np.intp], parts: Parts) -> Spans:
+        """Return where segments, of these numbers [n], lie in convex shapes, one for each.
+
+        `parts` gives the stretches of the lines through the segments in parts of the shapes.
+        """
+        step, length = np.diff(self.corners, axis=0), np.diff(self.at)
+        if not len(step):
+            step, length = np.zeros((1, 2)), np.zeros(1)
+        ahead, length = (step / np.maximum(length, TINY)[:, None])[segment], length[segment]
+        firsts, lasts = np.full(len(segment), np.inf), np.full(len(segment), -np.inf)
+        for begin, end in parts(self.corners[segment], ahead):
+            first, last = np.maximum(begin, 0.0), np.minimum(end, length)
+            hit = first <= last
+            firsts[hit] = np.minimum(firsts, first)[hit]
+            lasts[hit] = np.maximum(lasts, last)[hit]
+        hit = firsts <= lasts
+        spans: Spans = self.at[segment[hit], None] + np.column_stack((firsts, lasts))[hit]
+        return spans
+
+
+def in_box(ahead: Vectors, low: Vectors, high: Vectors) -> Stretches:
+    """Return where lines from the origin, all [n, 2], lie in boxes."""
+    with np.errstate(divide='ignore', invalid='ignore'):
+        one, other = low / ahead, high / ahead
+    return np.fmin(one, other).max(axis=1), np.fmax(one, other).min(axis=1)
+
+
+def in_disc(ahead: Vectors, centres: Vectors, radius: float | Vectors) -> Stretches:
+    """Return where lines from the origin lie in discs around the centres, both [n, 2]."""
+    along = (centres * ahead).sum(axis=1)
+    across = np.hypot(*(centres - along[:, None] * ahead).T)
+    half = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
+    return along - half, np.where(across <= radius, along + half, -np.inf)
 
 
 def polyline(points: ArrayLike) -> Polyline:
@@ -191,8 +220,6 @@ class Area:
         circles = shapely.buffer(
             shapely.points(x, y), np.maximum(radii, 0.0), quad_segs=QUARTER_SIDES
         )
-        if self.polygon.is_empty and len(circles) == 1:
-            return circles[0]
         return shapely.union_all([self.polygon, *circles])
 
     def grown(self, by: float) -> Area:
@@ -223,21 +250,11 @@ class Area:
         spans = [path.spans_in_polygon(self.polygon), path.spans_in_discs(self.discs)]
         return joined(np.concatenate(spans))
 
-    def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points [n, 2] lie in it and not on its edge."""
-        x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
-        inside: NDArray[np.bool_] = shapely.contains_xy(self.polygon, x, y)
-        for centre_x, centre_y, radius in self.discs:
-            inside |= np.hypot(x - centre_x, y - centre_y) < radius
-        return inside
-
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
         xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        inside = np.zeros(len(xy), dtype=np.bool_)
-        if not self.polygon.is_empty:
-            shapely.prepare(self.polygon)
-            inside |= shapely.dwithin(self.polygon, shapely.points(xy), EDGE)
+        shapely.prepare(self.polygon)
+        inside: NDArray[np.bool_] = shapely.dwithin(self.polygon, shapely.points(xy), EDGE)
         for x, y, radius in self.discs:
             inside |= np.hypot(xy[:, 0] - x, xy[:, 1] - y) <= radius + EDGE
         return inside
@@ -258,6 +275,12 @@ class Area:
         line = shapely.shortest_line(shape, self.outline)
         x, y = shapely.get_coordinates(line if line is not None else shape)[0]
         return float(x), float(y)
+
+
+def outline_of(grid_map: GridMap) -> BaseGeometry:
+    """Return the outline of a whole grid in the map's frame."""
+    x, y = grid_map.width - 0.5, grid_map.height - 0.5
+    return shapely.Polygon(grid_map.grid_to_world([(-0.5, -0.5), (x, -0.5), (x, y), (-0.5, y)]))
 
 
 def polygon_area(shape: BaseGeometry) -> Area:

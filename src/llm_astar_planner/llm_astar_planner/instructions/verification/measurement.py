@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
-from llm_astar_planner.instructions.clauses.clause import Clause
+import numpy as np
+
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
+from llm_astar_planner.instructions.regions import Region
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification.geometry import Area, Polyline, Spans
+from llm_astar_planner.instructions.verification.geometry import (
+    ROUNDING,
+    Area,
+    Polyline,
+    Spans,
+    polyline,
+)
 from llm_astar_planner.instructions.verification.reference import Reference
-from llm_astar_planner.instructions.verification.regions import RegionError, Regions
+from llm_astar_planner.instructions.verification.regions import RegionError, Regions, Resolved
 from llm_astar_planner.instructions.verification.walls import Walls
 
 # Metres in a region that are no more than rounding.
 NEGLIGIBLE = 1e-6
 # What a path may have over the least possible, besides one cell.
 EXCESS = 1.05
+NO_AREA = 'the region has no area'
 Point = tuple[float, float]
 
 
@@ -33,9 +44,19 @@ class Measurement:
     deadline: float = math.inf
 
     @cached_property
+    def drive(self) -> Polyline:
+        """The way driven so far and then the path: what order and number are judged on."""
+        return polyline(np.concatenate((self.route.driven, self.path.corners)))
+
+    @cached_property
+    def begin(self) -> float:
+        """Where on the drive the path begins."""
+        return polyline(np.concatenate((self.route.driven, self.path.corners[:1]))).length
+
+    @cached_property
     def walls(self) -> Walls:
         """The map's walls."""
-        return Walls(self.route.costmap, self.path)
+        return Walls(self.route.costmap)
 
     @cached_property
     def regions(self) -> Regions:
@@ -50,14 +71,11 @@ class Measurement:
     @cached_property
     def end(self) -> Area | None:
         """Where a clause asks the path to end, None without such a clause."""
-        end: Area | None = None
-        for clause in self.specification.clauses:
-            if isinstance(clause, EndAt) and not clause.unsure:
-                try:
-                    end = self.regions.resolve(clause.region).ends
-                except RegionError:
-                    continue
-        return end
+        for clause in reversed(self.specification.clauses):
+            if isinstance(clause, EndAt):
+                with suppress(RegionError):
+                    return self.regions.resolve(clause.region).ends
+        return None
 
     @property
     def start(self) -> Point:
@@ -69,39 +87,81 @@ class Measurement:
         """The path's last point."""
         return self.path.point(self.path.length)
 
-    @property
-    def fixed_ends(self) -> list[Point]:
-        """The ends that every path has: the first point, and the last unless a clause sets it."""
-        return [self.start, self.goal] if self.end is None else [self.start]
+    def sized(self, region: Region) -> Resolved:
+        """Return where a region lies. Raises RegionError if it does not exist or has no area."""
+        found = self.regions.resolve(region)
+        require_size(found.area)
+        return found
+
+    def ends_in(self, spans: Spans) -> list[bool]:
+        """Tell for the ends that every path has whether spans of this one hold them.
+
+        The first point, and the last unless a clause sets it.
+        """
+        first, last = (spans[0, 0], spans[-1, 1]) if len(spans) else (math.inf, -math.inf)
+        ends = [first <= ROUNDING, last >= self.path.length - ROUNDING]
+        return ends if self.end is None else ends[:1]
 
     def on_map(self, area: Area) -> bool:
         """Tell whether any of an area lies on the map."""
-        if area.wall_distance > 0.0:
-            return True
-        return area.distance(self.regions.map_outline) <= 0.0
+        return area.wall_distance > 0.0 or area.distance(self.regions.map_outline) <= 0.0
+
+    def unreachable_reason(self, area: Area) -> str:
+        """Say why no path can touch an area, '' if one can."""
+        if not area.has_size:
+            return NO_AREA
+        if not self.on_map(area):
+            return 'the region lies off the map'
+        if not self.reference.can_touch(area, self.reference.reachable):
+            return 'no free cell of it can be reached'
+        return ''
 
     def allowed(self, least: float) -> float:
         """Return the metres a path may have in a region where `least` are needed; 0 for NaN.
 
         Where none are needed none are allowed.
         """
-        if math.isnan(least) or least <= NEGLIGIBLE:
-            return 0.0
-        return EXCESS * least + self.route.costmap.grid_map.resolution
+        resolution = self.route.costmap.grid_map.resolution
+        return EXCESS * least + resolution if least > NEGLIGIBLE else 0.0
+
+    def broken_by(
+        self, clause: Clause, metres: float, side: str, where: Point, least: float, **how: bool
+    ) -> ClauseOutcome:
+        """Return the outcome of a clause that so many metres of a path violate.
+
+        A wish is kept as far as possible by the least that any path has.
+        """
+        possible = ''
+        if least > 0.0:
+            is_least = length_text(metres) == length_text(least)
+            possible = ', the least possible' + ('' if is_least else f' is {length_text(least)}')
+        detail = f'{length_text(metres)} {side}{possible}, from {point_text(where)}'
+        if clause.strength == SHOULD:
+            how = {'is_least': metres <= self.allowed(least)}
+        return broken(clause, detail, metres, where, least, **how)
 
     def first_point(self, spans: Spans) -> Point:
-        """Return the point at which spans begin."""
+        """Return the point of the path at which spans begin."""
         return self.path.point(float(spans[0, 0]))
 
+    def place_text(self, place: float) -> str:
+        """Return a place of the drive as details show it: '4.1, 3.0', and if it was driven."""
+        driven = ' on the way driven' if place < self.begin else ''
+        return point_text(self.drive.point(place)) + driven
 
-def satisfied(
-    clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0
-) -> ClauseOutcome:
-    """Return the outcome of a clause that a path satisfies."""
+
+def require_size(area: Area) -> None:
+    """Raise RegionError for an area in which no path can lie."""
+    if not area.has_size:
+        raise RegionError(NO_AREA)
+
+
+def kept(clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0) -> ClauseOutcome:
+    """Return the outcome of a clause that a path keeps."""
     return ClauseOutcome(clause, ClauseStatus.KEPT, detail, measured, least)
 
 
-def violated(
+def broken(
     clause: Clause,
     detail: str,
     measured: float,
@@ -109,15 +169,12 @@ def violated(
     least: float = math.nan,
     *,
     impossible: bool = False,
+    is_least: bool = False,
 ) -> ClauseOutcome:
-    """Return the outcome of a clause that a path violates, impossible or not."""
+    """Return the outcome of a clause that a path violates: impossible, or by the least, or not."""
     status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.NOT_KEPT
+    status = ClauseStatus.AS_FAR_AS_POSSIBLE if is_least else status
     return ClauseOutcome(clause, status, detail, measured, least, where)
-
-
-def no_size(clause: Clause) -> ClauseOutcome:
-    """Return the outcome of a clause about a region that holds nothing."""
-    return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, 'the region has no area')
 
 
 def length_text(metres: float) -> str:

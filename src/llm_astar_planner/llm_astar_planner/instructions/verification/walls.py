@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import product
 
 import numpy as np
 import shapely
@@ -20,93 +19,95 @@ from llm_astar_planner.instructions.verification.geometry import (
     Area,
     Polyline,
     Spans,
+    Stretches,
+    Vectors,
+    in_box,
+    in_disc,
     joined,
     polyline,
 )
 from llm_astar_planner.lazy import ndimage
 
-# Cells. A path is looked at in pieces of this length, so that few cells are near each.
-PIECE = 48.0
-# A square is at most half its diagonal nearer than its centre, and at least half its side.
-SPREAD = math.sqrt(0.5) - 0.5
-# Metres. No map is larger.
-FAR = 1e6
-
 
 class Walls:
-    """The lethal cells of a costmap's own map, inflation left out, as squares near a path."""
+    """The lethal cells of a costmap's own map, inflation left out, joined to rectangles."""
 
-    def __init__(self, costmap: Costmap, path: Polyline) -> None:
-        """Take the costmap and the path."""
+    def __init__(self, costmap: Costmap) -> None:
+        """Take the costmap."""
         self._grid_map = costmap.grid_map
-        self._threshold = costmap.config.occupied_threshold
-        self._path = path
+        self._lethal = self._grid_map.cells >= costmap.config.occupied_threshold
 
-    def nearest(self, path: Polyline, reach: float) -> tuple[float, tuple[float, float]]:
-        """Return the least metres from a path to the walls, and the point of the path there.
+    @cached_property
+    def _boxes(self) -> NDArray[np.float64]:
+        """The rectangles in cells: x0, y0, x1, y1, [n, 4]."""
+        return rectangles(self._lethal).T - 0.5
 
-        (inf, the path's first point) where no wall is within `reach` metres.
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree(shapely.box(*self._boxes.T))
+
+    def _in_cells(self, points: ArrayLike) -> Polyline:
+        """Return a path in metres as one in cells."""
+        return polyline(self._grid_map.world_to_grid(points))
+
+    @property
+    def exist(self) -> bool:
+        """Whether the map has any."""
+        return bool(self._lethal.any())
+
+    def distances(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the metres from points [n, 2] in metres to the walls: float64 [n]."""
+        return self._away(shapely.points(self._grid_map.world_to_grid(points)))
+
+    def _away(self, shapes: NDArray[np.object_]) -> NDArray[np.float64]:
+        """Return the metres from points and lines [n] in cells to the walls; inf without any."""
+        if not self.exist:
+            return np.full(len(shapes), np.inf)
+        _, away = self._tree.query_nearest(shapes, return_distance=True, all_matches=False)
+        distances: NDArray[np.float64] = away * self._grid_map.resolution
+        return distances
+
+    def nearest(self, points: ArrayLike) -> tuple[float, tuple[float, float]]:
+        """Return the least metres from a path through points to the walls, and where that is.
+
+        Without walls: inf and its first point.
         """
-        metres, point = math.inf, path.point(0.0)
-        for piece in self.pieces(path, reach):
-            away = piece.distances()
-            xs, ys = piece.squares[away <= away.min() + SPREAD + 1e-6].T
-            squares = shapely.box(xs - 0.5, ys - 0.5, xs + 0.5, ys + 0.5)
-            away = shapely.distance(squares, piece.shape)
-            least = int(np.argmin(away))
-            if away[least] * self._grid_map.resolution < metres:
-                metres = float(away[least]) * self._grid_map.resolution
-                line = shapely.shortest_line(piece.shape, squares[least])
-                x, y = self._grid_map.grid_to_world(shapely.get_coordinates(line)[:1])[0]
-                point = float(x), float(y)
-        return (metres, point) if metres <= reach else (math.inf, path.point(0.0))
+        path = self._in_cells(points)
+        away = self._away(path.segments)
+        segment = path.segments[int(np.argmin(away))]
+        if self.exist:
+            wall = self._tree.geometries[self._tree.query_nearest(segment, all_matches=False)[0]]
+            segment = shapely.shortest_line(segment, wall)
+        x, y = self._grid_map.grid_to_world(shapely.get_coordinates(segment)[:1])[0]
+        return float(away.min()), (float(x), float(y))
 
-    def spans(self, path: Polyline, metres: float) -> NDArray[np.float64]:
-        """Return where a path is at most `metres`, above 0, from the walls; spans as in Polyline.
+    def spans(self, path: Polyline, metres: float) -> Spans:
+        """Return where a path is at most `metres`, above 0, from the walls.
 
-        All that is so near to one square is convex, so a straight piece has one stretch in it,
-        from the first to the last of what lies in two boxes and four discs.
+        All that is so near to one rectangle is convex: two rectangles and four discs.
         """
-        radius = metres / self._grid_map.resolution
-        found = [np.empty((0, 2))]
-        for piece in self.pieces(path, metres):
-            near = piece.distances() <= radius + math.sqrt(0.5)
-            firsts, lasts = piece.stretches(piece.squares[near], radius)
-            hit = firsts <= lasts
-            places = np.column_stack((firsts[hit], lasts[hit])) * self._grid_map.resolution
-            found.append(piece.place + places)
-        return np.concatenate(found)
+        cells, radius = self._in_cells(path.corners), metres / self._grid_map.resolution
+        segment, wall = self._tree.query(cells.segments, predicate='dwithin', distance=radius)
+        low, high = self._boxes[wall, :2], self._boxes[wall, 2:]
 
-    def pieces(self, path: Polyline, reach: float) -> Iterator[StraightPiece]:
-        """Cut a path into pieces; yield those with lethal cells within `reach` metres, or so."""
-        corners = self._grid_map.world_to_grid(path.corners)
-        around = reach / self._grid_map.resolution + 1.0
-        for begin, end, place in pieces_of(corners, path.at):
-            low, high = np.minimum(begin, end) - around, np.maximum(begin, end) + around
-            x0, y0 = np.maximum(np.floor(low), 0.0).astype(np.intp)
-            x1, y1 = np.maximum(np.ceil(high) + 1.0, 0.0).astype(np.intp)
-            ys, xs = np.nonzero(self._grid_map.cells[y0:y1, x0:x1] >= self._threshold)
-            if len(xs):
-                yield StraightPiece(begin, end, place, np.column_stack((xs + x0, ys + y0)))
+        def parts(begins: Vectors, ahead: Vectors) -> Iterator[Stretches]:
+            for grown in ((radius, 0.0), (0.0, radius)):
+                yield in_box(ahead, low - begins - grown, high - begins + grown)
+            for x, y in product((low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])):
+                yield in_disc(ahead, np.column_stack((x, y)) - begins, radius)
+
+        spans = cells.spans_in_convex(segment, parts)
+        return joined(spans) * self._grid_map.resolution
 
     def outline(self, metres: float) -> BaseGeometry:
-        """Return everything within `metres` of the walls near the path as a polygon, to draw."""
-        lethal = np.zeros(self._grid_map.cells.shape, dtype=np.bool_)
-        for piece in self.pieces(self._path, metres):
-            lethal[piece.squares[:, 1], piece.squares[:, 0]] = True
-        x0, y0, x1, y1 = rectangles(lethal)
-        cells = shapely.union_all(shapely.box(x0 - 0.5, y0 - 0.5, x1 - 0.5, y1 - 0.5))
+        """Return everything within `metres` of the walls as a polygon, to draw."""
+        cells = shapely.union_all(self._tree.geometries)
         placed = shapely.transform(cells, self._grid_map.grid_to_world)
         return shapely.buffer(placed, metres, quad_segs=4)
 
     def zone(self, metres: float) -> WallZone:
         """Return everything within `metres`, above 0, of the walls."""
         return WallZone(NOTHING, np.empty((0, 3)), self, metres)
-
-    @property
-    def exist(self) -> bool:
-        """Whether the map has any."""
-        return bool((self._grid_map.cells >= self._threshold).any())
 
     @cached_property
     def centre_distances(self) -> NDArray[np.float64]:
@@ -115,95 +116,16 @@ class Walls:
         Of the square whose centre is nearest, so up to a fifth of a cell too large, never too
         small; inf without walls.
         """
-        lethal = self._grid_map.cells >= self._threshold
-        if not lethal.any():
-            return np.full(lethal.shape, np.inf)
+        if not self.exist:
+            return np.full(self._lethal.shape, np.inf)
         rows, columns = ndimage.distance_transform_edt(
-            ~lethal, return_distances=False, return_indices=True
+            ~self._lethal, return_distances=False, return_indices=True
         )
-        height, width = lethal.shape
+        height, width = self._lethal.shape
         off_y = np.maximum(np.abs(rows - np.arange(height)[:, None]) - 0.5, 0.0)
         off_x = np.maximum(np.abs(columns - np.arange(width)) - 0.5, 0.0)
         distances: NDArray[np.float64] = np.hypot(off_x, off_y) * self._grid_map.resolution
         return distances
-
-
-@dataclass(frozen=True, eq=False)
-class StraightPiece:
-    """A straight piece of a path, `begin` to `end` in cells, with lethal cells near it.
-
-    `place` is where on the path it begins, metres; `squares` are the cells (x, y), [n, 2].
-    """
-
-    begin: NDArray[np.float64]
-    end: NDArray[np.float64]
-    place: float
-    squares: NDArray[np.intp]
-
-    @property
-    def shape(self) -> BaseGeometry:
-        """The piece as a shapely line, or a point."""
-        if (self.begin == self.end).all():
-            return shapely.Point(self.begin)
-        return shapely.LineString([self.begin, self.end])
-
-    def distances(self) -> NDArray[np.float64]:
-        """Return the distances of the squares' centres, in cells: float64 [n]."""
-        off = self.squares - self.begin
-        step = self.end - self.begin
-        length = float(step @ step)
-        share = np.clip(off @ step / length, 0.0, 1.0) if length else np.zeros(len(off))
-        off = off - share[:, None] * step
-        return np.hypot(off[:, 0], off[:, 1])
-
-    def stretches(
-        self, squares: NDArray[np.intp], radius: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where the piece is at most `radius` cells from each of some squares.
-
-        As first and last place on it, in cells, float64 [n] each; last before first if nowhere.
-        """
-        length = math.dist(self.begin, self.end)
-        ahead = (self.end - self.begin) / length if length else np.zeros(2)
-        off = squares - self.begin
-        firsts, lasts = np.full(len(off), np.inf), np.full(len(off), -np.inf)
-        grown = radius + 0.5
-        parts = [in_box(off, ahead, grown, 0.5), in_box(off, ahead, 0.5, grown)]
-        corners = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
-        parts += [in_disc(off + corner, ahead, radius) for corner in corners]
-        for begin, end in parts:
-            first, last = np.maximum(begin, 0.0), np.minimum(end, length)
-            hit = first <= last
-            firsts[hit] = np.minimum(firsts, first)[hit]
-            lasts[hit] = np.maximum(lasts, last)[hit]
-        return firsts, lasts
-
-
-def in_box(
-    off: NDArray[np.float64], ahead: NDArray[np.float64], half_x: float, half_y: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where a line from the origin lies in boxes around the points `off` [n, 2]."""
-    firsts, lasts = np.full(len(off), -np.inf), np.full(len(off), np.inf)
-    for axis, half in enumerate((half_x, half_y)):
-        low, high = off[:, axis] - half, off[:, axis] + half
-        if ahead[axis]:
-            one, other = low / ahead[axis], high / ahead[axis]
-            firsts = np.maximum(firsts, np.minimum(one, other))
-            lasts = np.minimum(lasts, np.maximum(one, other))
-        else:
-            lasts = np.where((low <= 0.0) & (high >= 0.0), lasts, -np.inf)
-    return firsts, lasts
-
-
-def in_disc(
-    off: NDArray[np.float64], ahead: NDArray[np.float64], radius: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where a line from the origin lies in discs around the points `off` [n, 2]."""
-    along = off @ ahead
-    across = np.hypot(*(off - along[:, None] * ahead).T)
-    half = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
-    lasts = along + half if ahead.any() else np.full(len(off), np.inf)
-    return along - half, np.where(across <= radius, lasts, -np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +147,7 @@ class WallZone(Area):
 
     @cached_property
     def outline(self) -> BaseGeometry:
-        """The part near the path as a polygon, to draw."""
+        """All of it as a polygon, to draw."""
         return self.walls.outline(self.metres)
 
     def grown(self, by: float) -> WallZone:
@@ -238,47 +160,19 @@ class WallZone(Area):
 
     def spans(self, path: Polyline) -> Spans:
         """Return where a path lies in it."""
-        return joined(self.walls.spans(path, self.metres))
-
-    def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
-        """Tell which points [n, 2] lie in it and not on its edge."""
-        return self._distances(points) < self.metres
+        return self.walls.spans(path, self.metres)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
-        return self._distances(points) <= self.metres + EDGE
-
-    def _distances(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return the metres from points [n, 2] to the walls, inf where that is over twice its."""
-        reach = 2.0 * self.metres + EDGE
-        xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        return np.array([self.walls.nearest(polyline(point), reach)[0] for point in xy])
+        return self.walls.distances(points) <= self.metres + EDGE
 
     def distance(self, shape: BaseGeometry) -> float:
-        """Return the metres from a point or a line to it."""
-        path = polyline(shapely.get_coordinates(shape))
-        return max(0.0, self.walls.nearest(path, FAR)[0] - self.metres)
+        """Return the metres from a point or a line to it, inf without walls."""
+        return max(0.0, self.walls.nearest(shapely.get_coordinates(shape))[0] - self.metres)
 
     def nearest_point(self, shape: BaseGeometry) -> tuple[float, float]:
         """Return the point (x, y) of a point or a line that is nearest to it."""
-        return self.walls.nearest(polyline(shapely.get_coordinates(shape)), FAR)[1]
-
-
-def pieces_of(
-    corners: NDArray[np.float64], at: NDArray[np.float64]
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64], float]]:
-    """Yield begin, end and place of straight pieces of a polyline [n, 2], none over PIECE long.
-
-    `at` are the places of its corners.
-    """
-    if len(corners) == 1:
-        yield corners[0], corners[0], 0.0
-    for (begin, end), (first, last) in zip(pairwise(corners), pairwise(at)):
-        count = max(1, math.ceil(math.dist(begin, end) / PIECE))
-        shares = np.arange(count + 1) / count
-        cuts = begin + (end - begin) * shares[:, None]
-        for number, share in enumerate(shares[:-1]):
-            yield cuts[number], cuts[number + 1], first + share * (last - first)
+        return self.walls.nearest(shapely.get_coordinates(shape))[1]
 
 
 def rectangles(cells: NDArray[np.bool_]) -> NDArray[np.intp]:

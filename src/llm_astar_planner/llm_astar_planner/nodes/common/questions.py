@@ -20,7 +20,6 @@ from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
     Understanding,
-    clean_instruction,
 )
 from llm_astar_planner.instructions.messages import (
     MAX_QUESTION,
@@ -30,6 +29,7 @@ from llm_astar_planner.instructions.messages import (
     error_text,
     parse_question,
 )
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 

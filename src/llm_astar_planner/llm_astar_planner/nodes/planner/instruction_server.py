@@ -23,7 +23,6 @@ from llm_astar_planner.instructions.current import CurrentInstruction, Instructi
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
-    clean_instruction,
     not_understood,
 )
 from llm_astar_planner.instructions.messages import (
@@ -33,7 +32,7 @@ from llm_astar_planner.instructions.messages import (
     parse_answer,
 )
 from llm_astar_planner.instructions.progress import Progress
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
@@ -141,11 +140,11 @@ class InstructionServer:
         instruction = self.current.instruction
         if instruction is None:
             return request
-        route = Route(planner.costmap, request.start, request.goal, instruction.places)
-        places = [goal[:2] for goal in goals]
-        visited = self._progress.at(start[:2], places, instruction.interpretation, route)
+        places, text = [goal[:2] for goal in goals], instruction.interpretation.text
+        driven = self._progress.at(start[:2], places, text, planner.grid_map.resolution)
         policy = self._settings['instruction_policy']
-        return replace(request, instruction=replace(instruction, policy=policy, visited=visited))
+        instruction = replace(instruction, policy=policy, driven=driven, want_prices=False)
+        return replace(request, instruction=instruction)
 
     def follow(self, path: Path) -> None:
         """Take the path that the robot follows from now on."""
@@ -160,7 +159,7 @@ class InstructionServer:
             'instruction_status': understood.status.value if understood else None,
             'instruction_understood': understood.sentence if understood else None,
             'instruction_understood_by': understood.understood_by if understood else None,
-            'instruction_visited': len(self._progress.visited),
+            'instruction_driven': round(self._progress.metres, 1),
             'places': len(self._places()),
         }
 

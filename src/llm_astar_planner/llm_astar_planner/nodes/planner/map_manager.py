@@ -70,7 +70,7 @@ class MapManager:
         self._config = config
         self._on_planner = on_planner
         self._compiler = compiler
-        self._landmarks = LandmarkManager()
+        self.landmarks = LandmarkManager()
         self._grid_map: GridMap | None = None
         self._arrived = 0.0
         self._changed = threading.Condition()
@@ -111,10 +111,6 @@ class MapManager:
             return newest.planner.costmap, newest.planner.checker
         config = self._config()
         return Costmap(grid_map, config), CollisionChecker(grid_map, config)
-
-    def landmark_statistics(self) -> dict[str, float]:
-        """Return what the landmarks cost and how often plans had them, for /diagnostics."""
-        return self._landmarks.statistics()
 
     def take(self, grid_map: GridMap, transit: float | None = 0.0) -> None:
         """Plan on this map as soon as it is ready.
@@ -173,7 +169,7 @@ class MapManager:
             self._closing = True
             self._changed.notify_all()
         self._thread.join()
-        self._landmarks.close()
+        self.landmarks.close()
 
     def work(self) -> None:
         """Prepare what is newest, until closed."""
@@ -217,7 +213,7 @@ class MapManager:
             is_same = before is not None and before.grid_map.is_equal_to(grid_map)
             if before is not None and is_same and before.config == config:
                 return before
-            planner = Planner(grid_map, config, landmarks=self._landmarks, previous=before)
+            planner = Planner(grid_map, config, landmarks=self.landmarks, previous=before)
             return planner.prepare(wait=False)
         except Exception as error:  # noqa: BLE001 - no map may end the thread
             problem = f'{type(error).__name__}: {error}'

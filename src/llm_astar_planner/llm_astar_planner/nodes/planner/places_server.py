@@ -20,12 +20,11 @@ from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import LATCHED
-from llm_astar_planner.planning.plan_reuse import MapPlacement
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.resources import find_file
 
@@ -114,7 +113,7 @@ class PlacesServer:
         planner, places = self._planner, self.places
         if planner is None or not len(places):
             return
-        checked = (places.digest, MapPlacement.of(planner.grid_map)[1:], planner.config)
+        checked = (places.digest, planner.grid_map.layout, planner.config)
         if checked == self._checked:
             return
         self._checked = checked

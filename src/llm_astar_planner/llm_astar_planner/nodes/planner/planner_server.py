@@ -30,8 +30,7 @@ from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.path_validity import PathValidityService
 from llm_astar_planner.nodes.planner.places_server import PlacesServer
 from llm_astar_planner.nodes.planner.publishers import DiagnosticsPublisher, PlanPublisher
-from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
-from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.nodes.planner.request_handler import RequestConverter, RequestHandler
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
@@ -79,7 +78,7 @@ class PlannerServer:
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
         self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
         replans = PreemptingGoalSlot()
-        self._publisher = PlanPublisher(entities)
+        self._publisher = PlanPublisher(entities, replans)
         self.handler = RequestHandler(
             node,
             settings,
@@ -87,7 +86,6 @@ class PlannerServer:
             RequestConverter(settings, frames, self._cache, self._footprint),
             compiler=compiler,
             publisher=self._publisher,
-            replans=replans,
             instructions=self._instructions,
         )
         self.monitor = PathMonitor(
@@ -227,7 +225,7 @@ class PlannerServer:
             'llm_client_ready': self._client is not None and self._client.ready,
             'last_path': self.monitor.state,
             **self._footprint.values(),
-            **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
+            **{name: round(value, 3) for name, value in self._maps.landmarks.statistics().items()},
             **self._instructions.values(),
             **self._zones.values(),
             **self._publisher.statistics.values(),

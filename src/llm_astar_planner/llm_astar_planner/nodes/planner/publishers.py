@@ -26,8 +26,8 @@ from visualization_msgs.msg import MarkerArray
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import RCLError
-from llm_astar_planner.nodes.planner.goals import PlanResponse
-from llm_astar_planner.planning.endpoints import Ends, cell_of, ends_that_fit, with_exact_ends
+from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSlot
+from llm_astar_planner.planning.endpoints import Ends, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import (
@@ -46,6 +46,7 @@ LONGEST_WAIT = 1.0
 POSE_SECONDS = 20e-6
 LEAST_SECONDS = 0.001
 
+NEWER_PATH = 'a newer path was published'
 PERIOD_S = 1.0
 # Of the last plan, besides its code.
 LAST = ('guided_by', 'ratio', 'source_status', 'source_detail')
@@ -72,8 +73,11 @@ class PathWriter:
         """
         self._planner = planner
         self._stamp = stamp
-        self._start = start
-        self._goal = goal
+        self._start, self._goal = start, goal
+        # In grid coordinates, and their cells.
+        places = [start[:2], goal[:2]]
+        self._ends = planner.grid_map.world_to_grid(places)
+        self._cells = planner.grid_map.world_to_cells(places).tolist()
         self._goal_yaw = None if keeps_heading else goal.yaw
         self._fits: Callable[[NDArray[np.float64]], bool] | None = None
         if request is not None and request.footprint is not None:
@@ -89,37 +93,25 @@ class PathWriter:
         cells = np.asarray(points, dtype=np.float64)
         if self._last is not None and np.array_equal(self._last[0], cells):
             return self._last[1]
-        grid_map = self._planner.grid_map
-        places, start_yaw = grid_map.grid_to_world(cells), None
+        grid_map, checker = self._planner.grid_map, self._planner.checker
+        ends: Ends = None, None
         if len(cells):
-            places, start_yaw = self.places_with_ends(cells)
+            (start, goal), (begin, end) = self._ends, self._cells
+            ends = (
+                start if cells[0].tolist() == begin else None,
+                goal if cells[-1].tolist() == end else None,
+            )
+            if self._fits is not None:
+                ends = ends_that_fit(cells, ends, checker, self._fits)
+        places = grid_map.grid_to_world(with_exact_ends(cells, *ends, checker))
+        if ends[1] is not None:
+            places[-1] = self._goal[:2]
+        if ends[0] is not None:
+            places[0] = self._start[:2]
+        start_yaw = self._start.yaw if ends[0] is not None or len(places) == 1 else None
         path = path_to_message(places, grid_map.frame_id, self._stamp, self._goal_yaw, start_yaw)
         self._last = (cells, path)
         return path
-
-    def places_with_ends(
-        self, cells: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], float | None]:
-        """Return the places [n, 2] in metres of a path of n > 0 points, with the exact ends.
-
-        Also the heading (rad) of the first, None for that of the path.
-        """
-        grid_map = self._planner.grid_map
-        ends = [self._start[:2], self._goal[:2]]
-        start, goal = grid_map.world_to_grid(ends)
-        exact: Ends = (
-            start if cell_of(cells[0]) == cell_of(start) else None,
-            goal if cell_of(cells[-1]) == cell_of(goal) else None,
-        )
-        if self._fits is not None:
-            exact = ends_that_fit(cells, exact, self._planner.checker, self._fits)
-        places = grid_map.grid_to_world(with_exact_ends(cells, *exact, self._planner.checker))
-        begins, arrives = exact[0] is not None, exact[1] is not None
-        if arrives:
-            places[-1] = ends[1]
-        if begins:
-            places[0] = ends[0]
-        return places, self._start.yaw if begins or len(places) == 1 else None
 
     def write_plan(self, plan: Plan, deadline: float) -> tuple[Path, tuple[str, ...]]:
         """Write a plan's path with one pose per cell, as controllers expect; return it.
@@ -149,8 +141,9 @@ class PlanPublisher:
     no caller waits for them.
     """
 
-    def __init__(self, entities: Entities) -> None:
-        """Make the publishers."""
+    def __init__(self, entities: Entities, replans: PreemptingGoalSlot) -> None:
+        """Make the publishers; a path that a client requested preempts those in `replans`."""
+        self._replans = replans
         self.statistics = PlanStatistics()
         self._node = entities.node
         self._plan = entities.publisher(Path, 'plan', RELIABLE)
@@ -170,8 +163,10 @@ class PlanPublisher:
         """Whether anybody subscribes to the expanded cells."""
         return bool(self._explored.get_subscription_count())
 
-    def publish_path(self, path: Path) -> None:
+    def publish_path(self, path: Path, *, is_replan: bool) -> None:
         """Publish a path, unless this very message was the last one published."""
+        if not is_replan:
+            self._replans.cancel(NEWER_PATH)
         with self._lock:
             is_new, self._published = path is not self._published, path
         if is_new:

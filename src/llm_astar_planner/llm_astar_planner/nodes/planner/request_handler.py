@@ -1,48 +1,61 @@
-"""Answers goals: converts them, has them planned, and publishes what came of it."""
+"""Answers goals: from poses to a PlanRequest, its plans, and what is published of them."""
 
 from __future__ import annotations
 
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.writing import path_to_message
-from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
 from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
     PlanGoal,
     PlanResponse,
-    PreemptingGoalSlot,
     refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
-from llm_astar_planner.nodes.planner.request_conversion import (
-    RequestConverter,
-    RequestError,
-)
+from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
-from llm_astar_planner.planning.types import PlanningFailure, ResultCode
+from llm_astar_planner.planning.parameters import request_fields
+from llm_astar_planner.planning.types import (
+    MAX_VIA,
+    MAX_VIAPOINTS,
+    PlanningFailure,
+    PlanRequest,
+    ResultCode,
+)
+from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS
+from llm_astar_planner.waypoints.source import WaypointSource
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
 LEAST_SECONDS = 0.001
 # Seconds that a cancelled goal may take to end before it is left behind.
 LONGEST_END = 2.0
+# How a caller names this planner in `planner_id`; GridBased is what Nav2's behaviour trees say.
+OWN_IDS = ('', 'LLMAStar', 'GridBased')
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
-NEWER_PATH = 'a newer path was published'
 # Times of the clock at which plans began that are remembered.
 KEPT_TIMES = 1024
+
+
+class RequestError(PlanningFailure):
+    """A goal that cannot be planned for: why, and Nav2's code for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +84,112 @@ class Job:
         return max(LEAST_SECONDS, self.begin + self.limit - finish - time.monotonic())
 
 
+class Converted(NamedTuple):
+    """A request to the planner, and the poses of its start and goals in the map's frame."""
+
+    request: PlanRequest
+    start: Pose2D
+    goals: tuple[Pose2D, ...]
+
+
+class RequestConverter:
+    """Converts goals under the node's parameters."""
+
+    def __init__(
+        self,
+        settings: Parameters,
+        frames: Frames,
+        source: WaypointSource | None,
+        footprint: RobotFootprint,
+    ) -> None:
+        """Take the parameters, the transforms, the waypoint source, and the robot's polygon."""
+        self._settings = settings
+        self._frames = frames
+        self._source = source
+        self._footprint = footprint
+        self._used: Mapping[str, Any] = {}
+        self._fields: dict[str, Any] = {}
+
+    def to_request(
+        self,
+        goal: PlanGoal,
+        grid_map: GridMap,
+        time_left: Callable[[], float],
+        may_wait: MayWait = never,
+        *,
+        want_expanded: bool,
+    ) -> Converted:
+        """Return the request to the planner; a transform is awaited while `may_wait()`.
+
+        It has the seconds that `time_left` returns after that. Raises RequestError, and what
+        `may_wait` raises.
+        """
+        if not goal.goals:
+            raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
+        last, more = len(goal.goals), len(goal.viapoints)
+        for name, count, most in (
+            ('goals', last, MAX_VIA + 1),
+            ('viapoints', more, MAX_VIAPOINTS),
+        ):
+            if count > most:
+                message = f'{name}: {count}, over the {most} allowed'
+                raise RequestError(ResultCode.INVALID_PLANNER, message)
+        names = ['start', *['goal'] * last, *map('via point {}'.format, range(1, more + 1))]
+        places: list[Pose2D] = []
+        try:
+            for name, pose in zip(names, [goal.start, *goal.goals, *goal.viapoints]):
+                if pose is None:
+                    place = self.robot_pose(goal, grid_map.frame_id, may_wait)
+                elif pose.header.frame_id in ('', grid_map.frame_id):
+                    place = pose_from_message(pose.pose, name)
+                else:
+                    place = self._frames.locate(pose, grid_map.frame_id, name, may_wait)
+                places.append(place)
+            cells = tuple(map(tuple, grid_map.world_to_cells(np.array(places)[:, :2]).tolist()))
+        except FrameError as error:
+            raise RequestError(ResultCode.TF_ERROR, str(error)) from None
+        except GridMapError as error:
+            raise RequestError(ResultCode.UNKNOWN, str(error)) from None
+        start, goals = places[0], places[1 : last + 1]
+        fields = self.fields(goal) | {'want_expanded': want_expanded, 'time_limit': time_left()}
+        if self._footprint.current is not None:
+            fields['start_pose'] = start
+            if not self._used['use_final_approach_orientation']:
+                fields['goal_yaw'] = goals[-1].yaw
+        request = PlanRequest(
+            cells[0], cells[last], via=cells[1:last], viapoints=cells[last + 1 :], **fields
+        )
+        return Converted(request, start, tuple(goals))
+
+    def robot_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
+        """Return the robot's pose, else the fallback start of a goal."""
+        base, fallback = self._settings['robot_base_frame'], goal.fallback_start
+        if fallback is None:
+            return self._frames.robot(base, frame_id, may_wait)
+        try:
+            return self._frames.robot(base, frame_id)
+        except FrameError:
+            return self._frames.locate(fallback, frame_id, 'start', may_wait)
+
+    def fields(self, goal: PlanGoal) -> dict[str, Any]:
+        """Return what the parameters and a goal say of a request. Raises RequestError."""
+        settings = self._settings.current
+        if settings is not self._used:
+            self._used, self._fields = settings, request_fields(settings)
+            self._fields['source'] = self._source if settings['use_waypoints'] else None
+        fields = self._fields | {'footprint': self._footprint.current}
+        if goal.planner_id not in OWN_IDS:
+            fields['method'] = goal.planner_id
+        if fields['method'] not in METHODS and SEARCH_METHODS.problem(fields['method']):
+            names = ', '.join([*OWN_IDS[1:], *METHODS, *SEARCH_METHODS.installed])
+            message = f'no planner {goal.planner_id!r}; there is {names}'
+            raise RequestError(ResultCode.INVALID_PLANNER, message)
+        # A NaN is for the planner to refuse.
+        if not goal.tolerance <= 0.0:
+            fields['tolerance'] = goal.tolerance
+        return fields
+
+
 class RequestHandler:
     """Answers any number of goals at a time, from any thread, while it `is_active`."""
 
@@ -83,14 +202,9 @@ class RequestHandler:
         *,
         compiler: KernelCompiler,
         publisher: PlanPublisher,
-        replans: PreemptingGoalSlot,
         instructions: InstructionServer,
     ) -> None:
-        """Take the parts it works with.
-
-        `replans` is the slot of replans: publishing a path that a client has just requested
-        preempts them.
-        """
+        """Take the parts it works with."""
         self.is_active = False
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
@@ -103,7 +217,6 @@ class RequestHandler:
         self._compiler = compiler
         self._converter = converter
         self._publisher = publisher
-        self._replans = replans
         self._instructions = instructions
 
     def activate(self) -> None:
@@ -131,10 +244,13 @@ class RequestHandler:
         published. `on_better` is called after each better path published on the way.
         `replan_reason` says why the path monitor plans again, '' if a client requested it.
         """
+        token = token or CancellationToken()
         stamp = self.next_stamp()
         limit = self._settings.current['max_planning_time']
-        job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
-        with self.running(job.token):
+        job = Job(goal, token, stamp, time.monotonic(), limit)
+        with self._ended:
+            self._running.add(token)
+        try:
             try:
                 if self.is_active and not self._compiler.is_ready:
                     self._compiler.wait(job.goes_on)
@@ -149,7 +265,11 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
-            self._publisher.publish_report(response, stamp, is_cancelled=bool(job.token.reason))
+            self._publisher.publish_report(response, stamp, is_cancelled=bool(token.reason))
+        finally:
+            with self._ended:
+                self._running.discard(token)
+                self._ended.notify_all()
         return replace(response, seconds=time.monotonic() - job.begin)
 
     def next_stamp(self) -> Time:
@@ -205,19 +325,19 @@ class RequestHandler:
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
                 if not job.token.reason:
-                    self.publish(path, replan_reason)
+                    self._publisher.publish_path(path, is_replan=bool(replan_reason))
                     if on_better is not None:
                         on_better()
         job.goes_on()
         path, left_out = writer.write_plan(plan, deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.goes_on()
-        if plan.code is ResultCode.NONE:
-            self.publish(path, replan_reason)
+        is_made = plan.code is ResultCode.NONE
+        if is_made:
+            self._publisher.publish_path(path, is_replan=bool(replan_reason))
             if request.instruction is not None:
                 self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
-        is_made = plan.code is ResultCode.NONE
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
         if waited is not NOT_WAITED or left_out:
@@ -225,27 +345,9 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def publish(self, path: Path, replan_reason: str) -> None:
-        """Publish a path; one that a client has just requested preempts a replan."""
-        if not replan_reason:
-            self._replans.cancel(NEWER_PATH)
-        self._publisher.publish_path(path)
-
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
         newest = self._maps.newest
         frame_id = newest.planner.grid_map.frame_id if newest else ''
         path = path_to_message([], frame_id, job.stamp)
         return PlanResponse(job.goal, refusal(code, message), path, job.begin)
-
-    @contextmanager
-    def running(self, token: CancellationToken) -> Iterator[None]:
-        """Let `deactivate` cancel the goal of a token and wait for its end."""
-        with self._ended:
-            self._running.add(token)
-        try:
-            yield
-        finally:
-            with self._ended:
-                self._running.discard(token)
-                self._ended.notify_all()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,6 +55,8 @@ PLAN_AGAIN_S = 6.0
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 15.0
 POLL_SECONDS = 0.01
+# 'X,Y' in metres, where a name could stand.
+POINT = re.compile(r'\s*-?[\d.]+\s*,\s*-?[\d.]+\s*')
 # Reports on plans of other clients arrive too, and nobody fetches them.
 KEPT_REPORTS = REPORTS_OF_CALLS.depth
 
@@ -226,6 +229,8 @@ class PlannerCaller(PlannerClient):
         self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
         self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
         self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
+        self._reader = node.create_client(GetParameters, f'{planner}/get_parameters')
+        self._setter = node.create_client(SetParameters, f'{planner}/set_parameters')
 
     def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
@@ -251,28 +256,50 @@ class PlannerCaller(PlannerClient):
             if answers[number].get('status') != Understanding.PENDING.value:
                 return
 
-    def set_instruction(self, text: str) -> None:
-        """Set the planner's instruction."""
-        service = self.node.create_client(SetParameters, f'{self.planner}/set_parameters')
-        result = self.ask(service, setting({'instruction': text}), self.seconds).results[0]
-        if not result.successful:
-            raise PlannerClientError(result.reason)
+    def values(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the planner's parameters of these names."""
+        request = GetParameters.Request(names=list(names))
+        found = self.ask(self._reader, request, self.seconds).values
+        if len(found) != len(names):
+            raise PlannerClientError(f'{self.planner} lacks some of {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
 
-    def place(self, name: str) -> Pose2D:
-        """Return the goal of a place. Raises PlaceGoalError with the names to choose from."""
-        place = find_place(name, self.places())
+    def set_values(self, values: Mapping[str, Any]) -> None:
+        """Set parameters of the planner."""
+        for result in self.ask(self._setter, setting(values), self.seconds).results:
+            if not result.successful:
+                raise PlannerClientError(result.reason)
+
+    def pose(self, where: str | Sequence[float], places: Places | None = None) -> Pose2D:
+        """Return a point, which may be the text 'X,Y', or the goal of the place of that name.
+
+        `places` are those to wait for, None for what the planner has. Raises PlaceGoalError with
+        the names to choose from.
+        """
+        if not isinstance(where, str):
+            return Pose2D(*where)
+        if POINT.fullmatch(where):
+            return Pose2D(*map(float, where.split(',')))
+        place = find_place(where, self.places(places))
         if place.name not in self._places['goals']:
             raise PlaceGoalError(f'no cell of {place.name!r} is free on the map')
         return Pose2D(*self._places['goals'][place.name])
 
-    def places(self) -> Places:
-        """Return the planner's places, which come with their goals if there are any."""
+    def places(self, expected: Places | None = None) -> Places:
+        """Return the planner's places, which come with their goals if there are any.
+
+        Waits for those that are `expected`, where they were just set.
+        """
         what = f'the places of {self.planner}'
-        self.wait_for(
-            lambda: 'goals' in self._places or self._places.get('features') == [],
-            what,
-            self.seconds,
-        )
+
+        def have_come() -> bool:
+            known = 'goals' in self._places or self._places.get('features') == []
+            return known and (
+                expected is None
+                or places_from_geojson(self._places, what).digest == expected.digest
+            )
+
+        self.wait_for(have_come, what, self.seconds)
         return places_from_geojson(self._places, what)
 
     def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
@@ -303,9 +330,7 @@ class PlannerState:
         """Take a caller of the planner."""
         self._caller = caller
         self._maps: list[GridMap] = []
-        node = caller.node
-        self._parameters = node.create_client(GetParameters, f'{caller.planner}/get_parameters')
-        MapSubscription(Entities(node), self._on_map)
+        MapSubscription(Entities(caller.node), self._on_map)
 
     def _on_map(self, grid_map: GridMap, _: float) -> None:
         """Keep the newest map."""
@@ -322,11 +347,7 @@ class PlannerState:
 
     def values(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the planner's parameters of these names. Raises PlannerClientError."""
-        request = GetParameters.Request(names=list(names))
-        found = self._caller.ask(self._parameters, request, self._caller.seconds).values
-        if len(found) != len(names):
-            raise PlannerClientError(f'{self._caller.planner} lacks some of {", ".join(names)}')
-        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
+        return self._caller.values(names)
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
         """Return what the graph understands of a text; its own places and limits hold."""

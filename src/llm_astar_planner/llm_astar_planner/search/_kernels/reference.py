@@ -90,26 +90,27 @@ def reach(
     corner_cutting: bool,
     removed: NDArray[np.bool_],
     line: NDArray[np.float64],
-    x: int,
-    y: int,
+    starts: NDArray[np.bool_],
 ) -> NDArray[np.uint8]:
-    """Return which cells can be reached from (x, y) by moves between cells that are not removed.
+    """Return which cells can be reached from `starts` by moves between cells that are not removed.
 
-    `removed` cells may still be passed by their corners. `line`, (x, y, dx, dy), is a ray that no
-    move may cross, from a point in a direction of length 1, or all NaN. A cell whose centre lies
-    on the ray may be entered and left on the same side only. The result is uint8 [height, width]:
-    1 reached, or reached from the left of the ray, 2 from its right, 3 both.
+    `starts` is bool [height, width]; what is removed or blocked is none. `removed` cells may
+    still be passed by their corners. `line`, (x, y, dx, dy), is a ray that no move may cross,
+    from a point in a direction of length 1, or all NaN. A cell whose centre lies on the ray may
+    be entered and left on the same side only. The result is uint8 [height, width]: 1 reached, or
+    reached from the left of the ray, 2 from its right, 3 both.
     """
     height, width = blocked.shape
     reached = np.zeros((height, width), dtype=np.uint8)
-    if removed[y, x] or blocked[y, x]:
-        return reached
     with_line = not math.isnan(line[0])
-    stack = [(x, y, 1)]
-    reached[y, x] = 1
-    if with_line and side_of(line, x, y) == 0:
-        stack.append((x, y, 2))
-        reached[y, x] = 3
+    stack = [(0, 0, 1) for _ in range(0)]
+    rows, columns = np.nonzero(starts & ~removed & ~blocked)
+    for y, x in zip(rows, columns):
+        stack.append((x, y, 1))
+        reached[y, x] = 1
+        if with_line and side_of(line, x, y) == 0:
+            stack.append((x, y, 2))
+            reached[y, x] = 3
     while len(stack) > 0:
         x, y, bit = stack.pop()
         side = side_of(line, x, y) if with_line else 1

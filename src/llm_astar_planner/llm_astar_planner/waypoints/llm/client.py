@@ -34,8 +34,7 @@ from llm_astar_planner.waypoints.llm.resilience import (
     EndpointFailure,
     retry_delay,
 )
-from llm_astar_planner.waypoints.prompts.template import COMPLETION
-from llm_astar_planner.waypoints.source import Message, SourceStatus
+from llm_astar_planner.waypoints.source import COMPLETION, Message, SourceStatus
 
 # Average characters of a token, for servers that do not count them.
 CHARS_PER_TOKEN = 4

@@ -21,7 +21,7 @@ from urllib.parse import unquote, urlsplit
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
-from llm_astar_planner.waypoints.source import SourceStatus
+from llm_astar_planner.waypoints.source import KEY_NAMES, SourceStatus
 
 # Well-known variables of services: each key is sent to its own host only.
 KEY_HOSTS = {
@@ -38,8 +38,6 @@ KEY_HOSTS = {
 }
 _VARIABLE = re.compile('[A-Z_][A-Z0-9_]{0,63}')
 _PATTERN = re.compile(r'[A-Z_*][A-Z0-9_*]{0,63}')
-# Which variables may hold a key, unless the start says otherwise.
-KEY_NAMES = '*_API_KEY, *_TOKEN'
 OPENAI_HOST = 'api.openai.com'
 MASK = '***'
 WITHHELD = '(withheld, since it repeats the key)'

@@ -12,11 +12,15 @@ from llm_astar_msgs_adapter.errors import printable
 
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
-from llm_astar_planner.waypoints.source import MAX_NAME, Message, SourceStatus
+from llm_astar_planner.waypoints.source import (
+    MAX_NAME,
+    RESPONSE_FORMATS,
+    Message,
+    SourceStatus,
+)
 
 # Removes the key from a text.
 Clean = Callable[[str], str]
-RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
 # What servers write when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.
 _TOO_LONG = re.compile(
     'context[_ ]length|context size|context window|exceed_context|maximum context'

@@ -1,15 +1,17 @@
-"""The source that asks a language model behind an OpenAI-compatible endpoint."""
+"""The source that asks a language model behind an OpenAI-compatible endpoint, with a cache."""
 
 from __future__ import annotations
 
 import contextlib
+import threading
 import time
-from collections.abc import Sequence
-from dataclasses import InitVar, dataclass, field, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import KW_ONLY, InitVar, dataclass, field, replace
 
+from cachetools import LRUCache
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.async_query import CachedSource
+from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
@@ -43,6 +45,9 @@ from llm_astar_planner.waypoints.transcript import TranscriptWriter
 
 # How many seconds a request that missed its deadline may go on, to answer the next query.
 LATE_S = 60.0
+# Different queries of a cached source that may run at a time; the endpoint's client lets fewer
+# requests through.
+MAX_PENDING = 16
 # How much of an answer is quoted to the model when it is asked to correct it.
 MAX_QUOTED_CHARS = 4000
 
@@ -217,6 +222,83 @@ class Conversation:
             temperature=self.source.client.dialect.temperature,
         )
         self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
+
+
+@dataclass(eq=False)
+class CachedSource:
+    """Answers from memory where it can; queries `inner` once for identical concurrent queries.
+
+    When a caller's time is up the query continues in the background, as long as `inner` lets it,
+    and its late reply goes to the cache. Keyed by the costmap (map and rules), start, goal
+    and sample; of more than `size` replies the least recently used is dropped.
+    `model` and `prompt` label the replies of failures. Thread-safe.
+    """
+
+    inner: WaypointSource
+    _: KW_ONLY
+    model: str = ''
+    prompt: str = ''
+    size: int = 256
+    timeout_s: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Start with an empty cache and no running query."""
+        # Reentrant: a query that the queue refuses is answered on the thread that puts it there.
+        self._lock = threading.RLock()
+        self._queue = QueryQueue(MAX_PENDING, MAX_PENDING, MAX_PENDING)
+        self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(self.size)
+        self._running: dict[Hashable, QueryTask] = {}
+
+    @property
+    def name(self) -> str:
+        """The name of the wrapped source."""
+        return self.inner.name
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the reply in memory, else wait up to `timeout_s` or the query's time limit."""
+        started = time.monotonic()
+        query = replace(query, time_limit=min(self.timeout_s, query.time_limit))
+        key = (query.costmap.key, query.start, query.goal, query.sample)
+        with self._lock:
+            kept = self._replies.get(key)
+            if kept is not None:
+                detail = '; '.join(part for part in ('from the cache', kept.detail) if part)
+                return replace(
+                    kept, detail=detail, prompt_tokens=0, completion_tokens=0, seconds=0.0
+                )
+            task = self._running.get(key)
+            if task is None:
+                if len(self._running) >= MAX_PENDING:
+                    return self._failure(
+                        SourceStatus.REFUSED, f'{MAX_PENDING} queries are running', started
+                    )
+                task = self._running[key] = start_query(
+                    self.inner, query, lambda reply: self._store(key, reply), self._queue
+                )
+                if task.reply is not None:
+                    del self._running[key]
+        task.wait(query.time_limit, query.stop)
+        if task.reply is not None:
+            return task.reply
+        detail = f'no answer within {query.time_limit:.1f} s; a late one is kept for the next time'
+        return self._failure(SourceStatus.TIMEOUT, detail, started)
+
+    def _store(self, key: Hashable, reply: WaypointReply) -> None:
+        with self._lock:
+            # A reply without a route is kept too; after a failure the source is asked again.
+            if reply.status.is_answer:
+                self._replies[key] = reply
+            self._running.pop(key, None)
+
+    def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
+        return WaypointReply(
+            label=f'{self.name}:{self.model}',
+            status=status,
+            detail=detail,
+            model=self.model,
+            prompt=self.prompt,
+            seconds=time.monotonic() - started,
+        )
 
 
 def make_endpoint(context: SourceContext) -> WaypointSource:

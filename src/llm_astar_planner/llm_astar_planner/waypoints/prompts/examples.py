@@ -25,8 +25,8 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     Lattice,
     describe,
 )
-from llm_astar_planner.waypoints.prompts.template import MESSAGE, Example, Template, prompt_name
-from llm_astar_planner.waypoints.source import WaypointQuery
+from llm_astar_planner.waypoints.prompts.template import Example, Template, prompt_name
+from llm_astar_planner.waypoints.source import MESSAGE, WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.

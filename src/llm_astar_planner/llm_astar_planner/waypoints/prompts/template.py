@@ -20,10 +20,9 @@ from llm_astar_msgs_adapter.files import read_text
 
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.prompts.map_description import Description
-from llm_astar_planner.waypoints.source import Message
+from llm_astar_planner.waypoints.source import MESSAGE, TURNS, Message
 
 TEMPLATES = ('few_shot', 'zero_shot', 'cot', 'repe')
-MESSAGE, TURNS, COMPLETION = FORMS = ('message', 'turns', 'completion')
 NEEDED = ('start', 'goal', 'horizontal_barriers', 'vertical_barriers')
 NAMES = (*NEEDED, 'x_min', 'x_max', 'y_min', 'y_max')
 MAX_TEMPLATE_BYTES = 65536

@@ -13,11 +13,11 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
 from llm_astar_planner.instructions.interpretation import (
-    MAX_INSTRUCTION_CHARS,
     Interpretation,
     Understanding,
 )
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, from_json
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 
 WORDS = sorted(
     {word for language in LANGUAGES for word in vocabulary(language).phrases.words}

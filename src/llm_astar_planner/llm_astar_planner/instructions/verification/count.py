@@ -1,0 +1,65 @@
+"""count: how often the path enters a region."""
+
+from __future__ import annotations
+
+import math
+
+from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.count import Count
+from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.verification.geometry import Area, first_from
+from llm_astar_planner.instructions.verification.measurement import (
+    Measurement,
+    broken,
+    kept,
+)
+from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
+from llm_astar_planner.instructions.verification.regions import Resolved
+
+# Cells. Who was no farther away than this has not left a region.
+LEFT = 1.5
+
+
+def check(measurement: Measurement, clause: Count, _: int) -> ClauseOutcome:
+    """Count the stays at a region that go as deep into it as a visit."""
+    region = measurement.sized(clause.region)
+    around = region.entered.grown(LEFT * measurement.route.costmap.grid_map.resolution)
+    visits = region.visited.spans(measurement.drive)
+    stays = around.spans(measurement.drive)
+    entries = [first_from(visits, first) for first, last in stays]
+    entries = [entry for entry, (_, last) in zip(entries, stays) if entry <= last]
+    detail = {0: 'not entered', 1: 'entered once'}.get(
+        len(entries), f'entered {len(entries)} times'
+    )
+    if entries:
+        detail += f', at {" and ".join(measurement.place_text(entry) for entry in entries)}'
+    most = math.inf if clause.at_most is None else clause.at_most
+    if clause.at_least <= len(entries) <= most:
+        return kept(clause, detail)
+    if len(entries) < clause.at_least:
+        reason = measurement.unreachable_reason(region.visited)
+        point = region.visited.nearest_point(measurement.drive.shape)
+        return broken(clause, reason or detail, math.nan, point, impossible=bool(reason))
+    fewest = fewest_entries(measurement, region, around)
+    is_least = clause.strength == SHOULD and len(entries) <= fewest
+    detail += ', the least possible' if is_least else ''
+    point, impossible = measurement.drive.point(entries[int(most)]), fewest > most
+    return broken(clause, detail, math.nan, point, impossible=impossible, is_least=is_least)
+
+
+def fewest_entries(measurement: Measurement, region: Resolved, around: Area) -> int:
+    """Return a number of entries that no path has fewer of; 0 after a way driven."""
+    reference, goals = measurement.reference, measurement.reference.goal_mask
+    if not reference.small_enough or len(measurement.route.driven):
+        return 0
+    deep, far = reference.inside(region.visited), ~reference.cells_in(around)
+    cells, count, known = reference.start_mask, 0, 0
+    while known < (known := int(cells.sum())):
+        outside = cells | (reference.reach(deep, starts=cells) > 0)
+        if (outside & goals).any():
+            return count
+        count += 1
+        cells = outside | (reference.reach(far, starts=grown_by_a_cell(outside)) > 0)
+        if (cells & goals).any():
+            return count
+    return 0
