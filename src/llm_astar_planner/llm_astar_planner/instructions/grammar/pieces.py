@@ -48,7 +48,7 @@ UNREAD = 'UNREAD'
 # 'you may', which asks nothing unless it is negated or a question.
 MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
-PAST, BACK, YOU, ONLY, ON = 'past', 'back', 'you', 'only', 'on'
+PAST, BACK, YOU, ONLY, ON, WHILE = 'past', 'back', 'you', 'only', 'on', 'while'
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
     'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW EITHER ENDPOINT '
@@ -388,7 +388,8 @@ class Splitter:
 
     def separate(self, at: int, lexeme: Lexeme) -> None:
         """Take a separator: go on with a list, leave it out, or begin a new piece."""
-        kind = CONDITION if lexeme.other == CONDITION else lexeme.kind
+        is_state = lexeme.value == WHILE and self.is_statement(at)
+        kind = CONDITION if lexeme.other == CONDITION or is_state else lexeme.kind
         if lexeme.value == '?':
             self.piece.is_question = True
         if kind == THEN and self.leads_an_order() and self.piece.lexemes[0].kind != 'BEFORE':
@@ -428,6 +429,12 @@ class Splitter:
         if self.goes_on(at, following):
             return True
         return following == SHOULD_WORD and kind == COMMA and not self.ends_before(at)
+
+    def is_statement(self, at: int) -> bool:
+        """Whether what follows says how things are: 'while the lab is being cleaned'."""
+        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
+        end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS), len(kinds))
+        return bool({'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'} & set(kinds[:end]))
 
     def is_exception(self, at: int) -> bool:
         """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""

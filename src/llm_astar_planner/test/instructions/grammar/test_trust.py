@@ -100,6 +100,7 @@ COMPOSED = {
     'visit the study only after the kitchen': STRICT,
     'besuche die Küche und erst dann study': STRICT,
     'besuche study erst nach der Küche': STRICT,
+    'besuche study nach der Küche': 'visit the kitchen, then the study',
     'visite la cuisine et seulement ensuite study': STRICT,
     'visite study seulement après la cuisine': STRICT,
     'visita la cocina y solo entonces study': STRICT,
@@ -109,7 +110,8 @@ COMPOSED = {
     'the kitchen; do not enter the study before the kitchen; visit the study',
     'visit the study, but visit the kitchen first': 'visit the kitchen, then the study',
     'visit the kitchen and go to the study after you have visited the kitchen': 'visit '
-    'the kitchen, then the study; after every entry of the kitchen visit the study',
+    'the kitchen, then the study; after every entry of the kitchen visit the study; do not enter '
+    'the study before the kitchen',
     'visit the kitchen, visit the study last': 'visit the kitchen, then the study',
     'go to the kitchen and come back': 'visit the kitchen, then the goal; end in the start',
     'there and back': 'visit the goal; end in the start',
@@ -266,6 +268,8 @@ LIMITED = [
     'visit the lab, unless the door is open',
     'visit the lab, except on mondays',
     'visit the lab, not',
+    'avoid the lab while the kitchen is being cleaned',
+    'go to the lab... nope, avoid the lab',
     'in the kitchen, keep to the right',
     'visit the lab. No, wait, visit the study.',
 ]
