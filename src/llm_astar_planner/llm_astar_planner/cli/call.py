@@ -20,7 +20,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.cli import flags, map_files
+from llm_astar_planner.cli import flags
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.resources import find_file
@@ -47,8 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flags.option(goal, '--interpret TEXT', 'only print what an instruction means to the planner')
     text = 'set the instruction of the planner, if there is a path; empty: none any more'
     flags.option(parser, '--instruction TEXT', text)
+    flags.option(parser, '--confirm', 'take what is unsure of it as it was read')
     text = 'set the places of the planner, if there is a path: a GeoJSON file that it can read'
-    map_files.add_places_option(parser, text)
+    flags.option(parser, '--places FILE', text, dest='places_file')
     flags.option(parser, '--frame', 'frame of the poses (default: %(default)s)', default='map')
     flags.add_graph_options(parser)
     flags.add_time_limit(parser, 30.0)
@@ -104,12 +105,17 @@ def print_plan(
     draw: Callable[..., None] | None,
 ) -> int:
     """Ask for a plan, print and draw it; return the exit code."""
+    from llm_astar_planner.cli.map_files import open_places  # noqa: PLC0415
     from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415
 
     if arguments.instruction:
-        for _ in caller.interpretations(arguments.instruction):
-            pass  # the last answer is the one that plans are made with
-    places = map_files.open_places(arguments.places_file, None) if arguments.places_file else None
+        # The last answer is the one that plans are made with.
+        *_, reading = caller.interpretations(arguments.instruction)
+        questions = reading.get('questions', ())
+        answer = arguments.confirm or (flags.ask_person(questions) if questions else None)
+        if questions and answer is not None:
+            caller.confirm(arguments.instruction, is_meant=answer)
+    places = open_places(arguments.places_file, None) if arguments.places_file else None
     start, goal = (caller.pose(end, places) for end in ends)
     plan = caller.plan(start, goal, arguments.frame)
     if draw is not None:

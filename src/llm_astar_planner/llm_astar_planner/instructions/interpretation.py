@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Protocol
@@ -12,7 +11,6 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
 from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.text import PREFER
@@ -81,20 +79,6 @@ class Interpretation:
         sentence = f': {self.sentence}' if self.sentence else ''
         detail = f' ({self.detail})' if self.detail else ''
         return f'{self.status.value}{by}{sentence}{detail}'
-
-    def answered(self, answers: Mapping[str, bool]) -> Interpretation:
-        """Return it with some of its questions answered: what was not meant is not understood."""
-        clauses = []
-        for clause in self.specification.clauses:
-            if clause.unsure in answers:
-                is_meant, text = answers[clause.unsure], clause.phrase()[:MAX_NAME_CHARS]
-                clauses.append(replace(clause, unsure='') if is_meant else Unknown(text=text))
-            else:
-                clauses.append(clause)
-        specification = Specification(tuple(clauses))
-        is_unsure = self.status is Understanding.UNSURE
-        status = status_of(specification) if is_unsure else self.status
-        return replace(self, specification=specification, status=status)
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""

@@ -212,6 +212,15 @@ def test_an_entry_goes_as_deep_as_a_visit(y, times):
     )
 
 
+def test_who_only_touches_the_depth_of_a_visit_may_have_entered_or_not():
+    corner = [(3.5, 5.5), (5.5, 3.5)]
+    for least, most in ((0, 0), (1, 1), (1, None)):
+        found = outcome(corner, Count(region=KITCHEN, at_least=least, at_most=most))
+        assert found.status is SATISFIED
+    deeper = [(3.51, 5.51), (5.51, 3.51)]
+    assert outcome(deeper, Count(region=KITCHEN, at_most=0)).status is VIOLATED
+
+
 def test_who_begins_inside_has_entered():
     out = [(6.25, 6.25), (6.25, 1.25)]
     assert outcome(out, Count(region=KITCHEN, at_least=1, at_most=1)).status is SATISFIED
@@ -255,7 +264,7 @@ def test_it_is_proven_how_often_one_has_to_enter():
     wish = Count(SHOULD, region=gate, at_most=0)
     found = outcome(PAST, wish, costmap=shut)
     assert found.status is AS_FAR
-    assert found.detail == 'entered once, at 9.2, 1.2, the least possible'
+    assert found.detail == 'entered once, at 9.3, 1.2, the least possible'
     assert outcome(loops(1), Count(SHOULD, region=KITCHEN, at_most=0)).status is VIOLATED
     stripes = Places([Place(name, shapely.box(x, -1.0, x + 1.0, 21.0), 'room', (), ('stripe',))
                       for name, x in (('one', 4.0), ('two', 9.0), ('three', 14.0))])  # fmt: skip

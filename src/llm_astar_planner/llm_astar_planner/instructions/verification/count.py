@@ -7,7 +7,7 @@ import math
 from llm_astar_planner.instructions.clauses.clause import SHOULD
 from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.outcome import ClauseOutcome
-from llm_astar_planner.instructions.verification.geometry import Area, first_from
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Spans, first_from
 from llm_astar_planner.instructions.verification.measurement import (
     Measurement,
     broken,
@@ -24,16 +24,15 @@ def check(measurement: Measurement, clause: Count, _: int) -> ClauseOutcome:
     """Count the stays at a region that go as deep into it as a visit."""
     region = measurement.sized(clause.region)
     around = region.entered.grown(LEFT * measurement.route.costmap.grid_map.resolution)
-    visits = region.visited.spans(measurement.drive)
     stays = around.spans(measurement.drive)
-    entries = [first_from(visits, first) for first, last in stays]
-    entries = [entry for entry, (_, last) in zip(entries, stays) if entry <= last]
-    detail = {0: 'not entered', 1: 'entered once'}.get(
-        len(entries), f'entered {len(entries)} times'
-    )
+    most = math.inf if clause.at_most is None else clause.at_most
+    entries = entries_of(measurement, region.visited, stays)
+    if len(entries) > most:  # to touch the depth of a visit alone need not count
+        entries = entries_of(measurement, region.visited.shrunk(2.0 * EDGE), stays)
+    often = {0: 'not entered', 1: 'entered once'}
+    detail = often.get(len(entries), f'entered {len(entries)} times')
     if entries:
         detail += f', at {" and ".join(measurement.place_text(entry) for entry in entries)}'
-    most = math.inf if clause.at_most is None else clause.at_most
     if clause.at_least <= len(entries) <= most:
         return kept(clause, detail)
     if len(entries) < clause.at_least:
@@ -45,6 +44,13 @@ def check(measurement: Measurement, clause: Count, _: int) -> ClauseOutcome:
     detail += ', the least possible' if is_least else ''
     point, impossible = measurement.drive.point(entries[int(most)]), fewest > most
     return broken(clause, detail, math.nan, point, impossible=impossible, is_least=is_least)
+
+
+def entries_of(measurement: Measurement, visited: Area, stays: Spans) -> list[float]:
+    """Return the places at which an area is visited first in each stay that visits it."""
+    visits = visited.spans(measurement.drive)
+    found = ((first_from(visits, first), last) for first, last in stays)
+    return [entry for entry, last in found if entry <= last]
 
 
 def fewest_entries(measurement: Measurement, region: Resolved, around: Area) -> int:

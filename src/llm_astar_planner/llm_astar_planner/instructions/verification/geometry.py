@@ -25,7 +25,8 @@ ROUNDING = 1e-9
 # Less than any length of a segment.
 TINY = 1e-300
 
-Spans = Vectors = NDArray[np.float64]
+Spans = NDArray[np.float64]
+Vectors = NDArray[np.float64]
 # The first and the last place of lines in something, float64 [n] each; last before first: nowhere.
 Stretches = tuple[NDArray[np.float64], NDArray[np.float64]]
 Parts = Callable[[Vectors, Vectors], Iterable[Stretches]]

@@ -48,8 +48,8 @@ from llm_astar_planner.instructions.verification.geometry import (
 )
 from llm_astar_planner.instructions.verification.walls import Walls
 
-# Metres that open sides reach beyond the map; no number of a specification is larger.
-BEYOND = 1e6
+# Metres that open sides reach beyond everything on the map.
+BEYOND = 1000.0
 COMPASS_DIRECTIONS = {'north': (0, 1), 'south': (0, -1), 'east': (1, 0), 'west': (-1, 0)}
 Cut = Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
 
@@ -247,9 +247,9 @@ class Regions:
 
     def box_polygon(self, box: Box) -> BaseGeometry:
         """Return a box with its open sides beyond the map; empty if its sides are in no order."""
-        beyond = shapely.bounds(self.map_outline) + (-BEYOND, -BEYOND, BEYOND, BEYOND)
         sides = np.array([box.x0, box.y0, box.x1, box.y1])
-        x0, y0, x1, y1 = np.where(np.isfinite(sides), sides, beyond)
+        ends = [*shapely.bounds(self.map_outline), *sides[np.isfinite(sides)]]
+        x0, y0, x1, y1 = np.clip(sides, min(ends) - BEYOND, max(ends) + BEYOND)
         return shapely.box(x0, y0, x1, y1) if x0 < x1 and y0 < y1 else NOTHING
 
     def half_part(self, half: Half) -> RegionPart:
@@ -261,7 +261,8 @@ class Regions:
         middle = np.array([(x0 + x1) / 2.0, (y0 + y1) / 2.0])
         if half.side in ROUTE_SIDES and not half.of:
             middle = np.array(self.route.begin)
-        plane = half_plane(middle, self.direction(half.side))
+        size = 2.0 * self.map_outline.length + BEYOND
+        plane = half_plane(middle, size * self.direction(half.side))
         return area_part(shapely.intersection(whole, plane)) if half.of else self.open_part(plane)
 
     def direction(self, side: str) -> NDArray[np.float64]:
@@ -296,9 +297,9 @@ def area_part(shape: BaseGeometry, reach: float = 0.0) -> RegionPart:
     return RegionPart(area, width_of(area.polygon), reach)
 
 
-def half_plane(origin: NDArray[np.float64], direction: NDArray[np.float64]) -> BaseGeometry:
-    """Return everything beyond a point in a direction, as far as a map matters."""
-    across, ahead = BEYOND * np.array([-direction[1], direction[0]]), BEYOND * direction
+def half_plane(origin: NDArray[np.float64], ahead: NDArray[np.float64]) -> BaseGeometry:
+    """Return everything beyond a point in a direction, as far as the vector `ahead` reaches."""
+    across = np.array([-ahead[1], ahead[0]])
     near, far = origin - across, origin + across
     return shapely.Polygon([near, far, far + ahead, near + ahead])
 

@@ -40,7 +40,7 @@ class Walls:
     @cached_property
     def _boxes(self) -> NDArray[np.float64]:
         """The rectangles in cells: x0, y0, x1, y1, [n, 4]."""
-        return rectangles(self._lethal).T - 0.5
+        return rectangles(self._lethal).T.astype(np.float64) - 0.5
 
     @cached_property
     def _tree(self) -> shapely.STRtree:

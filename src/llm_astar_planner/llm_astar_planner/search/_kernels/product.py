@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, octile, pop, push
-from llm_astar_planner.search.kernel_cache import jit
+from llm_astar_planner.search.kernel_cache import inlined, jit
 
 CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
 DIGIT_BITS = 10
@@ -45,6 +45,8 @@ ORIGIN_MASK = (1 << ORIGIN_BITS) - 1
 DEAD = -1
 # Rows of distances that one search uses, a constant so that the compiler unrolls loops over them.
 ACTIVE = 8
+# So many of them count for each way between two places when they are chosen.
+DEPTH = 3
 
 
 class Tables(NamedTuple):
@@ -198,7 +200,7 @@ def measure(
                 high[to, row] = max(high[to, row], rows[row, cell])
 
 
-@jit
+@inlined
 def gap(low: int, high: int, other_low: int, other_high: int) -> int:
     """Return how far apart two intervals are, 0 where they overlap."""
     return max(other_low - high, low - other_high, 0)
@@ -218,28 +220,33 @@ def choose_rows(
     """
     straight, diagonal = units
     places, rows = low.shape
-    between = np.zeros((places, places))
+    # What the best rows prove on each way, the octile distance at least, the greatest first.
+    best = np.zeros((places, places, DEPTH))
     for one in range(places):
         for other in range(places):
             delta_x = gap(boxes[one, 0], boxes[one, 1], boxes[other, 0], boxes[other, 1])
             delta_y = gap(boxes[one, 2], boxes[one, 3], boxes[other, 2], boxes[other, 3])
-            between[one, other] = octile(straight, diagonal - straight, delta_x, delta_y)
+            best[one, other] = octile(straight, diagonal - straight, delta_x, delta_y)
+    is_free = np.ones(rows, dtype=np.bool_)
     for index in range(min(active.size, rows)):
         most = -1.0
         for row in range(rows):
             gain = 0.0
             for one in range(1, places):
-                for other in range(one):
+                for other in range(one if is_free[row] else 0):
                     way = gap(low[one, row], high[one, row], low[other, row], high[other, row])
-                    gain += max(way - between[one, other], 0.0)
-            if gain > most:
+                    gain += max(way - best[one, other, DEPTH - 1], 0.0)
+            if is_free[row] and gain > most:
                 most, active[index] = gain, row
         row = active[index]
+        is_free[row] = False
         for one in range(places):
             for other in range(places):
                 way = gap(low[one, row], high[one, row], low[other, row], high[other, row])
-                between[one, other] = max(between[one, other], way)
-    return between
+                if way > best[one, other, DEPTH - 1]:
+                    best[one, other, DEPTH - 1] = way
+                    best[one, other] = np.sort(best[one, other])[::-1]
+    return best[:, :, 0].copy()
 
 
 @jit
@@ -295,7 +302,7 @@ def fill_options(guide: Guide, layers: Layers, slot: int) -> None:
     layers.options[slot] = count
 
 
-@jit
+@inlined
 def estimate(
     boxes: NDArray[np.int64],
     rows: NDArray[np.int32],
@@ -387,7 +394,7 @@ def slot_after(
     return found
 
 
-@jit
+@inlined
 def bucket_of(key: int, last: int) -> int:
     """Return the bucket of a key, not below `last`, the last key taken."""
     difference = (key ^ last) >> DIGIT_BITS
@@ -467,14 +474,14 @@ def begin(search: Search, start: int) -> None:
         control[C_TOP] = control[C_LIVE] = 1
 
 
-@jit
+@inlined
 def origin_of(slot: int, x: int, y: int) -> int:
     """Return the origin of the block of a cell in a slot."""
     row = y >> BLOCK_BITS << BLOCK_BITS
     return (slot << ORIGIN_BITS | row) << ORIGIN_BITS | x >> BLOCK_BITS << BLOCK_BITS
 
 
-@jit
+@inlined
 def page_of(width: int, x: int, y: int) -> int:
     """Return which of a map's blocks a cell is in."""
     return (y >> BLOCK_BITS) * (width + BLOCK - 1 >> BLOCK_BITS) + (x >> BLOCK_BITS)

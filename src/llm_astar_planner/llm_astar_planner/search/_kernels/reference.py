@@ -104,8 +104,9 @@ def reach(
     reached = np.zeros((height, width), dtype=np.uint8)
     with_line = not math.isnan(line[0])
     stack = [(0, 0, 1) for _ in range(0)]
-    rows, columns = np.nonzero(starts & ~removed & ~blocked)
-    for y, x in zip(rows, columns):
+    for start in np.flatnonzero(starts & ~removed & ~blocked):
+        y = int(start) // width
+        x = int(start) - y * width
         stack.append((x, y, 1))
         reached[y, x] = 1
         if with_line and side_of(line, x, y) == 0:
