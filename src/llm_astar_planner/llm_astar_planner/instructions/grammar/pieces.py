@@ -463,8 +463,9 @@ class Splitter:
         if following in REGION_STARTS and not self.names_a_subject(at):
             is_comma = lexeme.kind == COMMA and nearest != AND
             kind = UNREAD if is_comma and self.is_between() else AND
-            if piece.last != AND:
+            if following != LENGTH or not self.tells_distance(at):
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
+            self.skipped = int(lexeme.kind == COMMA and nearest == AND)
             return True
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
         if (
@@ -479,6 +480,12 @@ class Splitter:
             self.skipped = 1
             return True
         return False
+
+    def tells_distance(self, at: int) -> bool:
+        """Whether a length after a comma is that of 'keep away from A, at least 2 m'."""
+        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
+        ends = kinds[1:2] in ([], [COMMA], [HARD], [AND])
+        return 'AVOID' in self.piece.kinds and LENGTH not in self.piece.kinds and ends
 
     def is_between(self) -> bool:
         """Whether the list is of what something lies between: of three nobody knows."""
@@ -516,6 +523,10 @@ class Splitter:
         is_refused = bool(kinds & {NEG, 'AVOID', 'SKIP'})
         is_order = bool(kinds & ORDER_WORDS) and NEG in kinds
         is_refused = is_refused and not is_order
+        if piece.last == 'FORBIDDEN' and following in REGION_STARTS:
+            self.begin(AND)
+            self.extend(Lexeme('AVOID', '', lexeme.start, lexeme.end))
+            return
         if piece.is_complete and (piece.is_either or not is_order):
             kind = AND if is_refused else OR
             if following in REGION_STARTS:

@@ -128,6 +128,14 @@ COMPOSED = {
     'avoid the lathe': 'keep 1 m away from the lathe',
     'keep away from the kitchen': 'keep 1 m away from the kitchen',
     'avoid the kitchen': 'avoid the kitchen',
+    'um, avoid the kitchen': 'avoid the kitchen',
+    "The lab's closed.": 'avoid the lab',
+    'visit the kitchen, the study, and the lab': 'visit the kitchen, the study and the lab '
+    'in any order',
+    'avoid the kitchen, and the lab': 'avoid the kitchen; avoid the lab',
+    'the kitchen must not be entered, nor the lab': 'avoid the kitchen; avoid the lab',
+    'keep away from the lathe, at least 1.2 m, the fish get nervous': 'keep 1.2 m away '
+    'from the lathe',
     'avoid room 101': 'avoid the room 101',
     'go past the kitchen': 'visit the 3 m along the kitchen',
 }
