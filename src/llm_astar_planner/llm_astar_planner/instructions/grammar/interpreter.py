@@ -291,6 +291,9 @@ class Assembler:
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
+        if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
+            visits = [clause for clause in clauses if isinstance(clause, Visit)]
+            clauses += befores_of(*visits) if len(visits) == 2 else ()
         if piece.soon is not None:
             clauses, more = self.at_once(piece, piece.soon, clauses)
             unsupported += more
@@ -415,6 +418,8 @@ REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
 # What says that a place is on the way, and that one is where the way leads.
 THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
 TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
+# 'After you have visited A' is not before.
+PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
 # What is left of 'drive slowly': nothing but how.
 BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'

@@ -277,9 +277,10 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         return ParsedClause(avoid_of(things))
 
     def avoid_by(self, *parts: Any) -> ParsedClause:
-        """'avoid A by 3 m'."""
+        """'avoid A by 3 m', 'keep away from A by 3 m'."""
         things, metres = parts[-2:]
-        return ParsedClause(avoid_of(things, metres))
+        is_away = isinstance(parts[0], Token) and value(parts[0]) == AWAY
+        return ParsedClause((distance_of if is_away else avoid_of)(things, metres))
 
     def avoid_field(self, thing: Selection) -> ParsedClause:
         """'do not go north of y = 10'."""
