@@ -2,6 +2,7 @@
 
 import ast
 import math
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,7 @@ from llm_astar_planner.instructions.regions import (
     Tagged,
 )
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
+from llm_astar_planner.instructions.specification import CLAUSES, NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.verification import PathError, verify
 from llm_astar_planner.instructions.verification.walls import Walls
 from verified_maps import (
@@ -669,6 +670,15 @@ def test_the_check_knows_nothing_of_the_enforcement():
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             if isinstance(node, ast.ImportFrom) and 'planner.instructions.' in node.module:
                 assert node.module.split('.')[2] in allowed
+            if isinstance(node, ast.ImportFrom) and 'planner.search' in node.module:
+                assert node.module.split('.')[2] in {'_kernels', 'result'}
+            assert not (isinstance(node, ast.Attribute) and node.attr == 'ask')
+
+
+def test_every_kind_of_clause_has_its_check_under_its_own_name():
+    for kind in CLAUSES.values():
+        name = kind.__module__.rpartition('.')[2]
+        assert callable(import_module(f'{verification.__name__}.{name}').check)
 
 
 def test_a_point_without_a_radius_is_a_metre_to_avoid_and_half_a_metre_to_visit():
