@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import tempfile
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -24,6 +25,9 @@ _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])
 os.environ['ROS_DOMAIN_ID'] = str(40 + (os.getpid() + _WORKER) % 60)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+# What a person has confirmed is remembered in a folder that ends with the tests.
+_STATE = tempfile.TemporaryDirectory()
+os.environ['XDG_STATE_HOME'] = _STATE.name
 
 
 class ChatServer:

@@ -24,7 +24,7 @@ from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 SPACE = '/instructed'
@@ -109,12 +109,12 @@ class Graph:
 
         return take
 
-    def publish(self, topic, data, qos=RELIABLE):
+    def publish(self, topic, data, qos=RELIABLE, kind=String):
         if topic not in self.publishers:
-            publisher = self.caller.node.create_publisher(String, topic, qos)
+            publisher = self.caller.node.create_publisher(kind, topic, qos)
             self.publishers[topic] = publisher
             wait_for(publisher.get_subscription_count, topic)
-        self.publishers[topic].publish(String(data=data))
+        self.publishers[topic].publish(kind(data=data))
 
     def ask(self, id_, text='', node='planner_node', **fields):
         """Ask what a text means; return the list that the answers come into."""
@@ -367,6 +367,43 @@ def test_a_call_whose_instruction_is_not_kept_ends_with_3(graph):
     report = json.loads(output)['report']
     assert report['instruction_report']['satisfied'] is False
     assert graph.parameter('instruction') == 'avoid the lab'
+
+
+def test_a_question_is_answered_on_the_topic_and_by_call(graph):
+    question = 'Did you mean the dock by "dokc"?'
+    here = ['--namespace', SPACE, '--start', '39', '18', '--goal', '7', '19', '--json']
+    words = (*here, '--instruction', 'visit the dokc')
+    code, output, errors = ended(command(*words))
+    assert code == 3, errors
+    interpretation = json.loads(output)['report']['instruction_report']['interpretation']
+    assert interpretation['questions'] == [question]
+    graph.ask('asked', 'visit the dokc')
+    assert graph.answers('asked')[0]['questions'] == [question]
+    assert 'add --confirm' in errors
+    # The instruction is set.
+    code, output, errors = ended(command(*here, '--confirm'))
+    assert code == 0, errors
+    # It is remembered, and another reading is another question.
+    graph.instruct('visit the dokc')
+    assert graph.interpretation().status.name == 'WHOLE'
+    graph.instruct('avoid the dokc')
+    assert graph.interpretation().status.name == 'UNSURE'
+    graph.publish('planner_node/confirm', data=False, kind=Bool)
+    wait_for(lambda: graph.interpretation().status.name == 'NONE', 'the answer')
+
+
+def test_an_unsure_reading_is_no_path_under_the_policy_require(graph):
+    assert set_parameter(graph.caller, 'planner_node', 'instruction_policy', 'require').successful
+    try:
+        graph.instruct('visit the loding bay')
+        report = graph.caller.call(START, GOAL)[1]
+        assert report.code_name == 'NO_VALID_PATH'
+        assert 'by "loding bay"?' in report.message
+        graph.publish('planner_node/confirm', data=True, kind=Bool)
+        wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the answer')
+        assert graph.caller.call(START, GOAL)[1].code == 0
+    finally:
+        set_parameter(graph.caller, 'planner_node', 'instruction_policy', 'prefer')
 
 
 def test_a_call_may_start_at_a_place_and_bring_the_places(graph, tmp_path, places_file):

@@ -1,10 +1,11 @@
-"""Find the maps and parameter files that come with the package, however it was installed."""
+"""Find the files that come with the package, however it was installed, and those of the user."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 PACKAGE = 'llm_astar_planner'
@@ -18,6 +19,15 @@ def share_folders() -> Iterator[Path]:
     for prefix in [*filter(None, prefixes), sys.prefix]:
         yield Path(prefix) / 'share' / PACKAGE
     yield Path(__file__).resolve().parents[3]
+
+
+def state_file(name: str) -> Path:
+    """Return where a file is kept that the user's programs remember something in."""
+    state = os.environ.get('XDG_STATE_HOME') or Path.home() / '.local' / 'state'
+    path = Path(state, 'llm_astar', name)
+    with suppress(OSError):  # who writes it says so
+        path.parent.mkdir(parents=True, exist_ok=True)
+    return path
 
 
 def find_file(name: str, folder: str) -> Path:

@@ -6,11 +6,12 @@ import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
 from cachetools import LRUCache
-from llm_astar_planner.cli.planning_options import route_instruction, sample_key_of
+from llm_astar_planner.cli.planning_options import route_instruction, sample_key_of, settled
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import Interpreter
 from llm_astar_planner.planning.compile import compile_progress
@@ -92,7 +93,7 @@ class PlanningService:
             request.play_map.places,
             INTERPRETATION_S,
             lambda: self._interpreter,
-            lambda _: request.answers,
+            partial(settled, confirm=request.confirm),
         )
         return PlanRequest(
             start,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,8 +30,7 @@ SETTINGS = (
 MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
-MAX_ANSWERS = 100
-FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'answers', *SETTINGS}
+FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'confirm', *SETTINGS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -63,8 +62,8 @@ class PlayRequest:
     """A plan that the page asks for; cells are (x, y) on the map.
 
     `values` are those of all planning parameters, of which the page has `given` some. `reply` is
-    the text of a model's answer, used instead of the `source`; None for none. `answers` are those
-    to questions about the instruction.
+    the text of a model's answer, used instead of the `source`; None for none. `confirm`
+    answers the questions on the instruction.
     """
 
     play_map: PlayMap
@@ -76,7 +75,7 @@ class PlayRequest:
     reply: str | None
     via: tuple[Cell, ...]
     walls: Walls
-    answers: Mapping[str, bool] = field(default_factory=dict)
+    confirm: bool | None = None
 
 
 def read_request(body: object, maps: Maps) -> PlayRequest:
@@ -102,20 +101,15 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
         reply,
         tuple(read_cells(body.get('via'), 'via', play_map.grid_map, MAX_VIA)),
         read_walls(body.get('walls'), play_map.grid_map),
-        read_answers(body.get('answers')),
+        read_confirm(body.get('confirm')),
     )
 
 
-def read_answers(value: object) -> dict[str, bool]:
-    """Return the answers to questions about an instruction, none for null. Raises PlayError."""
-    answers = {} if value is None else value
-    is_read = isinstance(answers, dict) and all(type(meant) is bool for meant in answers.values())
-    if not is_read or len(answers) > MAX_ANSWERS:
-        raise PlayError(
-            f'answers: up to {MAX_ANSWERS} questions with true or false are expected',
-            'instruction',
-        )
-    return dict(answers)
+def read_confirm(value: object) -> bool | None:
+    """Return the answer to the questions on the instruction, None for none. Raises PlayError."""
+    if value is not None and not isinstance(value, bool):
+        raise PlayError(f'confirm: {short_repr(value)} is not true or false', 'instruction')
+    return value
 
 
 def read_source(source: object, reply: str | None) -> str:
@@ -216,7 +210,7 @@ def command_of(request: PlayRequest) -> str | None:
         words.append(f'--reply={request.reply}')
     else:
         words += ['--source', request.source]
-    if request.answers and all(request.answers.values()):
+    if request.confirm:
         words.append('--confirm')
     return shlex.join(words)
 

@@ -472,7 +472,7 @@ def test_an_instruction_on_the_command_line_replaces_the_recorded_ones(
     assert ' instruction 100' not in printed.err
     assert 'Instruction kept (%)' in printed.out
     for row in by_method(out, 'guided'):
-        assert row['instruction'].startswith('visit the gallery: satisfied')
+        assert row['instruction'].startswith('visit the gallery: kept')
         assert row['instruction_satisfied'] == '1.0'
     summary = json.loads((out / 'summary.json').read_text())
     (case,) = [case for case in summary['cases'] if case['case'] == 'guided/none']

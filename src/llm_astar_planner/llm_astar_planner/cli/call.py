@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.cli import flags, map_files
+from llm_astar_planner.cli import flags
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.resources import find_file
@@ -47,8 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flags.option(goal, '--interpret TEXT', 'only print what an instruction means to the planner')
     text = 'set the instruction of the planner, if there is a path; empty: none any more'
     flags.option(parser, '--instruction TEXT', text)
+    flags.option(parser, '--confirm', 'take what is unsure of it as it was read')
     text = 'set the places of the planner, if there is a path: a GeoJSON file that it can read'
-    map_files.add_places_option(parser, text)
+    flags.option(parser, '--places FILE', text, dest='places_file')
     flags.option(parser, '--frame', 'frame of the poses (default: %(default)s)', default='map')
     flags.add_graph_options(parser)
     flags.add_time_limit(parser, 30.0)
@@ -104,12 +106,22 @@ def print_plan(
     draw: Callable[..., None] | None,
 ) -> int:
     """Ask for a plan, print and draw it; return the exit code."""
+    from llm_astar_planner.cli.map_files import open_places  # noqa: PLC0415
     from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415
 
-    if arguments.instruction:
-        for _ in caller.interpretations(arguments.instruction):
-            pass  # the last answer is the one that plans are made with
-    places = map_files.open_places(arguments.places_file, None) if arguments.places_file else None
+    text = arguments.instruction or ''
+    if arguments.confirm and not text:
+        text = caller.values(['instruction'])['instruction']
+    # The last answer is the one that plans are made with.
+    *_, reading = caller.interpretations(text) if text else ({},)
+    questions = reading.get('questions')
+    if questions:
+        answer = arguments.confirm or flags.ask_person(questions)
+        if answer is None:
+            sys.stderr.write(flags.CONFIRM_HINT)
+        else:
+            caller.confirm(text, is_meant=answer)
+    places = open_places(arguments.places_file, None) if arguments.places_file else None
     start, goal = (caller.pose(end, places) for end in ends)
     plan = caller.plan(start, goal, arguments.frame)
     if draw is not None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Iterable
+import sys
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+from llm_astar_msgs_adapter.errors import printable
 
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 
@@ -23,6 +26,9 @@ TEXTS = {
     'prompt': 'NAME|FILE',
     **dict.fromkeys(('examples_file', 'instruction_examples', 'transcript', 'record'), 'FILE'),
 }
+CONFIRM_HINT = 'llm-astar: hint: if what is asked is meant, add --confirm\n'
+# A yes, in each language of the instructions.
+YES = ('y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí')
 # A point, as two numbers.
 POINT: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
 # What matplotlib writes; importing it only to ask takes most of a second.
@@ -154,3 +160,15 @@ def given_values(
                 message = str(error).replace(item.name, flag_of(item.name), 1)
                 raise ParameterError(message) from None
     return given
+
+
+def ask_person(questions: Sequence[str]) -> bool | None:
+    """Ask a person questions; return whether all answers are yes, None if this is no terminal."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return None
+    answers = []
+    for question in questions:
+        sys.stderr.write(f'{printable(question)} [y/n] ')
+        sys.stderr.flush()
+        answers.append(sys.stdin.readline().strip().casefold() in YES)
+    return all(answers)

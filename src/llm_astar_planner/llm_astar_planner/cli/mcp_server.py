@@ -60,7 +60,8 @@ def make_server(tools: Callable[[], RouteTools]) -> MCPServer[Any]:
         """
         return tools().interpret(text)
 
-    @server.tool(annotations=READ_ONLY)
+    # It remembers what is confirmed.
+    @server.tool(annotations=READ_ONLY.model_copy(update={'read_only_hint': False}))
     @as_tool_errors
     def plan_route(
         start: PlaceOrPoint,

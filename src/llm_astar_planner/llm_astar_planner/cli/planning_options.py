@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_planner.cli import flags, map_files
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
+from llm_astar_planner.instructions.confirmations import Confirmations
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Interpreter,
+    RouteInstruction,
+)
 from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
@@ -25,7 +29,7 @@ from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, check_request
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import find_file, state_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
@@ -35,9 +39,7 @@ from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 # planner_node's parameters that decide a plan, wherever it is made; the map's options include
 # that of its places.
 RULES = tuple(item for item in PLANNER if not item.node_only and item is not map_files.PLACES_FILE)
-Answers = Callable[[Sequence[str]], Mapping[str, bool]]
-# In each language of the instructions.
-YES = ('y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí')
+Ask = Callable[[tuple[str, ...]], bool | None]
 
 
 @dataclass(frozen=True)
@@ -65,19 +67,35 @@ def route_instruction(
     places: Places,
     limit: float,
     make: Callable[[], Interpreter],
-    answers: Answers = lambda _: {},
+    settle: Callable[[Interpretation, Places], Interpretation] = lambda reading, _: reading,
 ) -> RouteInstruction | None:
     """Return what is understood of the instruction among parameters, None if there is none.
 
-    It is understood within `limit` seconds by the interpreter that `make` returns, and `answers`
-    says which of its questions are answered with yes or no.
+    It is understood within `limit` seconds by the interpreter that `make` returns; `settle` may
+    answer its questions.
     """
     text = clean_instruction(values['instruction'])
     if not text:
         return None
-    reading = make().interpret(text, places, limit)
-    reading = reading.answered(answers(reading.questions))
+    reading = settle(make().interpret(text, places, limit), places)
     return RouteInstruction(reading, places, values['instruction_policy'])
+
+
+def settled(
+    reading: Interpretation, places: Places, *, confirm: bool | None, ask: Ask = lambda _: None
+) -> Interpretation:
+    """Return a reading with its questions answered: by `confirm`, else as before, else by `ask`.
+
+    An answer is remembered for these places.
+    """
+    confirmations = Confirmations(state_file('confirmations.json'))
+    if confirm is None:
+        reading = confirmations.applied(reading, places)
+        confirm = ask(reading.questions) if reading.questions else None
+    if confirm is not None and reading.questions:
+        with suppress(OSError):  # where nothing can be written it holds for this time
+            confirmations.remember(reading, places, confirm)
+    return confirmations.applied(reading, places)
 
 
 @dataclass(frozen=True)
@@ -195,30 +213,12 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
             places,
             options.settings.timeout_s,
             options.make_interpreter,
-            partial(answers_of, arguments),
+            partial(settled, confirm=arguments.confirm or None, ask=flags.ask_person),
         ),
         **parameters.request_fields(options.values),
     )
     check_request(request)
     return Problem(planner, request, coordinates, places)
-
-
-def answers_of(arguments: argparse.Namespace, questions: Sequence[str]) -> dict[str, bool]:
-    """Return the answers to questions: yes with `--confirm`, else those of a person.
-
-    There are none where this is no terminal.
-    """
-    if arguments.confirm:
-        return dict.fromkeys(questions, True)
-    is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
-    return {question: is_yes(question) for question in questions} if is_terminal else {}
-
-
-def is_yes(question: str) -> bool:
-    """Ask a person a question; return whether the answer is yes."""
-    sys.stderr.write(f'{printable(question)} [y/n] ')
-    sys.stderr.flush()
-    return sys.stdin.readline().strip().casefold() in YES
 
 
 def waypoint_source(

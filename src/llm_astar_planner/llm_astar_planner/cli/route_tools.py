@@ -19,7 +19,7 @@ from llm_astar_msgs_adapter.maps.places import Places, map_outline
 from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
-from llm_astar_planner.cli.planning_options import PlanningOptions
+from llm_astar_planner.cli.planning_options import PlanningOptions, settled
 from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -82,9 +82,7 @@ class RouteTools:
         policy = policy or str(self.options.values['instruction_policy'])
         if policy not in POLICIES:
             raise RouteToolError(f'policy: {policy!r} is not one of {", ".join(POLICIES)}')
-        interpretation = self.interpretation(instruction)
-        if confirm:
-            interpretation = interpretation.confirmed()
+        interpretation = self.interpretation(instruction, is_meant=confirm)
         asked = RouteInstruction(interpretation, self.places, policy)
         request = PlanRequest(
             self.cell_of('start', start),
@@ -134,13 +132,17 @@ class RouteTools:
             'instruction': None if outcome is None else outcome.to_json(),
         }
 
-    def interpretation(self, text: str) -> Interpretation:
-        """Return what is understood of a text; nothing of an empty one."""
+    def interpretation(self, text: str, *, is_meant: bool = False) -> Interpretation:
+        """Return what is understood of a text; nothing of an empty one.
+
+        Its questions are answered with yes if `is_meant`, or if they were before.
+        """
         clean = clean_instruction(text)
         if not clean:
             return Interpretation('')
         limit = self.options.settings.timeout_s
-        return self.interpreter.interpret(clean, self.places, limit)
+        reading = self.interpreter.interpret(clean, self.places, limit)
+        return settled(reading, self.places, confirm=is_meant or None)
 
     def cell_of(self, name: str, end: str | Sequence[float]) -> Cell:
         """Return the cell of a place or a point; `name` is the argument's."""

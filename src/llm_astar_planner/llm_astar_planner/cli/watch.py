@@ -127,23 +127,17 @@ def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
 
 
 def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
-    """Yield a colour and a line for each clause of a plan's instruction, and for each question."""
+    """Yield a colour and a line for each clause of a plan's instruction."""
     report = event.values.get('instruction_report') if event.kind == 'plan' else None
     if not report:
         return
     # Importing numpy takes a tenth of a second.
     from llm_astar_planner.planning.types import clause_facts  # noqa: PLC0415
 
-    rows = [
-        (
-            clause['status'],
-            clause['clause'].removeprefix('not understood: ') + clause_facts(clause),
-        )
-        for clause in report['clauses']
-    ]
-    rows += [('question', text) for text in report['interpretation'].get('questions', ())]
-    for name, words in rows:
-        yield STATUS_COLOURS.get(name, YELLOW), f'{CLAUSE_INDENT}{name:<14}  {words}'
+    for clause in report['clauses']:
+        words = clause['clause'].removeprefix('not understood: ') + clause_facts(clause)
+        code = STATUS_COLOURS.get(clause['status'], YELLOW)
+        yield code, f'{CLAUSE_INDENT}{clause["status"]:<14}  {words}'
 
 
 def plan_words(event: MonitorEvent) -> list[str]:

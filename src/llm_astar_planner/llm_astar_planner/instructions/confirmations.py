@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 from collections import OrderedDict
-from dataclasses import replace
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -13,14 +12,7 @@ from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Understanding,
-    status_of,
-)
-from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.interpretation import Interpretation
 
 # Answers that are remembered; the oldest are forgotten.
 SIZE = 1024
@@ -66,33 +58,11 @@ class Confirmations:
 
     def applied(self, interpretation: Interpretation, places: Places) -> Interpretation:
         """Return an interpretation with what is answered already: sure, or not understood."""
+        asked = [clause for clause in interpretation.specification.clauses if clause.unsure]
         with self._lock:
-            answers = [
-                self._known.get(key_of(clause, places)) if clause.unsure else None
-                for clause in interpretation.specification.clauses
-            ]
-        return answered(interpretation, answers)
-
-
-def answered(interpretation: Interpretation, answers: list[bool | None]) -> Interpretation:
-    """Return an interpretation with an answer for each clause: yes, no, or None for no answer."""
-    if all(answer is None for answer in answers):
-        return interpretation
-    clauses = tuple(
-        settled(clause, answer, interpretation.text)
-        for clause, answer in zip(interpretation.specification.clauses, answers)
-    )
-    specification = Specification(tuple(dict.fromkeys(clauses)))
-    pending = interpretation.status is Understanding.PENDING
-    status = interpretation.status if pending else status_of(specification)
-    return replace(interpretation, specification=specification, status=status)
-
-
-def settled(clause: Clause, answer: bool | None, text: str) -> Clause:
-    """Return a clause with its question answered; with no, its words are not understood."""
-    if answer is None:
-        return clause
-    return replace(clause, unsure='') if answer else Unknown(text=text[:MAX_NAME_CHARS])
+            known = {one.unsure: self._known.get(key_of(one, places)) for one in asked}
+        answers = {question: answer for question, answer in known.items() if answer is not None}
+        return interpretation.answered(answers) if answers else interpretation
 
 
 def key_of(clause: Clause, places: Places) -> Key:

@@ -13,7 +13,7 @@ from typing import Protocol
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.instructions.chain import BackgroundInterpreter, CachedInterpreter
-from llm_astar_planner.instructions.confirmations import Confirmations, answered
+from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -158,8 +158,7 @@ class CurrentInstruction:
                 return False
             reading = self.instruction.interpretation
             self._reader.confirmations.remember(reading, self._places, answer)
-            asked = [answer if one.unsure else None for one in reading.specification.clauses]
-            self.use(answered(reading, asked))
+            self.use(reading.answered(dict.fromkeys(reading.questions, answer)))
             return True
 
     def ask_again(self, *, anew: bool = False) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from numpy.typing import NDArray
 
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
 from llm_astar_planner.instructions.route import not_driven
@@ -68,10 +69,20 @@ class Interpretation:
 
     def confirmed(self) -> Interpretation:
         """Return it with its questions answered with yes."""
-        sure = tuple(replace(clause, unsure='') for clause in self.specification.clauses)
-        is_unsure = self.status is Understanding.UNSURE
-        status = status_of(Specification(sure)) if is_unsure else self.status
-        return replace(self, specification=Specification(sure), status=status)
+        return self.answered(dict.fromkeys(self.questions, True))
+
+    def answered(self, answers: Mapping[str, bool]) -> Interpretation:
+        """Return it with some of its questions answered: what was not meant is not understood."""
+        clauses: list[Clause] = []
+        for clause in self.specification.clauses:
+            is_meant = answers.get(clause.unsure, True)
+            asked = '' if clause.unsure in answers else clause.unsure
+            unknown = Unknown(text=clause.phrase()[:MAX_NAME_CHARS])
+            clauses.append(replace(clause, unsure=asked) if is_meant else unknown)
+        specification = Specification(tuple(clauses))
+        is_pending = self.status is Understanding.PENDING
+        status = self.status if is_pending else status_of(specification)
+        return replace(self, specification=specification, status=status)
 
     @property
     def sentence(self) -> str:
@@ -84,20 +95,6 @@ class Interpretation:
         sentence = f': {self.sentence}' if self.sentence else ''
         detail = f' ({self.detail})' if self.detail else ''
         return f'{self.status.value}{by}{sentence}{detail}'
-
-    def answered(self, answers: Mapping[str, bool]) -> Interpretation:
-        """Return it with some of its questions answered: what was not meant is not understood."""
-        clauses = []
-        for clause in self.specification.clauses:
-            if clause.unsure in answers:
-                is_meant, text = answers[clause.unsure], clause.phrase()[:MAX_NAME_CHARS]
-                clauses.append(replace(clause, unsure='') if is_meant else Unknown(text=text))
-            else:
-                clauses.append(clause)
-        specification = Specification(tuple(clauses))
-        is_unsure = self.status is Understanding.UNSURE
-        status = status_of(specification) if is_unsure else self.status
-        return replace(self, specification=specification, status=status)
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""

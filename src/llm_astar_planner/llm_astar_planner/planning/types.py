@@ -376,9 +376,8 @@ def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     for number, clause in enumerate(outcome['clauses'], start=1):
         yield f'clause {number:<3} {clause_line(clause)}'
     said = str(outcome.get('sentence', ''))
-    more = [('question', question) for question in interpretation.get('questions', ())]
-    more.append(('note', outcome['note']))
-    yield from (f'{name:<10} {words}' for name, words in more if words not in said)
+    if outcome['note'] not in said:
+        yield f'note       {outcome["note"]}'
     if said:
         yield f'verdict    {said}'
 

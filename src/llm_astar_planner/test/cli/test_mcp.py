@@ -45,7 +45,7 @@ def room(tmp_path_factory):
 # Name of the call: tool and arguments.
 CALLS = {
     'places': ('list_places', {}),
-    'interpret': ('interpret', {'text': 'avoid the north door; sing'}),
+    'interpret': ('interpret', {'text': 'avoid the north door; frobnicate'}),
     'too long': ('interpret', {'text': 'x' * 501}),
     'no text': ('interpret', {}),
     'direct': ('plan_route', {'start': [1, 3.5], 'goal': 'lab'}),
@@ -68,6 +68,19 @@ CALLS = {
             'goal': 'east room',
             'instruction': 'avoid the north door and the south door',
             'policy': 'require',
+        },
+    ),
+    'unsure': (
+        'plan_route',
+        {'start': [1, 3.5], 'goal': 'lab', 'instruction': 'avoid the nroth door'},
+    ),
+    'confirmed': (
+        'plan_route',
+        {
+            'start': [1, 3.5],
+            'goal': 'lab',
+            'instruction': 'avoid the nroth door',
+            'confirm': True,
         },
     ),
     'policy': ('plan_route', {'start': [1, 1], 'goal': [9, 1], 'policy': 'perhaps'}),
@@ -94,6 +107,7 @@ def answers(room):
 
     async def ask():
         environment = {name: os.environ[name] for name in ('PATH', 'HOME') if name in os.environ}
+        environment['XDG_STATE_HOME'] = os.environ['XDG_STATE_HOME']
         environment['PYTHONPATH'] = os.pathsep.join(sys.path)
         words = ['-m', 'llm_astar_planner.cli.main', 'mcp', '--map', room]
         command = StdioServerParameters(command=sys.executable, args=words, env=environment)
@@ -138,6 +152,14 @@ def test_what_is_understood_and_what_is_not_is_said(answers):
     kinds = [clause['kind'] for clause in found['specification']['clauses']]
     assert (found['status'], kinds) == ('partly understood', ['avoid', 'unknown'])
     assert found['sentence'].startswith('avoid the north door')
+
+
+def test_a_question_goes_to_a_person_and_the_answer_comes_back(answers):
+    asked, answered = value(answers, 'unsure'), value(answers, 'confirmed')
+    assert asked['questions'] == ['Did you mean the north door by "nroth door"?']
+    assert asked['instruction']['clauses'][0]['status'] == 'unsure'
+    assert answered['questions'] == []
+    assert answered['instruction']['sentence'] == 'The instruction is kept'
 
 
 def test_a_route_without_an_instruction_is_the_shortest(answers):

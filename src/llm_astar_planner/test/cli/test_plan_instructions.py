@@ -1,6 +1,8 @@
 """`llm-astar plan` between places and with instructions."""
 
+import io
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -121,16 +123,65 @@ def test_an_instruction_bends_the_path_and_each_clause_is_reported(capsys, room)
 
 
 def test_a_person_reads_what_was_understood_and_what_became_of_it(capsys, room):
-    text = 'avoid the north door; visit the south door; whistle'
+    text = 'avoid the north door; visit the south door; frobnicate; whistle'
     assert main(['plan', '--map', room, *WAY, '--instruction', text]) == 3
     lines = capsys.readouterr().out.splitlines()
     assert f'instruction "{text}"' in lines
     assert any(line.startswith('understood as: avoid the north door; visit') for line in lines)
     assert any(line.startswith('partly understood by grammar') for line in lines)
     clauses = [line for line in lines if line.startswith('clause ')]
-    assert len(clauses) == 3
+    assert len(clauses) == 4
     assert 'avoid the north door: kept (0.0 m inside)' in clauses[0]
     assert 'not understood: "' in clauses[2]
+    assert 'unsupported: "whistle" is about action' in clauses[3]
+    assert any(line.startswith('verdict    2 of 4 clauses are kept; ') for line in lines)
+
+
+UNSURE = ('--instruction', 'avoid the nroth door')
+QUESTION = 'Did you mean the north door by "nroth door"?'
+
+
+@pytest.fixture
+def nothing_remembered(tmp_path, monkeypatch):
+    """A user who has not answered any question yet."""
+    monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path))
+
+
+@pytest.mark.usefixtures('nothing_remembered')
+def test_an_unsure_reading_is_a_question_that_is_confirmed_once(capsys, room):
+    words = ('plan', '--map', room, *WAY, *UNSURE, '--source', 'none')
+    assert main([*words]) == 3
+    out, err = capsys.readouterr()
+    assert f'clause 1   avoid the north door: unsure ({QUESTION}' in out
+    assert f'verdict    A question first: {QUESTION}' in out
+    assert 'hint: if what is asked is meant, add --confirm' in err
+    assert main([*words, '--confirm']) == 0
+    assert 'verdict    The instruction is kept' in capsys.readouterr().out
+    # The answer is remembered for these places.
+    code, found = plan(capsys, '--map', room, *WAY, *UNSURE)
+    assert (code, found['instruction_report']['interpretation']['questions']) == (0, [])
+
+
+@pytest.mark.usefixtures('nothing_remembered')
+@pytest.mark.parametrize(('answer', 'code'), [('y', 0), ('ja', 0), ('n', 3), ('', 3)])
+def test_a_person_at_a_terminal_is_asked(capsys, room, monkeypatch, answer, code):
+    terminal = io.StringIO(f'{answer}\n')
+    for stream in (terminal, sys.stdout):
+        monkeypatch.setattr(stream, 'isatty', lambda: True)
+    monkeypatch.setattr(sys, 'stdin', terminal)
+    assert main(['plan', '--map', room, *WAY, *UNSURE, '--source', 'none']) == code
+    out, err = capsys.readouterr()
+    assert err.endswith(f'{QUESTION} [y/n] ')
+    assert ('clause 1   avoid the north door: kept' in out) is (code == 0)
+
+
+@pytest.mark.usefixtures('nothing_remembered')
+def test_an_unsure_reading_is_no_path_where_the_instruction_is_required(capsys, room):
+    words = ('--map', room, *WAY, *UNSURE, '--instruction-policy', 'require')
+    code, found = plan(capsys, *words)
+    assert (code, found['code_name'], found['path']) == (1, 'NO_VALID_PATH', [])
+    assert QUESTION in found['message']
+    assert plan(capsys, *words, '--confirm')[0] == 0
 
 
 def test_what_cannot_be_met_is_said_and_by_policy_refused(capsys, room):

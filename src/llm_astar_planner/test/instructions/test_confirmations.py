@@ -41,7 +41,7 @@ def test_with_no_the_clause_is_not_understood():
     known = Confirmations()
     known.remember(read(), HOSPITAL, answer=False)
     refused = read(known)
-    assert refused.sentence == f'avoid the ward 2; not understood: "{TEXT}"'
+    assert refused.sentence == ('avoid the ward 2; not understood: "visit the hallway"')
     assert refused.status is Understanding.PARTLY
 
 

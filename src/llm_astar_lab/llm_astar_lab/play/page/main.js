@@ -24,8 +24,6 @@ class Page {
   constructor(options) {
     this.options = options;
     this.settings = defaultSettings();
-    // To questions about readings of instructions on this map.
-    this.answers = {};
     this.stage = new Stage(options.colours, {
       partOf: (expansions) => (this.live ? 1 : this.player.partOf(expansions)),
       drawn: () => this.board.placeHandles(),
@@ -107,7 +105,6 @@ class Page {
       const map = new GridMap(await api.mapOf(id));
       if (this.opening !== id || this.live) return;
       this.hasPlans = false;
-      this.answers = {};
       this.player.setTotal(0);
       this.stage.setMap(map);
     } catch (error) {
@@ -151,17 +148,16 @@ class Page {
       source: isTyped || source !== 'reply' ? source : 'none',
       reply: isTyped ? reply : null,
       instruction: instruction.trim() || null,
-      answers: this.answers,
       walls: this.stage.walls.toRequest(),
     };
   }
 
-  async replan() {
+  async replan(answer = {}) {
     this.linkSoon();
     this.showEditing();
     $('main').setAttribute('aria-busy', 'true');
     const timer = setTimeout(() => this.sayPlanning(), SLOW_MS);
-    await this.queue.ask(this.request());
+    await this.queue.ask({ ...this.request(), ...answer });
     clearTimeout(timer);
     if (!this.queue.busy) $('planning').hidden = true;
   }
@@ -202,10 +198,10 @@ class Page {
     });
   }
 
-  /** Answer the question that is shown, and plan with the answer. */
+  /** Answer the questions that are shown; the server remembers it for this map. */
   answer(isMeant) {
-    this.answers[$('question-text').textContent] = isMeant;
-    this.replan();
+    $('question').hidden = true;
+    this.replan({ confirm: isMeant });
   }
 
   moved(name, cell, isDone) {

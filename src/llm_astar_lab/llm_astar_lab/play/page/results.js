@@ -173,10 +173,9 @@ export function showWaypoints(waypoints, map, palette) {
 }
 
 export function showInstruction(instruction) {
-  // The others follow when this one is answered.
-  const [question] = Array.isArray(instruction?.questions) ? instruction.questions : [];
-  $('question').hidden = !question;
-  $('question-text').textContent = text(question, 500);
+  const questions = Array.isArray(instruction?.questions) ? instruction.questions : [];
+  $('question').hidden = !questions.length;
+  $('question-text').textContent = text(questions.join(' '), 1000);
   $('instruction-block').hidden = !instruction;
   if (!instruction) return;
   const clauses = Array.isArray(instruction.clauses) ? instruction.clauses : [];

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
+from llm_astar_planner.instructions.asks import Ask, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields
 from llm_astar_planner.instructions.regions import (
     NOWHERE,

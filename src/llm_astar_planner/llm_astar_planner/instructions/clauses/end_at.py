@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask
+from llm_astar_planner.instructions.asks import Ask
 from llm_astar_planner.instructions.clauses.stay_in import OfOne
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_C
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
 from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
-from llm_astar_planner.instructions.grammar.meaning import ParsedClause, visit_of
+from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
     ALL,
@@ -57,7 +57,7 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.regions import NamedPlace, Tagged
+from llm_astar_planner.instructions.regions import NamedPlace, Region, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
@@ -197,11 +197,27 @@ class Assembler:
                 order_again(part, others)
             elif part.visits and part.piece.is_first and part.piece.link == BUT:
                 part.at = min([one.at for one in others if one.visits], default=part.at) - 0.5
+            before = self.parts[max(0, self.parts.index(part) - 1)]
+            if (
+                part.visits
+                and before.visits
+                and before is not part
+                and self.may_lead(before, part)
+            ):
+                part.ask(self.question('order', meant=f'{before.clauses[0].phrase()}, {{meant}}'))
             if part.piece.is_last and part.visits:
                 if any(one.visits and one.at > part.at for one in others):
                     part.drop()
-                elif not any(one.visits for one in others):
+                elif not any(one.visits for one in others) and len(part.visits) == 1:
                     part.ask(self.question('last'))
+
+    def may_lead(self, before: ReadPiece, part: ReadPiece) -> bool:
+        """Whether a place may be on the way to the one before: 'go to A and go through B'."""
+        leads = bool(THROUGH_WORDS.search(self.words_of(part.piece)))
+        goes_to = not THROUGH_WORDS.search(self.words_of(before.piece))
+        is_ending = bool(TO_WORDS.search(self.words_of(before.piece)))
+        is_added = part.piece.link in (AND, BUT) and before.segment == part.segment
+        return is_added and leads and goes_to and is_ending
 
     def weigh_unread(self) -> None:
         """Drop what an unread piece may change the meaning of, and ask about what it perhaps does.
@@ -275,6 +291,9 @@ class Assembler:
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
+        if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
+            visits = [clause for clause in clauses if isinstance(clause, Visit)]
+            clauses += befores_of(*visits) if len(visits) == 2 else ()
         if piece.soon is not None:
             clauses, more = self.at_once(piece, piece.soon, clauses)
             unsupported += more
@@ -337,10 +356,7 @@ class Assembler:
         if self.is_through_after_other(piece):
             raise Unclear('not through it, or through it')
         if reading.things:
-            is_led = isinstance(self.previous, (Visit, Before))
-            if not (piece.is_first or (in_turn and is_led)):
-                raise Unclear('a place without a verb')
-            clauses = (visit_of(reading.things),)
+            clauses = self.bare_visits(piece, reading.things)
         elif reading.is_negative and not (
             isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
         ):
@@ -359,8 +375,8 @@ class Assembler:
             raise Unclear('to go on with what')
         if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
             clauses += befores_of(*clauses)  # type: ignore[arg-type]
-        if piece.is_last and not is_visit:
-            raise Unclear('the last of what')
+        if piece.is_last:
+            clauses = last_of(piece, clauses)
         if piece.is_strict and before is not None and isinstance(clauses[0], Visit):
             clauses += befores_of(before, clauses[0])
         ends = (EndAt, Visit)
@@ -368,6 +384,17 @@ class Assembler:
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
+
+    def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
+        """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
+        is_led = isinstance(self.previous, (Visit, Before))
+        in_turn = piece.link == THEN or piece.is_last
+        if not (piece.is_first or (in_turn and is_led)):
+            raise Unclear('a place without a verb')
+        visit = visit_of(things)
+        if piece.is_last and set(visit.regions) & known_visits(self.parts):
+            raise Unclear('the same place twice')
+        return (visit,)
 
     def is_through_after_other(self, piece: Piece) -> bool:
         """Whether it is the end of 'avoid A and through B'."""
@@ -388,9 +415,32 @@ class Assembler:
 
 # A piece with one of these may name again what was named before.
 REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
+# What says that a place is on the way, and that one is where the way leads.
+THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
+TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
+# 'After you have visited A' is not before.
+PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
 # What is left of 'drive slowly': nothing but how.
 BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'
+
+
+def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
+    """Return visits with the last of 'A, B last' as one of its own. Raises Unclear for others."""
+    if not all(isinstance(clause, Visit) for clause in clauses):
+        raise Unclear('the last of what')
+    regions = [
+        region for clause in clauses if isinstance(clause, Visit) for region in clause.regions
+    ]
+    joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
+    if len(clauses) == 1 and len(regions) > 1 and joints[-1:] == [COMMA]:
+        return Visit(regions=tuple(regions[:-1])), Visit(regions=(regions[-1],))
+    return clauses
+
+
+def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
+    """Return the regions that parts ask to visit."""
+    return {region for part in parts for visit in part.visits for region in visit.regions}
 
 
 def places_in(lexeme: Lexeme) -> str:
@@ -436,7 +486,7 @@ def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
             if isinstance(clause, Visit)
             for region in clause.regions
         )
-    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):  # type: ignore[attr-defined]
+    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):
         raise Unclear('one place in any order')
     return clauses
 
@@ -495,8 +545,31 @@ def drop_timed(parts: Sequence[ReadPiece]) -> None:
             part.drop()
 
 
-def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
-    """Return what a clean text says in the words of one lexer, and the share that was read."""
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What a text says in the words of one language: the parts, and the share that was read."""
+
+    interpretation: Interpretation
+    share: float = -1.0
+    parts: tuple[ReadPiece, ...] = ()
+
+
+def best_reading(text: str, places: Places) -> Reading:
+    """Return what a clean text says, in the language in which most of it is read."""
+    best = Reading(not_understood(text, '', NAME))
+    words = read_words(text)
+    if len(words) > MOST_WORDS:
+        return Reading(not_understood(text, f'more than {MOST_WORDS} words and signs', NAME))
+    for language in languages_of(words):
+        reading = understand(text, lexer_for(places, language))
+        best = reading if reading.share > best.share else best
+        if reading.interpretation.is_read:
+            break
+    return best
+
+
+def understand(text: str, lexer: Lexer) -> Reading:
+    """Return what a clean text says in the words of one lexer."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
     language = lexer.vocabulary.language
@@ -509,7 +582,8 @@ def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
             segment = []
         segment.append(piece)
     assembler.settle()
-    return result_of(assembler, quoted)
+    interpretation, share = result_of(assembler, quoted)
+    return Reading(interpretation, share, tuple(assembler.parts))
 
 
 def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
@@ -577,16 +651,7 @@ class GrammarInterpreter:
             return not_understood(text[:80], str(error), NAME)
         if not clean:
             return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
-        words = read_words(clean)
-        if len(words) > MOST_WORDS:
-            return not_understood(clean, f'more than {MOST_WORDS} words and signs', NAME)
-        best, most = not_understood(clean, '', NAME), -1.0
-        for language in languages_of(words):
-            understood, share = understand(clean, lexer_for(places, language))
-            if share > most:
-                best, most = understood, share
-            if understood.is_read:
-                break
+        best = best_reading(clean, places).interpretation
         if self._confirmations is not None:
             best = self._confirmations.applied(best, places)
         return replace(best, seconds=time.perf_counter() - began)

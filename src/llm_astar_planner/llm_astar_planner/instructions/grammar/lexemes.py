@@ -370,11 +370,19 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
             or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
+            or (lexeme.other == 'AFTER' and is_after(result))
+            or (lexeme.other == 'FETCH' and after in ('THING', 'PERSON'))
             or (lexeme.other == 'LONGWAY' and after in ('BY', 'THROUGH', 'UPON', 'IN'))
             or (lexeme.other == TIMES and (before in LIMITS or after not in AFTER_ONCE))
         )
         result.append(lexeme.as_other() if is_other else lexeme)
     return result
+
+
+def is_after(before: Sequence[Lexeme]) -> bool:
+    """Whether the German 'nach' behind these is 'after', as in 'besuche A nach B', not 'to'."""
+    kinds = [lexeme.kind for lexeme in before]
+    return kinds[-1:] in (['PLACE'], ['NOUN'], [NUMBER]) and not {'OF', 'FROM'} & set(kinds)
 
 
 def kinds_after(lexemes: Sequence[Lexeme]) -> list[str]:

@@ -21,10 +21,10 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     told_apart,
     with_pronouns,
 )
-from llm_astar_planner.instructions.grammar.lexicon import HEAD, Group, Lexicon
+from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
-from llm_astar_planner.instructions.grammar.words import Word, phrase_words, squeezed
+from llm_astar_planner.instructions.grammar.words import Word, squeezed
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
 # added, changed or exchanged) from this length on. In shorter words another word is too near:
@@ -148,7 +148,7 @@ class Lexer:
             (tagged, [(NOUN, self.tag_group(tag)) for tag in tags], False),
             *found,
             (near, [(PLACE, place) for place in near_places], not sure),
-            (single, [(TAG, tag) for tag in adjectives], not is_own_tag(words, at, adjectives)),
+            (single, [(TAG, tag) for tag in adjectives], False),
         ]
 
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
@@ -266,7 +266,15 @@ def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
     # A word that is the same in both numbers ('Zimmer') counts as singular.
     plural = all(group.plural for group in groups)
     noun = WALL if is_wall else groups[0].noun
-    return Group(groups[0].words, groups[0].all_places, places, plural, '', noun, own or is_wall)
+    return Group(
+        groups[0].words,
+        groups[0].all_places,
+        places,
+        plural,
+        '',
+        noun,
+        own or (KIND if is_wall else ''),
+    )
 
 
 def place_lexeme(
@@ -288,11 +296,6 @@ def place_lexeme(
 def said(words: Sequence[Word]) -> str:
     """Return words as they were written."""
     return ' '.join(word.said or word.text for word in words)
-
-
-def is_own_tag(words: Sequence[Word], at: int, tags: Sequence[str]) -> bool:
-    """Whether a word is a tag as the map has it: 'emerald' is not 'green'."""
-    return any(words[at].text in phrase_words(tag) for tag in tags)
 
 
 def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[Lexeme]:

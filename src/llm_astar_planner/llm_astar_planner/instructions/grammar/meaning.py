@@ -277,9 +277,10 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         return ParsedClause(avoid_of(things))
 
     def avoid_by(self, *parts: Any) -> ParsedClause:
-        """'avoid A by 3 m'."""
+        """'avoid A by 3 m', 'keep away from A by 3 m'."""
         things, metres = parts[-2:]
-        return ParsedClause(avoid_of(things, metres))
+        is_away = isinstance(parts[0], Token) and value(parts[0]) == AWAY
+        return ParsedClause((distance_of if is_away else avoid_of)(things, metres))
 
     def avoid_field(self, thing: Selection) -> ParsedClause:
         """'do not go north of y = 10'."""
@@ -707,11 +708,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def above(self, line: Token) -> Selection:
         """'above y = 10'."""
-        return Selection((axis_half('north', *value(line)),), is_limit=True)
+        side = 'north' if value(line)[0] == 'y' else 'east'
+        return Selection((axis_half(side, *value(line)),), is_limit=True)
 
     def below(self, line: Token) -> Selection:
         """'below y = 10'."""
-        return Selection((axis_half('south', *value(line)),), is_limit=True)
+        side = 'south' if value(line)[0] == 'y' else 'west'
+        return Selection((axis_half(side, *value(line)),), is_limit=True)
 
     def limits(self, box: Token) -> Selection:
         """'x below 10', 'between y = 5 and y = 20'."""

@@ -48,7 +48,7 @@ UNREAD = 'UNREAD'
 # 'you may', which asks nothing unless it is negated or a question.
 MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
-PAST, BACK, YOU, ONLY, ON = 'past', 'back', 'you', 'only', 'on'
+PAST, BACK, YOU, ONLY, ON, WHILE = 'past', 'back', 'you', 'only', 'on', 'while'
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
     'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW EITHER ENDPOINT '
@@ -351,7 +351,7 @@ class Splitter:
         ends_negated = bool(kinds) and kinds[-1] == NEG
         if ends_negated and (self.language != 'de' or COMMA in lists[-1:]):
             return True
-        if piece.is_either and OR not in piece.kinds:
+        if piece.is_either and not piece.kinds & {OR, NEG}:
             return True
         has_past = any(lexeme.value == PAST and lexeme.kind in VERBS for lexeme in piece.lexemes)
         return has_past and not piece.kinds & ORDER_WORDS and 'HAVING' not in piece.kinds
@@ -381,14 +381,15 @@ class Splitter:
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
         piece = self.piece
-        if not (piece.lexemes or piece.is_preference or piece.is_first or piece.is_broken):
+        if not piece.end:
             piece.start = lexeme.start
         piece.lexemes.append(lexeme)
         piece.end = lexeme.end
 
     def separate(self, at: int, lexeme: Lexeme) -> None:
         """Take a separator: go on with a list, leave it out, or begin a new piece."""
-        kind = CONDITION if lexeme.other == CONDITION else lexeme.kind
+        is_state = lexeme.value == WHILE and self.is_statement(at)
+        kind = CONDITION if lexeme.other == CONDITION or is_state else lexeme.kind
         if lexeme.value == '?':
             self.piece.is_question = True
         if kind == THEN and self.leads_an_order() and self.piece.lexemes[0].kind != 'BEFORE':
@@ -396,6 +397,7 @@ class Splitter:
             return
         if kind == BUT and self.is_exception(at):
             self.extend(replace(lexeme, kind=EXCEPT))
+            self.skipped = int(self.kind_after(at) == NEG)
             return
         if kind == CONDITION:
             self.begin(kind)
@@ -428,14 +430,21 @@ class Splitter:
             return True
         return following == SHOULD_WORD and kind == COMMA and not self.ends_before(at)
 
+    def is_statement(self, at: int) -> bool:
+        """Whether what follows says how things are: 'while the lab is being cleaned'."""
+        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
+        end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS), len(kinds))
+        return bool({'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'} & set(kinds[:end]))
+
     def is_exception(self, at: int) -> bool:
-        """Whether it is the 'but' of 'all wards but ward 1'."""
+        """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""
         piece = self.piece
         if not (piece.is_complete and {'ALL', 'NOUN'} <= piece.kinds):
             return False
         kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
         end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS - {AND}), len(kinds))
-        return kinds[:1] != [] and kinds[0] in REGION_STARTS and not VERBS & set(kinds[:end])
+        first = next((kind for kind in kinds if kind != NEG), '')
+        return first in REGION_STARTS and not VERBS & set(kinds[:end])
 
     def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
@@ -454,8 +463,9 @@ class Splitter:
         if following in REGION_STARTS and not self.names_a_subject(at):
             is_comma = lexeme.kind == COMMA and nearest != AND
             kind = UNREAD if is_comma and self.is_between() else AND
-            if piece.last != AND:
+            if following != LENGTH or not self.tells_distance(at):
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
+            self.skipped = int(lexeme.kind == COMMA and nearest == AND)
             return True
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
         if (
@@ -470,6 +480,12 @@ class Splitter:
             self.skipped = 1
             return True
         return False
+
+    def tells_distance(self, at: int) -> bool:
+        """Whether a length after a comma is that of 'keep away from A, at least 2 m'."""
+        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
+        ends = kinds[1:2] in ([], [COMMA], [HARD], [AND])
+        return 'AVOID' in self.piece.kinds and LENGTH not in self.piece.kinds and ends
 
     def is_between(self) -> bool:
         """Whether the list is of what something lies between: of three nobody knows."""
@@ -507,6 +523,10 @@ class Splitter:
         is_refused = bool(kinds & {NEG, 'AVOID', 'SKIP'})
         is_order = bool(kinds & ORDER_WORDS) and NEG in kinds
         is_refused = is_refused and not is_order
+        if piece.last == 'FORBIDDEN' and following in REGION_STARTS:
+            self.begin(AND)
+            self.extend(Lexeme('AVOID', '', lexeme.start, lexeme.end))
+            return
         if piece.is_complete and (piece.is_either or not is_order):
             kind = AND if is_refused else OR
             if following in REGION_STARTS:

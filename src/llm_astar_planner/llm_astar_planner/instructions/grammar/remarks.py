@@ -9,7 +9,14 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.lexemes import (
+    AND,
+    COMMA,
+    LENGTH,
+    TIMES,
+    UNKNOWN,
+    Lexeme,
+)
 from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
     COLON,
@@ -93,13 +100,14 @@ def shorten(piece: Piece) -> None:
 
 def note_unknown(piece: Piece, lexemes: Sequence[Lexeme]) -> None:
     """Note words that are left out of a piece, if one of them is not known: it may be a place."""
-    if any(lexeme.kind == UNKNOWN for lexeme in lexemes):
+    if any(lexeme.kind == UNKNOWN or lexeme.doubt for lexeme in lexemes):
         piece.remarks.append((lexemes[0].start, lexemes[-1].end))
 
 
 def note_remark(remark: Piece, piece: Piece) -> None:
     """Note a remark that is left out beside a piece, if a word of it is not known."""
-    if UNKNOWN in remark.kinds:
+    words = (*remark.lexemes, *remark.unsupported)
+    if any(lexeme.kind == UNKNOWN or lexeme.doubt for lexeme in words):
         piece.remarks.append((remark.start, remark.end))
 
 
@@ -177,7 +185,8 @@ def runs_of(piece: Piece) -> list[list[Lexeme]]:
             runs[-1].append(lexeme)
         elif runs[-1]:
             runs.append([])
-    return [run for run in runs if any(lexeme.kind in REGION_ENDS for lexeme in run)]
+    named = REGION_ENDS - {LENGTH, TIMES}
+    return [run for run in runs if any(lexeme.kind in named for lexeme in run)]
 
 
 def is_reason(piece: Piece) -> bool:

@@ -23,7 +23,8 @@ from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import SpecificationError
-from llm_astar_planner.instructions.model.mentions import Sentence
+from llm_astar_planner.instructions.grammar.pieces import ORDER_WORDS
+from llm_astar_planner.instructions.model.sentence import Sentence
 from llm_astar_planner.instructions.regions import (
     COMPASS,
     WALLS,
@@ -45,7 +46,6 @@ MAX_STARTS = 16
 UNKNOWN_PLACE = 'unknown'
 _RANGES = ('x_above', 'x_below', 'y_above', 'y_below')
 _SPANS = ('x_between', 'y_between')
-_ORDER_WORDS = ('before', 'after', 'until')
 # The kinds with one region, in the field `where`.
 _WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
 
@@ -87,8 +87,7 @@ def answer_schema(sentence: Sentence, places: Places) -> dict[str, Any]:
 
 def offered_names(sentence: Sentence, places: Places) -> list[str]:
     """Return the names that an answer may hold: those mentioned, or all if a word is unclear."""
-    mentioned = {name for mention in sentence.mentions for name in mention.names}
-    unclear = sentence.has_strange_words
+    mentioned, unclear = set(sentence.names), sentence.has_strange_words
     return [place.name for place in places if unclear or place.name in mentioned]
 
 
@@ -107,7 +106,7 @@ def clause_forms(sentence: Sentence) -> list[dict[str, Any]]:
     ]
     if sentence.sides:
         forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
-    if any(sentence.has(f'strong.{word}') for word in _ORDER_WORDS):
+    if sentence.has(*ORDER_WORDS):
         forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
     if sentence.numbers:
         away = {'anyOf': [{'const': WALLS}, region]}
@@ -129,9 +128,9 @@ def region_forms(sentence: Sentence, definitions: Mapping[str, Any]) -> list[dic
     compass = [side for side in sentence.sides if side in COMPASS]
     if compass and name:
         forms.append(_form({'half': {'enum': compass}, 'of': _ref('name')}))
-    if name and sentence.has('regions.between'):
+    if name and sentence.has('BETWEEN'):
         forms.append(_form({'between': {**_numbers(2), 'items': _ref('name')}}))
-    if sentence.has('regions.along'):
+    if sentence.has('ALONG', 'CLOSE'):
         along = [{'const': WALLS}, *([_ref('name')] if name else [])]
         width = {'enum': [1, *definitions['number']['enum']]} if number else {'const': 1}
         forms.append(_form({'along': {'anyOf': along}, 'width': width}))

@@ -15,9 +15,9 @@ from llm_astar_planner.instructions.interpretation import (
     status_of,
 )
 from llm_astar_planner.instructions.model.answer import answer_schema, read_answer
-from llm_astar_planner.instructions.model.grounding import grounded
-from llm_astar_planner.instructions.model.mentions import read_sentence
+from llm_astar_planner.instructions.model.check import grounded
 from llm_astar_planner.instructions.model.prompt import Examples, prompt_messages, shipped_examples
+from llm_astar_planner.instructions.model.sentence import read_sentence
 from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure

@@ -18,12 +18,13 @@ from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 from shapely.errors import ShapelyError
 
-from llm_astar_planner.instructions.model.mentions import read_sentence
-from llm_astar_planner.instructions.model.names import orientation
+from llm_astar_planner.instructions.model.sentence import read_sentence
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')
 MAX_EXAMPLES_BYTES = 100_000
+# A place this many times longer than wide is called horizontal or vertical.
+ELONGATED = 3.0
 # Places that a prompt lists; of more, those that the instruction seems to mention come first.
 MAX_PROMPT_PLACES = 60
 MAX_PROMPT_ALIASES = 4
@@ -106,7 +107,7 @@ def prompt_messages(text: str, places: Places, examples: Examples) -> tuple[Mess
 
 def mentioned_first(text: str, places: Places) -> Places:
     """Return MAX_PROMPT_PLACES places: those that a sentence may mean, then others."""
-    named = {name for mention in read_sentence(text, places).mentions for name in mention.names}
+    named = set(read_sentence(text, places).names)
     ranked = sorted(places, key=lambda place: place.name not in named)
     return Places(ranked[:MAX_PROMPT_PLACES])
 
@@ -133,6 +134,15 @@ def place_line(place: Place, box: Sequence[float]) -> str:
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     where = compass_word(x, y, box)
     return f'- {name}: {", ".join(kinds)}; {where}, centre {x:.3g}, {y:.3g}'
+
+
+def orientation(place: Place) -> str:
+    """Return 'horizontal' or 'vertical' for a place that is long and narrow, else ''."""
+    x0, y0, x1, y1 = place.geometry.bounds
+    wide, high = x1 - x0, y1 - y0
+    if wide >= ELONGATED * high > 0:
+        return 'horizontal'
+    return 'vertical' if high >= ELONGATED * wide > 0 else ''
 
 
 def compass_word(x: float, y: float, box: Sequence[float]) -> str:

@@ -17,8 +17,9 @@ from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.parameter import Parameter
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 
+from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -39,6 +40,7 @@ from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import QuestionServer
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.resources import state_file
 
 ASK_AGAIN_PERIOD = 1.0
 
@@ -51,7 +53,8 @@ MOST_WAITING = 4
 class InstructionServer:
     """What the planner node does with instructions.
 
-    `~/instruction` sets one, as the parameter does. `~/interpret` asks what a text means, and
+    `~/instruction` sets one, as the parameter does, and `~/confirm` answers the questions about
+    it. `~/interpret` asks what a text means, and
     `~/interpretation` answers: at once by the grammar, and once more if a model is asked.
     """
 
@@ -72,7 +75,10 @@ class InstructionServer:
         self._places = places
         self._on_understood = on_understood
         name = settings['llm_client']
-        self._reader = InstructionReader(InstructionClient(entities, name) if name else None)
+        self._reader = InstructionReader(
+            InstructionClient(entities, name) if name else None,
+            Confirmations(state_file('confirmations.json')),
+        )
         entities.on_close(self._reader.close)
         self.current = CurrentInstruction(self._reader, self.on_change)
         self._progress = Progress()
@@ -86,6 +92,7 @@ class InstructionServer:
         Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
+        entities.subscription(Bool, '~/confirm', self.on_confirm, RELIABLE, group)
         QuestionServer(
             entities,
             lambda question, on_answer: self._reader.read(
@@ -102,6 +109,17 @@ class InstructionServer:
             self._prepared = places
             self._reader.prepare(places)
         self.current.set(text, places)
+
+    def on_confirm(self, message: Bool) -> None:
+        """Answer the questions about the instruction that is set."""
+        logger, questions = self._node.get_logger(), ' '.join(self.current.questions)
+        try:
+            is_asked = self.current.confirm(message.data)
+        except OSError as error:
+            is_asked = True
+            logger.warning(f'the answer is not kept: {error}')
+        answer = 'yes' if message.data else 'no'
+        logger.info(f'{questions} {answer}' if is_asked else 'nothing was asked')
 
     def on_client_change(self) -> None:
         """Ask again soon: the node that understands may answer differently from now on."""

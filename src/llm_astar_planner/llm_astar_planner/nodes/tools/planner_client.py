@@ -29,7 +29,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -227,6 +227,7 @@ class PlannerCaller(PlannerClient):
         self._answers: dict[str, list[dict[str, Any]]] = {}
         self._places: dict[str, Any] = {}
         self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
+        self._confirm = node.create_publisher(Bool, f'{planner}/confirm', RELIABLE)
         self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
         self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
         self._reader = node.create_client(GetParameters, f'{planner}/get_parameters')
@@ -255,6 +256,16 @@ class PlannerCaller(PlannerClient):
             yield answers[number]
             if answers[number].get('status') != Understanding.PENDING.value:
                 return
+
+    def confirm(self, text: str, *, is_meant: bool) -> None:
+        """Answer the questions about the planner's instruction, which is `text`."""
+        self.wait_for_subscriber(self._confirm, self.seconds)
+        self._confirm.publish(Bool(data=is_meant))
+        deadline = time.monotonic() + self.seconds
+        while [*self.interpretations(text)][-1].get('questions'):
+            if time.monotonic() > deadline:
+                raise PlannerClientError(f'{self.planner} did not take the answer')
+            time.sleep(POLL_SECONDS)
 
     def values(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the planner's parameters of these names."""

@@ -100,6 +100,7 @@ COMPOSED = {
     'visit the study only after the kitchen': STRICT,
     'besuche die Küche und erst dann study': STRICT,
     'besuche study erst nach der Küche': STRICT,
+    'besuche study nach der Küche': 'visit the kitchen, then the study',
     'visite la cuisine et seulement ensuite study': STRICT,
     'visite study seulement après la cuisine': STRICT,
     'visita la cocina y solo entonces study': STRICT,
@@ -109,7 +110,8 @@ COMPOSED = {
     'the kitchen; do not enter the study before the kitchen; visit the study',
     'visit the study, but visit the kitchen first': 'visit the kitchen, then the study',
     'visit the kitchen and go to the study after you have visited the kitchen': 'visit '
-    'the kitchen, then the study; after every entry of the kitchen visit the study',
+    'the kitchen, then the study; after every entry of the kitchen visit the study; do not enter '
+    'the study before the kitchen',
     'visit the kitchen, visit the study last': 'visit the kitchen, then the study',
     'go to the kitchen and come back': 'visit the kitchen, then the goal; end in the start',
     'there and back': 'visit the goal; end in the start',
@@ -126,6 +128,14 @@ COMPOSED = {
     'avoid the lathe': 'keep 1 m away from the lathe',
     'keep away from the kitchen': 'keep 1 m away from the kitchen',
     'avoid the kitchen': 'avoid the kitchen',
+    'um, avoid the kitchen': 'avoid the kitchen',
+    "The lab's closed.": 'avoid the lab',
+    'visit the kitchen, the study, and the lab': 'visit the kitchen, the study and the lab '
+    'in any order',
+    'avoid the kitchen, and the lab': 'avoid the kitchen; avoid the lab',
+    'the kitchen must not be entered, nor the lab': 'avoid the kitchen; avoid the lab',
+    'keep away from the lathe, at least 1.2 m, the fish get nervous': 'keep 1.2 m away '
+    'from the lathe',
     'avoid room 101': 'avoid the room 101',
     'go past the kitchen': 'visit the 3 m along the kitchen',
 }
@@ -266,6 +276,8 @@ LIMITED = [
     'visit the lab, unless the door is open',
     'visit the lab, except on mondays',
     'visit the lab, not',
+    'avoid the lab while the kitchen is being cleaned',
+    'go to the lab... nope, avoid the lab',
     'in the kitchen, keep to the right',
     'visit the lab. No, wait, visit the study.',
 ]

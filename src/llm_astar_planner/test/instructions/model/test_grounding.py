@@ -4,7 +4,7 @@ import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
 from llm_astar_planner.instructions.model.answer import read_answer
-from llm_astar_planner.instructions.model.grounding import grounded
+from llm_astar_planner.instructions.model.check import grounded
 
 
 def ground(text, *clauses):
@@ -42,7 +42,7 @@ STANDING = [
     ('do not enter ward 1 or ward 2', [avoid('ward 1'), avoid('ward 2')],
      ['avoid the ward 1', 'avoid the ward 2']),
     ('avoid the blue rooms', [avoid({'all': 'blue'})], ['avoid all blue places']),
-    ('go to the kichen, then to the storeroom', [visit('kitchen'), visit('store room')],
+    ('go to the kitchen, then to the store room', [visit('kitchen'), visit('store room')],
      ['visit the kitchen', 'visit the store room']),
     ('visit the kitchen and the lobby', [visit('kitchen'), visit('lobby')],
      ['visit the kitchen and the lobby in any order']),
@@ -62,14 +62,14 @@ STANDING = [
      ['if possible, stay in the south half']),
     ('never drive north of y = 15', [avoid({'y_above': 15})], ['avoid the area with y above 15']),
     ('stay below x = 20', [{'do': 'stay_in', 'where': {'x_below': 20}}],
-     ['stay in the area with x below 20']),
+     ['avoid the area with x above 20']),
     ('keep away from 4, 5 by 2 m', [avoid({'point': [4, 5], 'radius': 2})],
      ['avoid the 2 m around the point 4, 5']),
     ('see the lobby before you enter the kitchen',
      [before('lobby', 'kitchen')],
      ['do not enter the kitchen before the lobby']),
     ('visit the lobby before the kitchen', [visit('lobby'), visit('kitchen')],
-     ['do not enter the kitchen before the lobby']),
+     ['visit the lobby', 'visit the kitchen']),
     ("don't leave the corridor", [{'do': 'stay_in', 'where': 'main corridor'}],
      ['stay in the main corridor']),
     ("whatever happens, don't forget to visit the kitchen", [visit('kitchen')],
@@ -85,7 +85,6 @@ STANDING = [
     ('passe par la cuisine', [visit('kitchen')], ['visit the kitchen']),
     ('meide die Küche', [avoid('kitchen')], ['avoid the kitchen']),
     ('evita los cuartos azules', [avoid({'all': 'blue'})], ['avoid all blue places']),
-    ('aviod teh kitchen', [avoid('kitchen')], ['avoid the kitchen']),
     ('the floor in the kitchen is wet, so please keep out of there', [avoid('kitchen')],
      ['avoid the kitchen']),
     ('finish in the kitchen', [{'do': 'end_at', 'where': 'kitchen'}], ['end in the kitchen']),
@@ -101,6 +100,28 @@ def test_a_clause_that_stands_in_the_sentence_stays_as_it_is(text, answer, wante
     specification = ground(text, *answer)
     assert shown(specification) == wanted
     assert status_of(specification) is Understanding.WHOLE
+
+
+# Right, but not by words that say it for certain: misspelt, not known, or not in a clear form.
+ASKED = [
+    ('aviod teh kitchen', [avoid('kitchen')], ['?avoid the kitchen']),
+    ('go to the kichen', [visit('kitchen')], ['?visit the kitchen']),
+    ('the soup smells, so keep clear of wherever they cook it', [avoid('kitchen')],
+     ['?avoid the kitchen', 'not understood: "keep clear of wherever they cook"']),
+    ('on no account bother the zoltans in the kitchen', [avoid('kitchen')],
+     ['?avoid the kitchen']),
+    ('bolt through ward 2', [visit('ward 2')], ['?visit the ward 2']),
+    ('glide past ward 1, then hurtle to ward 2', [visit('ward 2'), visit('ward 1')],
+     ['?visit the ward 1', '?visit the ward 2']),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('text', 'answer', 'wanted'), ASKED, ids=[row[0] for row in ASKED])
+def test_a_clause_that_the_words_do_not_show_is_asked_about(text, answer, wanted):
+    specification = ground(text, *answer)
+    assert shown(specification) == wanted
+    asked = [clause.unsure for clause in specification.enforceable]
+    assert all(question.endswith('?') for question in asked)
 
 
 # sentence, answer of the model: none of its clauses may be claimed
@@ -167,14 +188,13 @@ REPAIRED = [
 
 
 @pytest.mark.parametrize(('text', 'answer', 'wanted'), REPAIRED, ids=[row[0] for row in REPAIRED])
-def test_the_only_variant_of_a_clause_that_stands_takes_its_place(text, answer, wanted):
+def test_the_reading_of_the_grammar_takes_the_place_of_a_wrong_clause(text, answer, wanted):
     assert shown(ground(text, *answer)) == wanted
 
 
-def test_a_place_is_not_taken_for_another_where_two_are_left():
+def test_what_the_grammar_reads_holds_whatever_the_model_says():
     specification = ground('visit ward 1 and avoid the lobby', visit('kitchen'))
-    assert all(clause.unsure for clause in specification.enforceable)
-    assert status_of(specification) in (Understanding.PARTLY, Understanding.NONE)
+    assert shown(specification) == ['visit the ward 1', 'avoid the lobby']
 
 
 def test_a_visit_of_what_is_refused_becomes_a_guess_to_avoid_it():
@@ -184,7 +204,9 @@ def test_a_visit_of_what_is_refused_becomes_a_guess_to_avoid_it():
 
 def test_one_of_several_places_is_not_all_of_them():
     specification = ground('avoid both wards', avoid('ward 1'))
-    assert status_of(specification) is Understanding.PARTLY
+    assert shown(specification) == ['avoid the ward 1', 'avoid the ward 2']
+    specification = ground('bother neither zorp of the wards', avoid('ward 1'))
+    assert all(clause.unsure for clause in specification.enforceable)
 
 
 def test_a_clause_without_words_of_its_own_is_dropped():
@@ -221,10 +243,12 @@ def test_a_name_in_another_language_is_guessed_and_the_rest_stands():
 
 def test_a_goal_is_not_moved_to_a_place_that_the_sentence_does_not_name():
     specification = ground('park in the ballroom', {'do': 'end_at', 'where': 'lobby'})
-    assert shown(specification) == ['not understood: "ballroom"']
+    assert shown(specification) == ['not understood: "park in the ballroom"']
 
 
 def test_an_answer_without_clauses_is_irrelevant_only_where_nothing_is_said_of_the_route():
     assert status_of(ground('hurry up, we are late')) is Understanding.IRRELEVANT
     assert status_of(ground('the kitchen is nice')) is Understanding.NONE
-    assert status_of(ground('do not go too fast')) is Understanding.NONE
+    assert shown(ground('do not go too fast')) == [
+        '"do not go too fast" is about speed, which a path does not have'
+    ]

@@ -1,0 +1,339 @@
+"""Holds a model's clauses against the sentence, by the grammar and without any model.
+
+What the grammar reads for certain holds, whatever the model says. Of the other parts of the
+sentence the model's clauses are taken: sure where the words of the part name all that the clause
+holds, say its kind and whether it is refused, and every one of them is known; else with a
+question. A clause of which the sentence names nothing is left out, but for one where a word is
+not known. What no clause accounts for is `Unknown`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.pass_by import Pass
+from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
+from llm_astar_planner.instructions.grammar.interpreter import (
+    Reading,
+    ReadPiece,
+    best_reading,
+    known_visits,
+    languages_of,
+)
+from llm_astar_planner.instructions.grammar.lexemes import LENGTH, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.meaning import CLEAR
+from llm_astar_planner.instructions.grammar.pieces import LIMITING, NEG, UNREAD, VERBS, Piece
+from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
+from llm_astar_planner.instructions.grammar.words import read_words
+from llm_astar_planner.instructions.model.sentence import names_of, numbers_of
+from llm_astar_planner.instructions.regions import (
+    ROUTE_SIDES,
+    Along,
+    Between,
+    Box,
+    Disc,
+    End,
+    Half,
+    NamedPlace,
+    Region,
+    Tagged,
+    leaves,
+)
+from llm_astar_planner.instructions.specification import (
+    MAX_CLAUSES,
+    MAX_VISITS,
+    Specification,
+)
+
+TOLERANCE = 1e-3
+# Kinds of words that refuse, and those beside which nobody knows what is refused.
+REFUSALS = frozenset({NEG, 'AVOID', 'SKIP', 'FORBIDDEN', 'ALONE'})
+UNCLEAR = LIMITING | {'POISON', 'MAY', 'MISS', 'CONDITION', 'TIMES', UNREAD, 'STATE', 'NUMBER'}
+# The kinds of words that say a kind of clause, and those that say another one.
+GOING = frozenset({'VISIT', 'ENTER', 'THROUGH', 'INTO', 'TO', 'STOPBY', 'PASSBY', 'REQUIRED'})
+OTHERS = frozenset(
+    {'STAY', 'USE', 'END', 'PASS', 'CLOSE', 'ALONG', 'LEAVE', 'AROUND_VERB', LENGTH}
+)
+SAYING: dict[type[Clause], frozenset[str]] = {
+    Visit: GOING,
+    StayIn: frozenset({'STAY'}),
+    EndAt: frozenset({'END'}),
+    Pass: frozenset({'PASS', 'AROUND_VERB'}),
+    KeepDistance: frozenset({'DISTANCE', 'FROM'}),
+}
+
+
+@dataclass(eq=False)
+class Part:
+    """A part of the sentence that the grammar did not read, with the clauses that are about it."""
+
+    piece: ReadPiece
+    clauses: list[Clause]
+
+    @property
+    def lexemes(self) -> list[Lexeme]:
+        """Its words."""
+        return self.piece.piece.lexemes
+
+    @property
+    def kinds(self) -> set[str]:
+        """The kinds of its words."""
+        return self.piece.piece.kinds
+
+    @property
+    def names(self) -> set[str]:
+        """The places that it may name."""
+        return {name for lexeme in self.lexemes for name in names_of(lexeme)}
+
+    def where(self, clause: Clause) -> int:
+        """Return where it names the first place of a clause, else its end."""
+        names = {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
+        at = (n for n, lexeme in enumerate(self.lexemes) if names & set(names_of(lexeme)))
+        return next(at, len(self.lexemes))
+
+
+def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
+    """Return the specification of a model's clauses, and what the sentence does not say."""
+    reading = best_reading(text, places)
+    if reading.interpretation.is_read:
+        return reading.interpretation.specification, reading.interpretation.detail
+    wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
+    parts = [Part(one, []) for one in reading.parts if not one.is_read]
+    said = known_visits(reading.parts)
+    left = [
+        clause
+        for clause in dict.fromkeys(wanted)
+        if not (isinstance(clause, Visit) and set(clause.regions) <= said)
+    ]
+    deal_out(left, parts, reading)
+    return put_together(reading, parts, text)
+
+
+def usual_form(clause: Clause, places: Places) -> Clause:
+    """Return a clause as the grammar says it: a distance from a point is a disc."""
+    match clause:
+        case KeepDistance(metres=metres, region=Disc(x, y, radius)):
+            return Avoid(clause.strength, clause.unsure, Disc(x, y, metres + radius))
+        case Avoid(region=Disc(x, y, radius), margin=margin) if margin:
+            return Avoid(clause.strength, clause.unsure, Disc(x, y, radius + margin))
+        case Avoid(region=NamedPlace(name), margin=0.0):
+            place = places.get(name)
+            if place is not None and place.is_object:
+                return KeepDistance(clause.strength, clause.unsure, CLEAR, clause.region)
+    return clause
+
+
+def deal_out(clauses: Sequence[Clause], parts: Sequence[Part], reading: Reading) -> None:
+    """Give each clause to the part that names its regions, in the order of the sentence.
+
+    One of which nothing is named goes to a part with an unknown word and no clause, if there is
+    one; a goal is never moved to a place that the sentence does not name.
+    """
+    known = {clause for one in reading.parts for clause in one.clauses}
+    homeless = []
+    for clause in clauses:
+        home = next((part for part in parts if not missing(clause, part)), None)
+        if home is not None:
+            home.clauses.append(clause)
+        elif not isinstance(clause, EndAt) and clause not in known:
+            homeless.append(clause)
+    for clause in homeless:
+        strange = (part for part in parts if not part.clauses and UNKNOWN in part.kinds)
+        home = next(strange, None)
+        if home is not None and not names_read(clause, reading):
+            home.clauses.append(clause)
+
+
+def names_read(clause: Clause, reading: Reading) -> bool:
+    """Whether a place of a clause stands in a part that the grammar read."""
+    read = [one for part in reading.parts if part.is_read for one in part.clauses]
+    places = {leaf for one in read for leaf in parts_of(one)}
+    return bool(places & set(parts_of(clause)))
+
+
+def parts_of(clause: Clause) -> list[Region]:
+    """Return the simple regions of a clause."""
+    return [leaf for region in clause.regions for leaf in leaves(region)]
+
+
+def missing(clause: Clause, part: Part) -> str:
+    """Return what a clause holds and a part of the sentence does not name, '' for nothing."""
+    for region in parts_of(clause):
+        if not names_region(region, part):
+            return region.phrase()
+    numbers = {KeepDistance: 'metres', Avoid: 'margin'}.get(type(clause))
+    wanted = getattr(clause, numbers) if numbers else 0.0
+    if wanted and wanted != CLEAR and not has_number(wanted, part.lexemes):
+        return f'{wanted:g} m'
+    side = getattr(clause, 'side', '')
+    if side and side not in sides_of(part):
+        return str(side)
+    is_walls = isinstance(clause, KeepDistance) and clause.region is None
+    return 'the walls' if is_walls and 'wall' not in nouns_of(part) else ''
+
+
+def names_region(region: Region, part: Part) -> bool:
+    """Whether a part of the sentence names a simple region."""
+    limits: list[float] = []
+    names, sides, is_said = set(), set(), True
+    match region:
+        case NamedPlace(name):
+            names = {name}
+        case Tagged(tag):
+            is_said = tag in tags_of(part)
+        case Disc(x, y, radius):
+            limits = [radius] if radius else []
+            is_said = any(one.kind == 'POINT' and one.value == (x, y) for one in part.lexemes)
+        case Box(x0, y0, x1, y1):
+            limits = [side for side in (x0, y0, x1, y1) if math.isfinite(side)]
+        case Half(side, of):
+            names, sides = {of} - {''}, {side}
+        case Between(first, second):
+            names = {first, second}
+        case Along(place, _):
+            is_said = place in part.names or 'wall' in nouns_of(part)
+        case End(end):
+            is_said = any(one.kind == 'ENDPOINT' and one.value == end for one in part.lexemes)
+    has_limits = all(has_number(limit, part.lexemes) for limit in limits)
+    return is_said and has_limits and names <= part.names and sides <= sides_of(part)
+
+
+def sides_of(part: Part) -> set[str]:
+    """Return the directions that a part names, and left for right: 'leave it on your left'."""
+    found = {str(one.value) for one in part.lexemes if one.kind == 'SIDE'}
+    return found | set(ROUTE_SIDES) if found & set(ROUTE_SIDES) else found
+
+
+def tags_of(part: Part) -> set[str]:
+    """Return the kinds and tags that a part names."""
+    groups = [lexeme.value for lexeme in part.lexemes if lexeme.kind == 'NOUN']
+    tags = {str(lexeme.value) for lexeme in part.lexemes if lexeme.kind == 'TAG'}
+    for group in groups:
+        places = set(group.places)
+        tags |= {t for t in group.all_places.tags if set(group.all_places.with_tag(t)) == places}
+    return tags
+
+
+def nouns_of(part: Part) -> set[str]:
+    """Return the nouns of a part for several places."""
+    return {lexeme.value.noun for lexeme in part.lexemes if lexeme.kind == 'NOUN'}
+
+
+def has_number(value: float, lexemes: Sequence[Lexeme]) -> bool:
+    """Return whether a number of some lexemes is this value."""
+    found = (number for lexeme in lexemes for number in numbers_of(lexeme))
+    return any(math.isclose(value, one, rel_tol=TOLERANCE, abs_tol=1e-9) for one in found)
+
+
+def is_sure(clause: Clause, part: Part) -> bool:
+    """Whether the words of a part say a clause, and nothing that may change it.
+
+    It is the only one of its part, about places that are named for certain.
+    """
+    kinds, lexemes = part.kinds, part.lexemes
+    strange = any(lexeme.kind == UNKNOWN or lexeme.doubt for lexeme in lexemes)
+    several = any(len(names_of(lexeme)) > 1 for lexeme in lexemes)
+    other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
+    if strange or several or other or kinds & UNCLEAR or is_qualified(part.piece.piece):
+        return False
+    if missing(clause, part) or len(part.clauses) > 1 or is_about_more(clause):
+        return False
+    if sum(lexeme.kind == LENGTH for lexeme in lexemes) > isinstance(clause, KeepDistance):
+        return False
+    refusals = sum(lexeme.kind in REFUSALS for lexeme in lexemes)
+    if isinstance(clause, Avoid):
+        return refusals == 1 and not kinds & OTHERS
+    says = SAYING.get(type(clause))
+    if says is None or refusals:
+        return False
+    return bool(kinds & says) and not kinds & (OTHERS - says - {LENGTH} | (VERBS - says - GOING))
+
+
+def is_qualified(piece: Piece) -> bool:
+    """Whether a part says more than its words: a condition, a question, 'last', 'slowly'."""
+    return bool(
+        piece.is_broken
+        or piece.is_question
+        or piece.takes_back
+        or piece.is_last
+        or piece.is_first
+        or piece.is_strict
+        or piece.order
+        or piece.soon
+        or piece.unsupported
+        or piece.remarks
+    )
+
+
+def is_about_more(clause: Clause) -> bool:
+    """Whether a clause is about more than places by their names, or a side of the way."""
+    of_way = getattr(clause, 'side', '') in ROUTE_SIDES
+    return of_way or not all(isinstance(leaf, NamedPlace) for leaf in parts_of(clause))
+
+
+def not_refused(clause: Clause, part: Part) -> Clause:
+    """Return what is to be avoided for a visit of what a part refuses.
+
+    It stays a question; but a robot sent where it must not go is worse than one kept out.
+    """
+    refusals = sum(lexeme.kind in REFUSALS for lexeme in part.lexemes)
+    if isinstance(clause, Visit) and refusals == 1 and 'MISS' not in part.kinds:
+        return Avoid(clause.strength, region=clause.regions[0])
+    return clause
+
+
+def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Specification, str]:
+    """Return the specification: what the grammar read, what the model said, and what is left."""
+    language = next(languages_of(read_words(text)))
+    question = vocabulary(language).questions['model']
+    found: list[tuple[float, Clause]] = [
+        (one.at, clause) for one in reading.parts for clause in one.clauses
+    ]
+    notes = []
+    for part in parts:
+        piece = part.piece.piece
+        words = text[piece.start : piece.end]
+        at = part.piece.at
+        for clause in in_order(part):
+            strength = SHOULD if piece.is_preference else clause.strength
+            turned = replace(not_refused(clause, part), strength=strength)
+            if not is_sure(clause, part):
+                asked = question.replace('{said}', words).replace('{meant}', turned.phrase())
+                turned = replace(turned, unsure=asked[:MAX_QUESTION_CHARS])
+                lacks = missing(clause, part)
+                notes += [f'the sentence does not say {lacks}'] if lacks else []
+            found.append((at, turned))
+        if not part.clauses and words:
+            found.append((at, Unknown(text=words[:MAX_NAME_CHARS])))
+    found.sort(key=lambda one: one[0])
+    return within_limits([clause for _, clause in found]), '; '.join(dict.fromkeys(notes))
+
+
+def in_order(part: Part) -> list[Clause]:
+    """Return the clauses of a part as they stand in it; the model's where a word says one."""
+    if part.kinds & LIMITING:
+        return part.clauses
+    return sorted(part.clauses, key=part.where)
+
+
+def within_limits(clauses: Sequence[Clause]) -> Specification:
+    """Return as many clauses as a specification may hold; the rest is not understood."""
+    kept: list[Clause] = []
+    visits = 0
+    for clause in dict.fromkeys(clauses):
+        visits += len(clause.regions) if isinstance(clause, Visit) else 0
+        if len(kept) == MAX_CLAUSES - 1 or visits > MAX_VISITS:
+            return Specification((*kept, Unknown(text=clause.phrase()[:MAX_NAME_CHARS])))
+        kept.append(clause)
+    return Specification(tuple(kept))
