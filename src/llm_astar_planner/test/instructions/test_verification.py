@@ -479,6 +479,16 @@ def test_a_distance_that_no_path_keeps_at_all_is_impossible():
     assert (found.status, found.measured) == (IMPOSSIBLE, 1.0)
 
 
+def test_no_distance_is_kept_from_what_holds_the_start_or_the_goal():
+    for points in ([(6.25, 6.25), *PAST], [*PAST, (6.25, 6.25)]):
+        keep = KeepDistance(metres=3.0, region=KITCHEN)
+        assert outcome(points, keep).status is IMPOSSIBLE
+        wish = KeepDistance(SHOULD, metres=3.0, region=KITCHEN)
+        assert outcome(points, wish).status is VIOLATED
+    out = [(6.25, 6.25), (6.25, 0.25), (18.75, 0.25)]
+    assert outcome(out, KeepDistance(SHOULD, metres=1.0, region=KITCHEN)).status is AS_FAR
+
+
 def test_what_lies_at_the_ends_does_not_lower_the_greatest_distance():
     """From a niche 0.5 m wide, through a gap of 2 m: 0.75 m is possible there."""
     walls = [(0.0, 9.0, 1.0, 11.0), (1.5, 9.0, 2.5, 11.0), (9.0, 0.0, 10.0, 9.0),
