@@ -193,7 +193,11 @@ def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_s
     report = graph.caller.call(START, GOAL)[1]
     assert report.code == 0
     assert report.instruction_report['interpretation']['status'] == 'not understood yet'
-    wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the model')
+    wait_for(lambda: graph.interpretation().status.name == 'UNSURE', 'the model')
+    report = graph.caller.call(START, GOAL)[1]
+    assert graph.outcomes(report) == {'visit the dock': 'kept', 'avoid the lab': 'unsure'}
+    graph.publish('planner_node/confirm', data=True, kind=Bool)
+    wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the confirmation')
     report = graph.caller.call(START, GOAL)[1]
     assert graph.outcomes(report) == {'visit the dock': 'kept', 'avoid the lab': 'kept'}
     assert report.instruction_report['interpretation']['understood_by'] == 'tiny'
@@ -209,7 +213,7 @@ def test_a_preview_is_answered_again_when_the_model_has_answered(graph, chat_ser
     graph.ask('slow', text)
     wait_for(lambda: len(graph.answers('slow')) == 2, 'the second answer')
     first, second = graph.answers('slow')
-    assert (first['status'], second['status']) == ('not understood yet', 'understood')
+    assert (first['status'], second['status']) == ('not understood yet', 'unsure')
     assert second['sentence'] == 'visit the dock; avoid the lab'
 
 
