@@ -186,6 +186,17 @@ def test_a_preview_says_what_a_text_means_and_sets_nothing(graph):
     assert graph.answers('')[-1]['sentence'] == 'visit the dock'
 
 
+def test_a_preview_is_answered_again_when_the_model_has_answered(graph, chat_server):
+    chat_server.script = [chat_server.wait(0.5, chat_server.completion(REPLY))]
+    use_model(graph, chat_server)
+    text = f'{FREE_WORDING}, thanks'
+    graph.ask('slow', text)
+    wait_for(lambda: len(graph.answers('slow')) == 2, 'the second answer')
+    first, second = graph.answers('slow')
+    assert (first['status'], second['status']) == ('not understood yet', 'unsure')
+    assert second['sentence'] == 'visit the dock; avoid the lab'
+
+
 def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_server):
     chat_server.script = [chat_server.wait(1.0, chat_server.completion(REPLY))]
     use_model(graph, chat_server)
@@ -204,17 +215,6 @@ def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_s
     graph.ask('again', FREE_WORDING)
     assert graph.answers('again')[0]['status'] == 'understood'
     assert len(chat_server.requests) == 1
-
-
-def test_a_preview_is_answered_again_when_the_model_has_answered(graph, chat_server):
-    chat_server.script = [chat_server.wait(0.5, chat_server.completion(REPLY))]
-    use_model(graph, chat_server)
-    text = f'{FREE_WORDING}, thanks'
-    graph.ask('slow', text)
-    wait_for(lambda: len(graph.answers('slow')) == 2, 'the second answer')
-    first, second = graph.answers('slow')
-    assert (first['status'], second['status']) == ('not understood yet', 'unsure')
-    assert second['sentence'] == 'visit the dock; avoid the lab'
 
 
 def test_the_client_answers_by_itself_with_the_places_of_the_question(graph):
