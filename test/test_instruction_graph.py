@@ -384,6 +384,8 @@ def test_a_question_is_answered_on_the_topic_and_by_call(graph):
     graph.ask('asked', 'visit the dokc')
     assert graph.answers('asked')[0]['questions'] == [question]
     assert 'add --confirm' in errors
+    preview = command('--namespace', SPACE, '--interpret', 'visit the dokc')
+    assert ended(preview)[1] == f'unsure by grammar: visit the dock; {question}\n'
     # The instruction is set.
     code, output, errors = ended(command(*here, '--confirm'))
     assert code == 0, errors
