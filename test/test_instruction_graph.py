@@ -186,22 +186,6 @@ def test_a_preview_says_what_a_text_means_and_sets_nothing(graph):
     assert graph.answers('')[-1]['sentence'] == 'visit the dock'
 
 
-def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_server):
-    chat_server.script = [chat_server.wait(1.0, chat_server.completion(REPLY))]
-    use_model(graph, chat_server)
-    graph.instruct(FREE_WORDING)
-    report = graph.caller.call(START, GOAL)[1]
-    assert report.code == 0
-    assert report.instruction_report['interpretation']['status'] == 'not understood yet'
-    wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the model')
-    report = graph.caller.call(START, GOAL)[1]
-    assert graph.outcomes(report) == {'visit the dock': 'kept', 'avoid the lab': 'kept'}
-    assert report.instruction_report['interpretation']['understood_by'] == 'tiny'
-    graph.ask('again', FREE_WORDING)
-    assert graph.answers('again')[0]['status'] == 'understood'
-    assert len(chat_server.requests) == 1
-
-
 def test_a_preview_is_answered_again_when_the_model_has_answered(graph, chat_server):
     chat_server.script = [chat_server.wait(0.5, chat_server.completion(REPLY))]
     use_model(graph, chat_server)
@@ -209,8 +193,28 @@ def test_a_preview_is_answered_again_when_the_model_has_answered(graph, chat_ser
     graph.ask('slow', text)
     wait_for(lambda: len(graph.answers('slow')) == 2, 'the second answer')
     first, second = graph.answers('slow')
-    assert (first['status'], second['status']) == ('not understood yet', 'understood')
+    assert (first['status'], second['status']) == ('not understood yet', 'unsure')
     assert second['sentence'] == 'visit the dock; avoid the lab'
+
+
+def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_server):
+    chat_server.script = [chat_server.wait(1.0, chat_server.completion(REPLY))]
+    use_model(graph, chat_server)
+    graph.instruct(FREE_WORDING)
+    report = graph.caller.call(START, GOAL)[1]
+    assert report.code == 0
+    assert report.instruction_report['interpretation']['status'] == 'not understood yet'
+    wait_for(lambda: graph.interpretation().status.name == 'UNSURE', 'the model')
+    report = graph.caller.call(START, GOAL)[1]
+    assert graph.outcomes(report) == {'visit the dock': 'kept', 'avoid the lab': 'unsure'}
+    graph.publish('planner_node/confirm', data=True, kind=Bool)
+    wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the confirmation')
+    report = graph.caller.call(START, GOAL)[1]
+    assert graph.outcomes(report) == {'visit the dock': 'kept', 'avoid the lab': 'kept'}
+    assert report.instruction_report['interpretation']['understood_by'] == 'tiny'
+    graph.ask('again', FREE_WORDING)
+    assert graph.answers('again')[0]['status'] == 'understood'
+    assert len(chat_server.requests) == 1
 
 
 def test_the_client_answers_by_itself_with_the_places_of_the_question(graph):
@@ -379,7 +383,11 @@ def test_a_question_is_answered_on_the_topic_and_by_call(graph):
     assert interpretation['questions'] == [question]
     graph.ask('asked', 'visit the dokc')
     assert graph.answers('asked')[0]['questions'] == [question]
-    code, output, errors = ended(command(*words, '--confirm'))
+    assert 'add --confirm' in errors
+    preview = command('--namespace', SPACE, '--interpret', 'visit the dokc')
+    assert ended(preview)[1] == f'unsure by grammar: visit the dock; {question}\n'
+    # The instruction is set.
+    code, output, errors = ended(command(*here, '--confirm'))
     assert code == 0, errors
     # It is remembered, and another reading is another question.
     graph.instruct('visit the dokc')

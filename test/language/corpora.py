@@ -6,6 +6,7 @@ of them lies in this repository.
 
 import ast
 import csv
+import functools
 import json
 import os
 import re
@@ -56,7 +57,7 @@ def rooms_world():
 
 
 def lang2ltl():
-    """Yield (pattern, sentence, truth) with rooms put in for letters, by a fixed draw."""
+    """Yield (pattern, sentence, truths) with rooms put in for letters, by a fixed draw."""
     draw = np.random.default_rng(27)
     with (folder() / 'lang2ltl.csv').open(newline='') as file:
         for entry in csv.DictReader(file):
@@ -68,8 +69,53 @@ def lang2ltl():
             used = set(ltlf.atoms(formula))
             regions = {letter: region for letter, region in regions.items() if letter in used}
             says = entry['pattern_type'] in SAYABLE
-            truth = Truth(formula, regions, says=says)
-            yield entry['pattern_type'], with_rooms(entry['utterance'], names), truth
+            text = with_rooms(entry['utterance'], names)
+            truths = (Truth(formula, regions, says=says),)
+            rest, last = without_last_visit(formula)
+            if rest is not None and is_only_forbidden(names[last], text):
+                used = set(ltlf.atoms(rest))
+                kept = {letter: region for letter, region in regions.items() if letter in used}
+                truths += (Truth(rest, kept, says=says),)
+            yield entry['pattern_type'], text, truths
+
+
+def without_last_visit(formula):
+    """Return a conjunction without the visit of a single place in it, and the place; or None."""
+    parts = conjuncts(formula)
+    visits = [part for part in parts if part[0] == 'F' and isinstance(part[1], str)]
+    if len(visits) != 1 or len(parts) == 1:
+        return None, ''
+    rest = [staying(part) for part in parts if part != visits[0]]
+    return functools.reduce(lambda one, two: ('&', one, two), rest), visits[0][1]
+
+
+def staying(formula):
+    """Return a formula by which a way may end in a place that is stayed in until something."""
+    if isinstance(formula, str):
+        return formula
+    head, *parts = formula
+    is_stay = head == 'U' and isinstance(parts[0], str)
+    return ('W' if is_stay else head, *map(staying, parts))
+
+
+def conjuncts(formula):
+    """Return the parts of a conjunction."""
+    if isinstance(formula, tuple) and formula[0] == '&':
+        return [*conjuncts(formula[1]), *conjuncts(formula[2])]
+    return [formula]
+
+
+def is_only_forbidden(room, sentence):
+    """Tell whether a sentence names a room only to forbid it: 'do not go to b until you see a'.
+
+    The corpus says of some of these that the room is visited in the end, of others that it is not.
+    """
+    parts = re.split(r'[.,;]| and (?:then )?(?=do |you |never )', sentence)
+    named = [part.strip() for part in parts if re.search(rf'\b{room}\b', part)]
+    return all(
+        re.match(r"do no\b|do not\b|don't\b|never\b|you (cannot|can't|must not)\b", part)
+        for part in named
+    )
 
 
 def with_rooms(sentence, names):
@@ -86,12 +132,12 @@ def cleanup_world():
 
 
 def cleanup():
-    """Yield ('cleanup', sentence, truth)."""
+    """Yield ('cleanup', sentence, truths)."""
     with (folder() / 'cleanup.csv').open(newline='') as file:
         for sentence, text in list(csv.reader(file))[1:]:
             formula = ltlf.parse(text)
             regions = {atom: {'place': atom.replace('_', ' ')} for atom in ltlf.atoms(formula)}
-            yield 'cleanup', sentence, Truth(formula, regions)
+            yield 'cleanup', sentence, (Truth(formula, regions),)
 
 
 def house_world():
@@ -101,8 +147,8 @@ def house_world():
 
 
 def houseworld():
-    """Yield (task, sentence, truth)."""
+    """Yield (task, sentence, truths)."""
     for entry in json.loads((folder() / 'houseworld.json').read_text()):
         formula = ltlf.parse(HOUSE_TASKS[entry['task']])
         regions = {atom: {'place': atom.replace('_', ' ')} for atom in ltlf.atoms(formula)}
-        yield f'houseworld {entry["task"]}', entry['sentence'], Truth(formula, regions)
+        yield f'houseworld {entry["task"]}', entry['sentence'], (Truth(formula, regions),)

@@ -13,13 +13,16 @@ import numpy as np
 from language import ltlf
 from language.semantics import Ground, Traces, keeps, keeps_one
 from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
-TRACES, LONGEST = 480, 30
+TRACES, LONGEST = 320, 30
 # What readings of a whole sentence say of themselves.
 READ = ('understood', 'unsure')
 AT_GOAL, ANYWHERE, FREE = 'at the goal', 'anywhere', 'free'
+# Of a plan: time enough on a busy machine.
+LIMITS = {'time_limit': 60.0, 'want_expanded': False}
 NOT_ENFORCED = ('unknown', 'unsupported')
 # Metres between the points of a planned path that are looked at.
 STEP = 0.04
@@ -184,40 +187,50 @@ class Court:
     def traces(self, truth, clauses, seed):
         """Return random traces near what the truth and a reading are about.
 
-        Half of them begin at the start and end at the goal, a quarter begin at the start.
+        A second half does with little changes what kept either of them in the first half. Half of
+        the traces begin at the start and end at the goal, a quarter begin at the start.
         """
-        orders = [truth.named_regions(), regions_of(clauses)]
+        orders = [truth.named_regions(), list(truth.regions.values()), regions_of(clauses)]
         regions = unique(itertools.chain(*orders))
         ground = self.ground(regions)
         draw = np.random.default_rng(seed)
-        pools = [np.flatnonzero(ground.inside(region, reach=True)) for region in regions]
-        touched = np.any([ground.inside(r, reach=False) for r in regions] or [[False]], axis=0)
-        visited = np.any([ground.inside(r, reach=True) for r in regions] or [[False]], axis=0)
-        elsewhere = np.flatnonzero(~(touched | visited | np.zeros(len(ground.points), bool)))
-        elsewhere = elsewhere if len(elsewhere) else np.arange(len(ground.points))
         skeletons = [[regions.index(r) for r in unique(order)] for order in orders]
         skeletons += [visit_order(clauses, regions), visit_order(truth.clauses, regions)]
-        rows = []
-        for index in range(TRACES):
-            order = skeleton(draw, skeletons, len(regions), index)
-            row = []
-            gaps = draw.random() * 1.3
-            for step in order:
-                if draw.random() < gaps:
-                    row.append(draw.choice(elsewhere))
-                if len(pools[step]):
-                    row.append(draw.choice(pools[step]))
-            if draw.random() < 0.5 or not row:
-                row.append(draw.choice(elsewhere))
-            if ending(index) != FREE:
-                row = [0, *row, *([1] if ending(index) == AT_GOAL else [])]
-            rows.append(row[:LONGEST])
-        steps = np.zeros((len(rows), LONGEST), dtype=int)
-        alive = np.zeros((len(rows), LONGEST), dtype=bool)
-        for index, row in enumerate(rows):
-            steps[index, : len(row)] = row
-            alive[index, : len(row)] = True
+        first = [skeleton(draw, skeletons, len(regions), index) for index in range(TRACES)]
+        steps, alive = drawn(draw, ground, regions, first)
+        traces = Traces(ground, steps, alive, seed)
+        good = np.flatnonzero(truth.of(traces) | keeps(clauses, traces))
+        skeletons += [first[index] for index in good]
+        second = [skeleton(draw, skeletons, len(regions), 3 + n % 5) for n in range(TRACES)]
+        more_steps, more_alive = drawn(draw, ground, regions, second)
+        steps, alive = np.concatenate((steps, more_steps)), np.concatenate((alive, more_alive))
         return Traces(ground, steps, alive, seed)
+
+
+def drawn(draw, ground, regions, orders):
+    """Return steps and alive of traces that go through regions, by their numbers, in turn."""
+    pools = [np.flatnonzero(ground.inside(region, reach=True)) for region in regions]
+    named = [ground.inside(region, reach=reach) for region in regions for reach in (False, True)]
+    outside = ~np.any(named, axis=0) if named else np.ones(len(ground.points), dtype=bool)
+    elsewhere = np.flatnonzero(outside) if outside.any() else np.arange(len(ground.points))
+    steps = np.zeros((len(orders), LONGEST), dtype=int)
+    alive = np.zeros((len(orders), LONGEST), dtype=bool)
+    for index, order in enumerate(orders):
+        row = []
+        gaps = draw.random() * 1.3
+        for step in order:
+            if draw.random() < gaps:
+                row.append(draw.choice(elsewhere))
+            if len(pools[step]):
+                row.append(draw.choice(pools[step]))
+        if draw.random() < 0.5 or not row:
+            row.append(draw.choice(elsewhere))
+        if ending(index) != FREE:
+            row = [0, *row, *([1] if ending(index) == AT_GOAL else [])]
+        row = row[:LONGEST]
+        steps[index, : len(row)] = row
+        alive[index, : len(row)] = True
+    return steps, alive
 
 
 def ending(index):
@@ -299,12 +312,14 @@ def clause_relation(truth, clause, court, seed=0):
     return STRONGER if (true & ~read_as).any() else SAME
 
 
-def can_be_met(truth, court, seed=0):
+def can_be_met(truth, court, tries=6):
     """Tell whether a trace from the start to the goal keeps the truth; it may say where to end."""
-    traces = court.traces(truth, truth.clauses, seed)
     wanted = {AT_GOAL, *(ANYWHERE for clause in truth.clauses if clause['kind'] == 'end_at')}
-    fits = [ending(index) in wanted for index in range(TRACES)]
-    return bool((truth.of(traces) & fits).any())
+    fits = [ending(index % TRACES) in wanted for index in range(2 * TRACES)]
+    return any(
+        bool((truth.of(court.traces(truth, truth.clauses, seed)) & fits).any())
+        for seed in range(tries)
+    )
 
 
 # --- Planned paths
@@ -314,6 +329,7 @@ class Driver:
     """Plans on a world with what was understood of a sentence."""
 
     def __init__(self, world):
+        compile_instruction_kernels()  # else the first plans would run out of time
         self.world = world
         self.planner = Planner(world.grid_map).prepare()
 
@@ -321,7 +337,7 @@ class Driver:
         """Return the plan for an interpretation."""
         instruction = RouteInstruction(interpretation, self.world.places)
         cells = self.world.cell(start), self.world.cell(goal)
-        request = PlanRequest(*cells, instruction=instruction, want_expanded=False)
+        request = PlanRequest(*cells, instruction=instruction, **LIMITS)
         return self.planner.plan(request)
 
     def trace(self, plan, start, goal):
@@ -424,7 +440,7 @@ def judge(interpreter, driver, text, truths, court, seed=0):
     relations = [best_clause_relation(truths, clause, court, seed) for clause in kept]
     return Verdict(
         reading,
-        any(truth.says and can_be_met(truth, court, seed) for truth in truths),
+        any(truth.says and can_be_met(truth, court) for truth in truths),
         met,
         outcome is not None and outcome.satisfied is True,
         best_relation(truths, reading.enforced, court, seed) if reading.enforced else UNCLEAR,

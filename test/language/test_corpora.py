@@ -22,10 +22,10 @@ def verdicts_of(world, sentences):
     pairs = [(0, 1), (1, 0), (2, 0)] if len(world.ends) > 2 else [(0, 1)]
     courts = [Court(world, world.ends[one], world.ends[two]) for one, two in pairs]
     found = []
-    for index, (name, text, truth) in enumerate(sentences):
+    for index, (name, text, truths) in enumerate(sentences):
         if index % EVERY == 0:
             court = courts[index // EVERY % len(courts)]
-            found.append((name, judge(interpreter, driver, text, (truth,), court)))
+            found.append((name, judge(interpreter, driver, text, truths, court)))
     return found
 
 

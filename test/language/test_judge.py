@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from language import ltlf
+from language import corpora, ltlf
 from language.judge import (
     CONTRADICTS,
     SAME,
@@ -154,3 +154,11 @@ def test_a_claim_that_holds_only_by_luck_is_false(driver):
     assert verdict.met
     assert verdict.claimed
     assert verdict.is_false
+
+
+def test_a_room_that_is_only_forbidden_need_not_be_visited():
+    assert corpora.is_only_forbidden('lab', 'do not visit the lab until you see the office')
+    assert not corpora.is_only_forbidden('lab', 'go to the office, only then go to the lab')
+    formula = ltlf.parse('& U ! b a F b')
+    assert corpora.without_last_visit(formula) == (('U', ('!', 'b'), 'a'), 'b')
+    assert corpora.without_last_visit(ltlf.parse('F b')) == (None, '')

@@ -12,27 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterable, Iterator
 
+from llm_astar_planner.instructions import regions as forms
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.regions import (
-    AVOID_RADIUS,
-    VISIT_RADIUS,
-    WALLS,
-    AllOf,
-    Along,
-    AnyOf,
-    Between,
-    Box,
-    Disc,
-    Except,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
 from llm_astar_planner.instructions.specification import Specification
 
 from llm_astar_lab.instruct_bench.maps import SuiteMap, find_place, find_tagged
@@ -76,11 +61,11 @@ def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
     match clause:
         case Unknown():
             yield kind
-        case Avoid(region=Along(place, width), margin=0.0) if place == WALLS:
+        case Avoid(region=forms.Along(place, width), margin=0.0) if place == forms.WALLS:
             yield KeepDistance.kind, strength, round(width, DIGITS)
         case KeepDistance(metres=metres, region=None):
             yield kind, strength, round(metres, DIGITS)
-        case KeepDistance(metres=metres, region=Region() as region):
+        case KeepDistance(metres=metres, region=forms.Region() as region):
             yield from avoid_keys(region, metres, strength, suite_map)
         case Avoid(region=region, margin=margin):
             yield from avoid_keys(region, margin, strength, suite_map)
@@ -92,34 +77,34 @@ def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
 
 
 def avoid_keys(
-    region: Region, margin: float, strength: str, suite_map: SuiteMap
+    region: forms.Region, margin: float, strength: str, suite_map: SuiteMap
 ) -> Iterator[Hashable]:
     """Yield what an avoided region is compared by: each place of a tag, a disc with its margin."""
-    if isinstance(region, Disc):
-        radius = region.radius + margin or AVOID_RADIUS
-        region, margin = Disc(region.x, region.y, radius), 0.0
+    if isinstance(region, forms.Disc):
+        radius = region.radius + margin or forms.AVOID_RADIUS
+        region, margin = forms.Disc(region.x, region.y, radius), 0.0
     for part in parts_of(region, suite_map):
         yield Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
 
 
-def parts_of(region: Region, suite_map: SuiteMap) -> list[Region]:
+def parts_of(region: forms.Region, suite_map: SuiteMap) -> list[forms.Region]:
     """Return the regions that one joins: each place of a tag, without those that are excepted."""
     match region:
-        case Tagged(tag):
+        case forms.Tagged(tag):
             tagged = find_tagged(tag, 'tag', suite_map.places)
-            return [NamedPlace(place.name) for place in tagged]
-        case AnyOf(regions):
+            return [forms.NamedPlace(place.name) for place in tagged]
+        case forms.AnyOf(regions):
             return [part for one in regions for part in parts_of(one, suite_map)]
-        case Except(inner, others):
+        case forms.Except(inner, others):
             within = parts_of(inner, suite_map)
-            without = parts_of(AnyOf(others), suite_map)
+            without = parts_of(forms.AnyOf(others), suite_map)
             keys = {region_key(part, suite_map) for part in without}
             if keys <= {region_key(part, suite_map) for part in within}:
                 return [part for part in within if region_key(part, suite_map) not in keys]
     return [region]
 
 
-def region_key(region: Region, suite_map: SuiteMap) -> Hashable:
+def region_key(region: forms.Region, suite_map: SuiteMap) -> Hashable:
     """Return what a region is compared by. Raises SuiteError for an unknown place or tag."""
     places = suite_map.places
     parts = parts_of(region, suite_map)
@@ -128,29 +113,29 @@ def region_key(region: Region, suite_map: SuiteMap) -> Hashable:
         return next(iter(keys)) if len(keys) == 1 else keys
     key: Hashable = region
     match region:
-        case NamedPlace(name):
-            key = NamedPlace(find_place(name, 'place', places).name)
-        case AllOf(regions):
-            key = AllOf, frozenset(region_key(one, suite_map) for one in regions)
-        case Except(inner, others):
-            without = region_key(AnyOf(others), suite_map)
-            key = Except, region_key(inner, suite_map), without
-        case Disc(x, y, radius):
-            values = (x, y, radius or VISIT_RADIUS)
-            key = Disc(*(round(value, DIGITS) for value in values))
-        case Box():
+        case forms.NamedPlace(name):
+            key = forms.NamedPlace(find_place(name, 'place', places).name)
+        case forms.AllOf(regions):
+            key = forms.AllOf, frozenset(region_key(one, suite_map) for one in regions)
+        case forms.Except(inner, others):
+            without = region_key(forms.AnyOf(others), suite_map)
+            key = forms.Except, region_key(inner, suite_map), without
+        case forms.Disc(x, y, radius):
+            values = (x, y, radius or forms.VISIT_RADIUS)
+            key = forms.Disc(*(round(value, DIGITS) for value in values))
+        case forms.Box():
             key = opened_box(region, suite_map)
-        case Half(side, of) if of:
-            key = Half(side, find_place(of, 'of', places).name)
-        case Between(first, second):
+        case forms.Half(side, of) if of:
+            key = forms.Half(side, find_place(of, 'of', places).name)
+        case forms.Between(first, second):
             key = frozenset(find_place(name, 'between', places).name for name in (first, second))
-        case Along(place, width):
-            name = place if place == WALLS else find_place(place, 'along', places).name
-            key = Along(name, round(width, DIGITS))
+        case forms.Along(place, width):
+            name = place if place == forms.WALLS else find_place(place, 'along', places).name
+            key = forms.Along(name, round(width, DIGITS))
     return key
 
 
-def opened_box(box: Box, suite_map: SuiteMap) -> Box:
+def opened_box(box: forms.Box, suite_map: SuiteMap) -> forms.Box:
     """Return a box with the sides open that reach the map's edge, to within a cell."""
     cell, extent = suite_map.grid_map.resolution, suite_map.extent
     # The upper sides with the other sign, so that low is open for all.
@@ -160,4 +145,4 @@ def opened_box(box: Box, suite_map: SuiteMap) -> Box:
         -math.inf if side <= edge + cell else round(side, DIGITS)
         for side, edge in zip(sides, edges)
     )
-    return Box(x0, y0, -x1, -y1)
+    return forms.Box(x0, y0, -x1, -y1)

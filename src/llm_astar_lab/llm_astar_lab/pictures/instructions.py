@@ -145,7 +145,7 @@ def add_instruction_legend(figure: Figure, path: InstructedPath) -> None:
     if short:
         red = COLOURS[min(short, key=SHORT.index)]
         handles.append(Line2D([], [], color=red, linewidth=4.5, marker='X', mec='white'))
-        labels.append('where the path violates a clause')
+        labels.append('where the path falls short of a clause')
     if next(path.visited_points(), None) is not None:
         green = COLOURS[ClauseStatus.KEPT]
         handles.append(Line2D([], [], color=green, linestyle='', marker='o', markersize=9))

@@ -51,7 +51,7 @@ def test_one_instruction_is_shown_in_full_and_drawn(suite, tmp_path, capsys):
     assert main([*words, '--png', str(tmp_path / 'door.png')]) == 0
     text = capsys.readouterr().out
     assert 'understood  visit the north door' in text
-    assert 'clause      visit the north door: satisfied' in text
+    assert 'clause      visit the north door: kept' in text
     assert 'check       touch holds (touched)' in text
     assert (tmp_path / 'door.png').stat().st_size > 1000
     assert main([*words, '--source', 'none', 'truth', '--json']) == 0

@@ -261,6 +261,7 @@ def test_what_is_no_json_is_refused(page, body, word):
         ({'robot_radius': '1'}, 'robot_radius'),
         ({'max_suboptimality': 0.5}, 'max_suboptimality'),
         ({'instruction': 'x' * 501}, 'instruction'),
+        ({'confirm': 'yes'}, 'instruction'),
         ({'via': [[5, 5]] * 101}, 'via'),
         ({'via': 'here'}, 'via'),
         ({'walls': {'blocked': [[0, 0]] * 100_001}}, 'walls'),

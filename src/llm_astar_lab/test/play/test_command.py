@@ -16,6 +16,7 @@ ASKED = {
     'a robot': {'map': HOUSE, 'robot_radius': 0.15, 'source': 'embedded', 'any_angle': True},
     'rules': {'map': HOUSE, 'corner_cutting': True, 'max_suboptimality': 1.0, 'source': 'coarse'},
     'an instruction': {'map': HOUSE, 'instruction': 'avoid the hall'},
+    'a reading': {'map': HOUSE, 'instruction': 'avoid the kitchin', 'confirm': True},
     'a heuristic': {'method': 'weighted_astar', 'heuristic': 'octile', 'weight': 1.3},
     **{method: {'method': method, 'source': 'oracle'} for method in METHODS},
 }

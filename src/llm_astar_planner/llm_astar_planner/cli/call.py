@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -108,13 +109,18 @@ def print_plan(
     from llm_astar_planner.cli.map_files import open_places  # noqa: PLC0415
     from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415
 
-    if arguments.instruction:
-        # The last answer is the one that plans are made with.
-        *_, reading = caller.interpretations(arguments.instruction)
-        questions = reading.get('questions', ())
-        answer = arguments.confirm or (flags.ask_person(questions) if questions else None)
-        if questions and answer is not None:
-            caller.confirm(arguments.instruction, is_meant=answer)
+    text = arguments.instruction or ''
+    if arguments.confirm and not text:
+        text = caller.values(['instruction'])['instruction']
+    # The last answer is the one that plans are made with.
+    *_, reading = caller.interpretations(text) if text else ({},)
+    questions = reading.get('questions')
+    if questions:
+        answer = arguments.confirm or flags.ask_person(questions)
+        if answer is None:
+            sys.stderr.write(flags.CONFIRM_HINT)
+        else:
+            caller.confirm(text, is_meant=answer)
     places = open_places(arguments.places_file, None) if arguments.places_file else None
     start, goal = (caller.pose(end, places) for end in ends)
     plan = caller.plan(start, goal, arguments.frame)

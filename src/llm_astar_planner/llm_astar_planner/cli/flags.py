@@ -26,6 +26,7 @@ TEXTS = {
     'prompt': 'NAME|FILE',
     **dict.fromkeys(('examples_file', 'instruction_examples', 'transcript', 'record'), 'FILE'),
 }
+CONFIRM_HINT = 'llm-astar: hint: if what is asked is meant, add --confirm\n'
 # A yes, in each language of the instructions.
 YES = ('y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí')
 # A point, as two numbers.

@@ -37,7 +37,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
 
-from llm_astar_planner.cli.flags import add_picture_option, option
+from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
@@ -83,7 +83,7 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
         names = (arguments.start_place or '', arguments.goal_place or '')
         print(plan_to_text(plan, coordinates, *names))
     if plan.instruction is not None and plan.instruction.interpretation.questions:
-        sys.stderr.write('llm-astar: hint: if that is meant, add --confirm\n')
+        sys.stderr.write(CONFIRM_HINT)
     if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
         points = [*filter(None, (arguments.start, arguments.goal)), *arguments.via]
         if coordinates.metres and all(map(coordinates.could_be_cell, points)):

@@ -372,7 +372,7 @@ def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
     yield f'instruction "{interpretation["text"]}"'
     if {clause['kind'] for clause in outcome['clauses']} - {UNKNOWN, UNSUPPORTED}:
         yield f'understood as: {interpretation["sentence"]}'
-    yield interpretation_line({**interpretation, 'sentence': ''})
+    yield interpretation_line({**interpretation, 'sentence': '', 'questions': ()})
     for number, clause in enumerate(outcome['clauses'], start=1):
         yield f'clause {number:<3} {clause_line(clause)}'
     said = str(outcome.get('sentence', ''))
@@ -403,8 +403,9 @@ def clause_price(clause: Mapping[str, Any]) -> str:
 
 
 def interpretation_line(interpretation: Mapping[str, Any]) -> str:
-    """Return what was understood, and by whom, in one line."""
+    """Return what was understood, and by whom, and what is asked, in one line."""
     by = f' by {interpretation["understood_by"]}' if interpretation['understood_by'] else ''
     sentence = f': {interpretation["sentence"]}' if interpretation['sentence'] else ''
     detail = f' ({interpretation["detail"]})' if interpretation['detail'] else ''
-    return f'{interpretation["status"]}{by}{sentence}{detail}'
+    asked = ''.join(f'; {question}' for question in interpretation.get('questions', ()))
+    return f'{interpretation["status"]}{by}{sentence}{detail}{asked}'

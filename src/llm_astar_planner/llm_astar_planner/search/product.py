@@ -34,6 +34,10 @@ MAX_BYTES = 2_000_000_000
 GUIDE_SIZE = 1 << 19
 # Expansions between two looks at the deadline.
 EXPANSION_SLICE = 8192
+# Tiles that a letter's cells are parted into are 1 << TILE_BITS cells a side, larger where that
+# makes more than MAX_PLACES.
+TILE_BITS = 4
+MAX_PLACES = 24
 FAR = 2**31 - 1
 
 Mask = NDArray[np.bool_]
@@ -157,7 +161,7 @@ class ProductSearch:
         self._priced = bool(price.size or tables.rates.any())
         self._every_move = bool(price.size or graph.cell_surcharge.size)
         guide = make_guide(graph, start, reading, automata, landmarks)
-        self._search = make_search(tables, guide)
+        self._search = make_search(tables, guide, reading.sets.size)
 
     def run(self, stop: StopFlag, deadline: float) -> SearchStatus:
         """Search to the end, or until stopped. Raises ProductTooLargeError."""
@@ -326,35 +330,63 @@ def make_guide(
         rows = landmarks.distances
         if (rows[:, start] < 0).any():
             rows = rows[rows[:, start] >= 0]
-    letters = reading.sets.size
-    places = letters + 1
-    boxes = np.array([[FAR, -1, FAR, -1]] * places, dtype=np.int64)
-    low = np.full((places, len(rows)), FAR, dtype=np.int32)
-    high = np.full((places, len(rows)), -1, dtype=np.int32)
     every_cell = not all(one.is_idempotent for one in automata)
-    for cells, place, every in (
-        *((cells, -1, every_cell) for cells in reading.regions),
-        (np.array([start]), 0, True), (reading.goals, letters, True)
-    ):  # fmt: skip
-        measured = (boxes, low, high)
-        kernels.measure(rows, cells, reading.letters, place, every, graph.width, *measured)
+    cells, places, letters = find_places(graph, start, reading, rows, every_cell=every_cell)
+    count = letters.size
+    boxes = np.array([[FAR, -1, FAR, -1]] * count, dtype=np.int64)
+    low = np.full((count, len(rows)), FAR, dtype=np.int32)
+    high = np.full((count, len(rows)), -1, dtype=np.int32)
+    kernels.measure(rows, cells, places, graph.width, boxes, low, high)
     active = np.zeros(kernels.ACTIVE, dtype=np.int64)
     between = kernels.choose_rows(boxes, low, high, (graph.straight, graph.diagonal), active)
     radix = np.zeros(len(automata), dtype=np.int64)
-    after = np.zeros((1, letters), dtype=np.int64)
+    after = np.zeros((1, reading.sets.size), dtype=np.int64)
     accepting = np.ones(1, dtype=np.bool_)
     # Those that ask for something first.
     for number in sorted(range(len(automata)), key=lambda number: automata[number].accepting[0]):
         one = automata[number]
-        if after.size * len(one.after) * places <= GUIDE_SIZE:
+        if len(after) * len(one.after) * count * count <= GUIDE_SIZE:
             radix[number] = len(after)
             after, accepting = product(after, accepting, one)
-    rest = np.full((len(after), places), np.inf)
-    kernels.fill_rest(between, boxes[:, 0] <= boxes[:, 1], after, accepting, rest)
+    rest = np.full((len(after), count), np.inf)
+    kernels.fill_rest(between, letters, after, accepting, rest)
     if not len(rows):
-        low = high = np.zeros((places, 1), dtype=np.int32)
-    low, high = low[:, active], high[:, active]
+        low = high = np.zeros((count, 1), dtype=np.int32)
+    low, high = (np.ascontiguousarray(part[:, active]) for part in (low, high))
     return kernels.Guide(boxes, rows, active, low, high, radix, rest)
+
+
+def find_places(
+    graph: GridGraph,
+    start: int,
+    reading: Reading,
+    rows: NDArray[np.int32],
+    *,
+    every_cell: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return cells, their places, and the letters of the places: see `kernels.Guide`.
+
+    Only cells at the border of their letter count unless `every_cell`, since there a path enters
+    it, and of `rows`, which all reach the start, only cells that they reach.
+    """
+    cells = np.concatenate([*reading.regions, np.zeros(0, dtype=np.int64)])
+    letters = reading.letters[cells].astype(np.int64)
+    counted = (letters & kernels.LETTER > 0) & (every_cell | (letters & kernels.BORDER > 0))
+    cells, letters, goals = cells[counted], letters[counted] & kernels.LETTER, reading.goals
+    if len(rows):
+        is_reached = rows[0, cells] >= 0
+        cells, letters = cells[is_reached], letters[is_reached]
+        goals = goals[rows[0, goals] >= 0]
+    y, x = np.divmod(cells, graph.width)
+    for bits in range(TILE_BITS, 32, 2):
+        tiles = (letters << 32) + (y >> bits << 16) + (x >> bits)
+        found, places = np.unique(tiles, return_inverse=True)
+        if found.size <= MAX_PLACES or bits > 16:
+            break
+    places = np.concatenate([[0], 1 + places, np.full(goals.size, 1 + found.size)])
+    return (
+        np.concatenate([[start], cells, goals]), places, np.concatenate([[0], found >> 32, [0]])
+    )  # fmt: skip
 
 
 def product(
@@ -368,11 +400,11 @@ def product(
     return both.reshape(count * len(one.after), -1), is_final
 
 
-def make_search(tables: kernels.Tables, guide: kernels.Guide) -> kernels.Search:
+def make_search(tables: kernels.Tables, guide: kernels.Guide, letters: int) -> kernels.Search:
     """Return a search that has not begun, with little space."""
     height = tables.grid.moves.size // tables.grid.width
     pages = kernels.page_of(tables.grid.width, tables.grid.width - 1, height - 1) + 1
-    letters, places, slots = guide.boxes.shape[0] - 1, guide.boxes.shape[0], 16
+    places, slots = guide.boxes.shape[0], 16
     layers = kernels.Layers(
         np.zeros((slots, tables.offsets.size), dtype=np.int32),
         np.zeros(slots, dtype=np.bool_),

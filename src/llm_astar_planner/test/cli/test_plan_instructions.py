@@ -154,7 +154,7 @@ def test_an_unsure_reading_is_a_question_that_is_confirmed_once(capsys, room):
     out, err = capsys.readouterr()
     assert f'clause 1   avoid the north door: unsure ({QUESTION}' in out
     assert f'verdict    A question first: {QUESTION}' in out
-    assert 'hint: if that is meant, add --confirm' in err
+    assert 'hint: if what is asked is meant, add --confirm' in err
     assert main([*words, '--confirm']) == 0
     assert 'verdict    The instruction is kept' in capsys.readouterr().out
     # The answer is remembered for these places.

@@ -138,6 +138,8 @@ class InstructionServer:
         else:
             summary = instruction.interpretation.summary()
             self._node.get_logger().info(f'instruction {summary}')
+            for question in self.current.questions:
+                self._node.get_logger().warning(f'{question} (true or false on ~/confirm)')
         self._on_understood()
 
     def on_instruction(self, message: String) -> None:

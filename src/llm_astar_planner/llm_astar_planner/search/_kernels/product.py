@@ -67,10 +67,10 @@ class Tables(NamedTuple):
 class Guide(NamedTuple):
     """Lower bounds on the cost to go, by the places where the product state may change next.
 
-    A place is the set of the cells of a letter; the last place is the goal. The way from a cell
-    to a place is bounded by its octile distance from a box and by the distances of both from
-    ACTIVE sets of cells, none if `rows` is empty. What proves more on the way between places
-    proves as much on the parts of that way, so that bounds never fall along a path.
+    A place is a tile of the cells of a letter; place 0 is the start and the last one the goal.
+    The way from a cell to a place is bounded by its octile distance from a box and by the
+    distances of both from ACTIVE sets of cells, none if `rows` is empty. What proves something on
+    the way between places proves as much on its parts, so that bounds never fall along a path.
     """
 
     boxes: NDArray[np.int64]  # [places, 4]: x0, x1, y0, y1
@@ -91,8 +91,8 @@ class Layers(NamedTuple):
     rates: NDArray[np.float64]  # [slots, letters]: what a cell of the letter costs more
     pages: NDArray[np.int32]  # [slots, blocks of the map]: a block's number + 1, 0: none yet
     options: NDArray[np.int64]  # [slots]: the number of places that the way may lead to next
-    places: NDArray[np.int32]  # [slots, places]: these, by ascending cost to go from there
-    rest: NDArray[np.float64]  # [slots, places]: that cost
+    places: NDArray[np.int32]  # [slots, places]: these, the most promising first
+    rest: NDArray[np.float64]  # [slots, places]: the cost to go from each
 
 
 class States(NamedTuple):
@@ -174,30 +174,25 @@ def mark_borders(
 def measure(
     rows: NDArray[np.int32],
     cells: NDArray[np.int64],
-    letters: NDArray[np.uint16],
-    place: int,
-    every_cell: bool,
+    places: NDArray[np.int64],
     width: int,
     boxes: NDArray[np.int64],
     low: NDArray[np.int32],
     high: NDArray[np.int32],
 ) -> None:
-    """Widen the boxes and distances of the places of the `cells`, of `place` alone if not -1.
+    """Widen boxes and distances of places, those of the `cells` in turn, to these cells.
 
-    Only cells at the border of their letter count unless `every_cell`, and of `rows`, which all
-    reach the start, only cells that they reach. `low` and `high` are [places, rows].
+    `low` and `high` are [places, rows].
     """
-    for cell in cells:
-        letter = np.int64(letters[cell])
-        if (every_cell or letter & BORDER) and (rows.shape[0] == 0 or rows[0, cell] >= 0):
-            to = letter & LETTER if place < 0 else place
-            y = cell // width
-            x = cell - y * width
-            boxes[to, 0], boxes[to, 1] = min(boxes[to, 0], x), max(boxes[to, 1], x)
-            boxes[to, 2], boxes[to, 3] = min(boxes[to, 2], y), max(boxes[to, 3], y)
-            for row in range(rows.shape[0]):
-                low[to, row] = min(low[to, row], rows[row, cell])
-                high[to, row] = max(high[to, row], rows[row, cell])
+    for index in range(cells.size):
+        cell, place = cells[index], places[index]
+        y = cell // width
+        x = cell - y * width
+        boxes[place, 0], boxes[place, 1] = min(boxes[place, 0], x), max(boxes[place, 1], x)
+        boxes[place, 2], boxes[place, 3] = min(boxes[place, 2], y), max(boxes[place, 3], y)
+        for row in range(rows.shape[0]):
+            low[place, row] = min(low[place, row], rows[row, cell])
+            high[place, row] = max(high[place, row], rows[row, cell])
 
 
 @inlined
@@ -252,33 +247,30 @@ def choose_rows(
 @jit
 def fill_rest(
     between: NDArray[np.float64],
-    present: NDArray[np.bool_],
+    letters: NDArray[np.int64],
     after: NDArray[np.int64],
     accepting: NDArray[np.bool_],
     rest: NDArray[np.float64],
 ) -> None:
-    """Fill `rest` with the least costs to go from each place that is present, by value iteration.
+    """Fill `rest` with the least costs to go from each place, by value iteration.
 
-    `after` [guided, letters] are product states, -1: none. A change of state outside of all
-    regions takes no way: wherever it is, the way goes on to a place after it.
+    `letters` are those of the places and `after` [guided, letters] are product states, -1: none.
+    A change of state outside of all regions takes no way: wherever it is, the way goes on to a
+    place after it.
     """
-    goal = present.size - 1
+    goal = letters.size - 1
+    rest[accepting, goal] = 0.0
     changed = True
     while changed:
         changed = False
         for state in range(len(after) - 1, -1, -1):
             outside = after[state, 0]
-            for place in range(1, present.size):
-                least = np.inf
-                if not present[place]:
-                    continue
-                if place == goal:
-                    if accepting[state]:
-                        least = 0.0
-                elif after[state, place] >= 0 and after[state, place] != state:
-                    following = rest[after[state, place]]
-                    for other in range(1, present.size):
-                        least = min(least, between[place, other] + following[other])
+            for place in range(1, letters.size):
+                least = rest[state, place]
+                following = after[state, letters[place]]
+                if place < goal and following >= 0 and following != state:
+                    for other in range(1, letters.size):
+                        least = min(least, between[place, other] + rest[following, other])
                 if outside >= 0:
                     least = min(least, rest[outside, place])
                 if least < rest[state, place]:
@@ -287,63 +279,30 @@ def fill_rest(
 
 
 @jit
-def fill_options(guide: Guide, layers: Layers, slot: int) -> None:
-    """Note the places that the way from `slot` may lead to next."""
+def fill_options(tables: Tables, guide: Guide, layers: Layers, slot: int, cell: int) -> None:
+    """Note the places that the way from `slot`, entered at `cell`, may lead to next.
+
+    The most promising ones come first, since what is found early saves work.
+    """
+    _, _, width, straight, diagonal = tables.grid
+    y = cell // width
+    x = cell - y * width
     state = 0
     for automaton in range(guide.radix.size):
         state += guide.radix[automaton] * layers.states[slot, automaton]
     rest = guide.rest[state]
+    promise = rest.copy()
+    for place in range(rest.size):
+        box = guide.boxes[place]
+        delta_x, delta_y = gap(x, x, box[0], box[1]), gap(y, y, box[2], box[3])
+        promise[place] += octile(straight, diagonal - straight, delta_x, delta_y)
     count = 0
-    for place in np.argsort(rest):
+    for place in np.argsort(promise):
         if rest[place] < np.inf:
             layers.places[slot, count] = place
             layers.rest[slot, count] = rest[place]
             count += 1
     layers.options[slot] = count
-
-
-@inlined
-def estimate(
-    boxes: NDArray[np.int64],
-    rows: NDArray[np.int32],
-    active: NDArray[np.int64],
-    low: NDArray[np.int32],
-    high: NDArray[np.int32],
-    options: NDArray[np.int64],
-    places: NDArray[np.int32],
-    rest: NDArray[np.float64],
-    distances: NDArray[np.int32],
-    units: tuple[int, int],
-    slot: int,
-    cell: int,
-    x: int,
-    y: int,
-) -> float:
-    """Return a lower bound on the cost from a cell of a slot to the goal; inf: there is no way.
-
-    `distances` [ACTIVE] is room to work in.
-    """
-    straight, diagonal = units
-    if rows.shape[0]:
-        for index in range(ACTIVE):
-            distances[index] = rows[active[index], cell]
-    least = np.inf
-    for option in range(options[slot]):
-        if rest[slot, option] >= least:
-            break
-        place = places[slot, option]
-        delta_x = gap(x, x, boxes[place, 0], boxes[place, 1])
-        delta_y = gap(y, y, boxes[place, 2], boxes[place, 3])
-        way = octile(straight, diagonal - straight, delta_x, delta_y)
-        if rows.shape[0]:
-            proven = np.int32(0)
-            for index in range(ACTIVE):
-                nearer = low[place, index] - distances[index]
-                farther = distances[index] - high[place, index]
-                proven = max(proven, nearer, farther)
-            way = max(way, np.int64(proven))
-        least = min(least, rest[slot, option] + way)
-    return least
 
 
 @jit
@@ -387,7 +346,7 @@ def slot_after(
         place = (place + 1) & table.size - 1
     if found == slots:
         table[place] = slots + 1
-        fill_options(guide, layers, slots)
+        fill_options(tables, guide, layers, slots, cell)
     layers.is_final[found] = final
     layers.after[slot, letter] = found + 1
     layers.rates[found, letter] = rate
@@ -433,7 +392,7 @@ def refill(queue: Queue, heads: NDArray[np.int32], last: int) -> int:
 def begin(search: Search, start: int) -> None:
     """Put the start on the queue, if a path from it may end somewhere."""
     tables, guide, layers, states, queue, heads, table, control, best = search
-    _, _, width, straight, diagonal = tables.grid
+    width = tables.grid.width
     best[0] = np.inf
     # Slot 0 is before the start.
     mixed = 0
@@ -441,7 +400,7 @@ def begin(search: Search, start: int) -> None:
         mixed = (mixed + 1) * 0x9E3779B1 & 0xFFFFFFFF
         mixed ^= mixed >> 15
     table[mixed & table.size - 1] = 1
-    fill_options(guide, layers, 0)
+    fill_options(tables, guide, layers, 0, start)
     control[C_SLOTS] = 1
     slot = slot_after(tables, guide, layers, table, 0, 1, start)
     if slot == DEAD:
@@ -452,6 +411,7 @@ def begin(search: Search, start: int) -> None:
     states.origins[0] = origin_of(slot, x, y)
     layers.pages[slot, page_of(width, x, y)] = control[C_BLOCKS] = 1
     state = (y & BLOCK - 1) << BLOCK_BITS | x & BLOCK - 1
+    states.costs[0] = np.inf
     states.costs[0, state] = 0.0
     states.tags[0, state] = SEEN | ENTERED
     states.came[0, state] = -1
@@ -460,18 +420,9 @@ def begin(search: Search, start: int) -> None:
         best[0] = 0.0
         control[C_GOAL] = state
         return
-    cost = estimate(
-        guide.boxes, guide.rows, guide.active, guide.low, guide.high,
-        layers.options, layers.places, layers.rest, np.empty(ACTIVE, dtype=np.int32),
-        (straight, diagonal), slot, start, x, y,
-    )  # fmt: skip
-    if cost < np.inf:
-        key = np.int64(cost) >> shared.BUCKET_BITS
-        control[C_LAST] = key
+    if layers.options[slot]:
         queue.entries[0] = np.int64(state) << 32
-        queue.keys[0] = key
-        heads[bucket_of(key, key)] = 1
-        control[C_TOP] = control[C_LIVE] = 1
+        heads[0] = control[C_TOP] = control[C_LIVE] = 1
 
 
 @inlined
@@ -513,7 +464,8 @@ def advance(
     moves, cell_surcharge, width, straight, diagonal = tables.grid
     price, letters = tables.price, tables.letters
     boxes, rows, active, low, high = guide.boxes, guide.rows, guide.active, guide.low, guide.high
-    distances, units = np.empty(ACTIVE, dtype=np.int32), (straight, diagonal)
+    distances = np.empty(ACTIVE, dtype=np.int32)
+    has_rows = rows.shape[0] > 0
     is_final, slots_after, rates, pages = layers.is_final, layers.after, layers.rates, layers.pages
     options, places, rest = layers.options, layers.places, layers.rest
     origins, came = states.origins, states.came.reshape(-1)
@@ -598,16 +550,30 @@ def advance(
                 blocks += 1
                 pages[other_slot, page] = blocks
                 origins[block] = origin_of(other_slot, other_x, other_y)
+                for within in range(block * BLOCK_STATES, blocks * BLOCK_STATES):
+                    costs[within] = np.inf
             within = (other_y & BLOCK - 1) << BLOCK_BITS | other_x & BLOCK - 1
             other_state = np.int64(block) << 2 * BLOCK_BITS | within
-            other_tag = tags[other_state]
-            if other_tag == 0 or other_cost < costs[other_state]:
-                f = other_cost + estimate(
-                    boxes, rows, active, low, high, options, places, rest, distances, units,
-                    other_slot, other, other_x, other_y,
-                )  # fmt: skip
+            if other_cost < costs[other_state]:
+                # The estimate stands here, as a function it would count references to arrays.
+                if has_rows:
+                    for index in range(ACTIVE):
+                        distances[index] = rows[active[index], other]
+                to_go = np.inf
+                for option in range(options[other_slot]):
+                    place = places[other_slot, option]
+                    delta_x = gap(other_x, other_x, boxes[place, 0], boxes[place, 1])
+                    delta_y = gap(other_y, other_y, boxes[place, 2], boxes[place, 3])
+                    way = octile(straight, diagonal - straight, delta_x, delta_y)
+                    if has_rows and rest[other_slot, option] + way < to_go:
+                        for index in range(ACTIVE):
+                            distance = distances[index]
+                            nearer, farther = low[place, index], high[place, index]
+                            way = max(way, nearer - distance, distance - farther)
+                    to_go = min(to_go, rest[other_slot, option] + way)
+                f = other_cost + to_go
                 if f < least:
-                    storage += other_tag == 0
+                    storage += tags[other_state] == 0
                     costs[other_state] = other_cost
                     tags[other_state] = SEEN | move
                     if other_slot != slot:
