@@ -65,7 +65,7 @@ def instructed_costmap(
     if all(demand.problem is not None for demand in demands):
         return costmap
     problem = Enforcer(demands, route).strict()
-    if problem is None or problem.visits is not None:
+    if problem is None or problem.product is not None:
         return None
     return costmap if problem.closed is None else ClosedCostmap(costmap, problem.closed)
 
