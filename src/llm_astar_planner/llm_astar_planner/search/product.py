@@ -10,7 +10,7 @@ import math
 import time
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -190,9 +190,9 @@ class ProductSearch:
         if top + 8 > len(queue.keys):
             queue = kernels.Queue(*map(doubled, queue))
         if blocks + 8 > len(states.origins):
-            states = kernels.States(*map(doubled, states))
+            states = kernels.States(*map(doubled, cast('Any', states)))
         if slots + 8 > len(layers.is_final):
-            layers = kernels.Layers(*map(doubled, layers))
+            layers = kernels.Layers(*map(doubled, cast('Any', layers)))
         self._search = search._replace(queue=queue, states=states, layers=layers)
         arrays: list[NDArray[Any]] = [*queue, *states, *layers]
         taken = sum(array.nbytes for array in arrays)
