@@ -85,8 +85,17 @@ def without_last_visit(formula):
     visits = [part for part in parts if part[0] == 'F' and isinstance(part[1], str)]
     if len(visits) != 1 or len(parts) == 1:
         return None, ''
-    rest = [part for part in parts if part != visits[0]]
+    rest = [staying(part) for part in parts if part != visits[0]]
     return functools.reduce(lambda one, two: ('&', one, two), rest), visits[0][1]
+
+
+def staying(formula):
+    """Return a formula by which a way may end in a place that is stayed in until something."""
+    if isinstance(formula, str):
+        return formula
+    head, *parts = formula
+    is_stay = head == 'U' and isinstance(parts[0], str)
+    return ('W' if is_stay else head, *map(staying, parts))
 
 
 def conjuncts(formula):

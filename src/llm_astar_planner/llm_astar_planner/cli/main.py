@@ -151,8 +151,10 @@ def help_texts(doc: str) -> dict[str, Any]:
     After the description that may have a paragraph `usage: ...`, and then what ends the help,
     from the first line that is a heading with a colon; it always says what exit codes mean.
     """
-    match = re.fullmatch(r'(?s)(.*?)(?:\nusage: (.*?)\n)?(?:\n([\w ]+:\n.*))?', doc)
-    description, usage, end = match.groups(default='') if match else (doc, '', '')
+    heading = re.search(r'(?m)^[\w ]+:$', doc)
+    begin = heading.start() if heading else len(doc) + 1
+    description, _, usage = doc[: begin - 1].partition('\nusage: ')
+    usage, end = usage.rstrip('\n'), doc[begin:]
     end = end if 'exit codes:' in end else f'{end}\n{EXIT_CODES}'.lstrip()
     return {'description': description, 'epilog': end} | ({'usage': usage} if usage else {})
 

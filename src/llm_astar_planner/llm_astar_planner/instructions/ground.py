@@ -91,7 +91,8 @@ class Ground:
     def entered(self, region: Region) -> Zone:
         """Return the cells of which part lies in a region, or near an object."""
         polygon = entered_polygon(region, self.route)
-        return self.zone(cover(polygon, self.grid_map).touched, polygon)
+        covered = open_border(cover(polygon, self.grid_map), polygon, self.grid_map)
+        return self.zone(covered.touched, polygon)
 
     def visited(self, region: Region) -> Zone:
         """Return the free cells in which a region counts as visited."""

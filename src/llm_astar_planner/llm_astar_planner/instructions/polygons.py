@@ -6,6 +6,8 @@ Verification has its own reading of the same definitions.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +41,7 @@ from llm_astar_planner.instructions.route import Route
 DIRECTIONS = {'north': (0.0, 1.0), 'south': (0.0, -1.0), 'east': (1.0, 0.0), 'west': (-1.0, 0.0)}
 # A circle is a polygon of so many corners to a quarter, drawn around it.
 QUARTER = 32
+Cut = Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
 AROUND = 1.0 / math.cos(math.pi / (4 * QUARTER))
 
 
@@ -47,11 +50,22 @@ class RegionError(LlmAstarError, ValueError):
 
 
 class Part(NamedTuple):
-    """A part of a region: its polygon, where it counts as visited, and whether it is an object."""
+    """A part of a region.
+
+    One with a `reach` is an object, visited within so many metres; a `shallow` one is visited
+    wherever it is entered.
+    """
 
     polygon: BaseGeometry
-    visited: BaseGeometry
-    is_object: bool = False
+    reach: float = 0.0
+    shallow: bool = False
+
+    @property
+    def visited(self) -> BaseGeometry:
+        """Where it counts as visited."""
+        if self.reach:
+            return self.polygon.buffer(self.reach, quad_segs=QUARTER)
+        return self.polygon if self.shallow else inner(self.polygon)
 
 
 def region_polygon(region: Region, route: Route, default_radius: float) -> BaseGeometry:
@@ -73,10 +87,9 @@ def visit_polygon(region: Region, route: Route) -> BaseGeometry:
 
 def entered_polygon(region: Region, route: Route) -> BaseGeometry:
     """Return where a path has entered a region: any part of an area, or near an object."""
-    parts = parts_of(region, route)
-    if all(part.is_object for part in parts):
-        return visit_polygon(region, route)
-    return shapely.union_all([part.polygon for part in parts])
+    return shapely.union_all(
+        [part.visited if part.reach else part.polygon for part in parts_of(region, route)]
+    )
 
 
 def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list[Part]:
@@ -88,33 +101,35 @@ def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list
             return [place_part(place) for place in tagged(tag, route)]
         case AnyOf(regions):
             return [part for one in regions for part in parts_of(one, route, radius)]
-        case AllOf((first, *others)):
-            within = [region_polygon(other, route, radius) for other in others]
-            shape = shapely.intersection_all(within) if within else map_polygon(route)
-            return [cut(part, shape) for part in parts_of(first, route, radius)]
+        case AllOf(regions):
+            # An object stays one, whatever it has in common with.
+            found = [parts_of(one, route, radius) for one in regions]
+            first, *others = sorted(found, key=lambda parts: not all(p.reach for p in parts))
+            return reduce(partial(cut, shapely.intersection), others, first)
         case Except(inside, others):
-            without = [region_polygon(other, route, radius) for other in others]
-            shape = map_polygon(route).difference(shapely.union_all(without))
-            return [cut(part, shape) for part in parts_of(inside, route, radius)]
+            found = [parts_of(one, route, radius) for one in others]
+            return reduce(partial(cut, shapely.difference), found, parts_of(inside, route, radius))
         case Disc(x, y, given):
             return [disc(shapely.Point(x, y), given or radius)]
         case End(end):
             point = route.begin if end == 'start' else route.position(route.goal)
             return [disc(shapely.Point(point), VISIT_RADIUS)]
-    polygon = simple_polygon(region, route)
-    return [Part(polygon, inner(polygon))]
+    return [Part(simple_polygon(region, route))]
 
 
 def disc(point: BaseGeometry, radius: float) -> Part:
     """Return a disc."""
-    polygon = grown(point, radius)
-    return Part(polygon, polygon)
+    return Part(grown(point, radius), shallow=True)
 
 
-def cut(part: Part, shape: BaseGeometry) -> Part:
-    """Return what a part has in common with a polygon."""
-    polygon = part.polygon.intersection(shape)
-    return Part(polygon, part.visited.intersection(shape) if part.is_object else inner(polygon))
+def cut(operation: Cut, parts: list[Part], others: list[Part]) -> list[Part]:
+    """Return what an operation with other parts leaves of parts."""
+    shape = shapely.union_all([part.polygon for part in others])
+    left = [(part, operation(part.polygon, shape)) for part in parts]
+    return [
+        part if polygon.equals(part.polygon) else Part(polygon, part.reach)
+        for part, polygon in left
+    ]
 
 
 def simple_polygon(region: Region, route: Route) -> BaseGeometry:
@@ -137,11 +152,9 @@ def simple_polygon(region: Region, route: Route) -> BaseGeometry:
 
 def place_part(place: Place) -> Part:
     """Return a place."""
-    polygon = place_polygon(place)
-    if place.is_object:
-        return Part(polygon, place.geometry.buffer(OBJECT_REACH, quad_segs=QUARTER), True)
     is_area = place.geometry.geom_type in ('Polygon', 'MultiPolygon')
-    return Part(polygon, inner(polygon) if is_area else polygon)
+    reach = OBJECT_REACH if is_area else OBJECT_REACH - VISIT_RADIUS
+    return Part(place_polygon(place), reach * place.is_object, shallow=not is_area)
 
 
 def inner(polygon: BaseGeometry) -> BaseGeometry:

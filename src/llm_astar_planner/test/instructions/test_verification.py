@@ -2,6 +2,7 @@
 
 import ast
 import math
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.unsupported import Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.outcome import ClauseStatus
 from llm_astar_planner.instructions.regions import (
     Along,
     Between,
@@ -32,7 +34,7 @@ from llm_astar_planner.instructions.regions import (
     Tagged,
 )
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
+from llm_astar_planner.instructions.specification import CLAUSES, NOTHING_ASKED, Specification
 from llm_astar_planner.instructions.verification import PathError, verify
 from llm_astar_planner.instructions.verification.walls import Walls
 from verified_maps import (
@@ -419,7 +421,9 @@ def test_ends_near_a_wall_are_excepted_up_to_where_the_path_leaves_them():
     costmap = field(walls=[(0.0, 0.0, 20.0, 0.5), (0.0, 19.5, 20.0, 20.0)])
     keep = KeepDistance(metres=2.0)
     leave = [(1.25, 0.75), (1.25, 6.25), (18.75, 6.25), (18.75, 0.75)]
-    assert outcome(leave, keep, costmap=costmap).status is SATISFIED
+    found = outcome(leave, keep, costmap=costmap)
+    assert found.status is ClauseStatus.AS_FAR_AS_POSSIBLE
+    assert 'at its ends' in found.detail
     again = [(1.25, 0.75), (1.25, 6.25), (9.25, 2.35), (18.75, 6.25), (18.75, 0.75)]
     found = outcome(again, keep, costmap=costmap)
     assert found.status is VIOLATED
@@ -476,6 +480,16 @@ def test_a_distance_that_no_path_keeps_at_all_is_impossible():
     keep = KeepDistance(metres=1.0, region=Box(9.0, 0.0, 10.0, 5.0))
     found = outcome(PAST, keep, costmap=costmap)
     assert (found.status, found.measured) == (IMPOSSIBLE, 1.0)
+
+
+def test_no_distance_is_kept_from_what_holds_the_start_or_the_goal():
+    for points in ([(6.25, 6.25), *PAST], [*PAST, (6.25, 6.25)]):
+        keep = KeepDistance(metres=3.0, region=KITCHEN)
+        assert outcome(points, keep).status is IMPOSSIBLE
+        wish = KeepDistance(SHOULD, metres=3.0, region=KITCHEN)
+        assert outcome(points, wish).status is VIOLATED
+    out = [(6.25, 6.25), (6.25, 0.25), (18.75, 0.25)]
+    assert outcome(out, KeepDistance(SHOULD, metres=1.0, region=KITCHEN)).status is AS_FAR
 
 
 def test_what_lies_at_the_ends_does_not_lower_the_greatest_distance():
@@ -669,6 +683,15 @@ def test_the_check_knows_nothing_of_the_enforcement():
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             if isinstance(node, ast.ImportFrom) and 'planner.instructions.' in node.module:
                 assert node.module.split('.')[2] in allowed
+            if isinstance(node, ast.ImportFrom) and 'planner.search' in node.module:
+                assert node.module.split('.')[2] in {'_kernels', 'result'}
+            assert not (isinstance(node, ast.Attribute) and node.attr == 'ask')
+
+
+def test_every_kind_of_clause_has_its_check_under_its_own_name():
+    for kind in CLAUSES.values():
+        name = kind.__module__.rpartition('.')[2]
+        assert callable(import_module(f'{verification.__name__}.{name}').check)
 
 
 def test_a_point_without_a_radius_is_a_metre_to_avoid_and_half_a_metre_to_visit():

@@ -17,16 +17,23 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
+from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.regions import (
+    AllOf,
     Along,
+    AnyOf,
     Between,
     Box,
     Disc,
+    End,
+    Except,
     Half,
     NamedPlace,
     Tagged,
@@ -174,7 +181,7 @@ PLACES = (
     Place('lamp', shapely.Point(8.2, 3.1), 'object'),
     Place('sign', shapely.Point(3.3, 9.6)),
 )
-REGIONS = st.one_of(
+SIMPLE = st.one_of(
     st.sampled_from(['room', 'hall', 'rack', 'lamp', 'sign']).map(NamedPlace),
     st.sampled_from(['blue', 'object']).map(Tagged),
     st.sampled_from(['north', 'west', 'left', 'right']).map(Half),
@@ -190,12 +197,21 @@ REGIONS = st.one_of(
     st.builds(Along, st.sampled_from(['rack', 'room', 'walls']), st.sampled_from([0.6, 1.0])),
     st.just(Half('south', 'hall')),
 )
+PAIRS = st.tuples(SIMPLE, SIMPLE)
+REGIONS = st.one_of(
+    SIMPLE, SIMPLE, SIMPLE, st.sampled_from(['start', 'goal']).map(End), PAIRS.map(AnyOf),
+    PAIRS.map(AllOf), PAIRS.map(lambda pair: Except(pair[0], pair[1:])),
+)  # fmt: skip
 STRENGTHS = st.sampled_from(['must', SHOULD])
 CLAUSES = st.one_of(
     st.builds(Avoid, STRENGTHS, region=REGIONS, margin=st.sampled_from([0.0, 1.0])),
     st.builds(lambda region: Visit(regions=(region,)), REGIONS),
     st.builds(lambda one, two: Visit(regions=(one, two)), REGIONS, REGIONS),
     st.builds(Before, first=REGIONS, second=REGIONS),
+    st.builds(Then, first=REGIONS, second=REGIONS),
+    st.builds(NeverAfter, first=REGIONS, second=REGIONS),
+    st.builds(lambda region, least, more: Count('must', '', region, least, least + more),
+              REGIONS, st.integers(0, 2), st.integers(0, 1)),
     st.builds(StayIn, STRENGTHS, region=REGIONS),
     st.builds(Pass, region=REGIONS, side=st.sampled_from(['north', 'east', 'left', 'right'])),
     st.builds(KeepDistance, STRENGTHS, metres=st.sampled_from([0.4, 1.0, 1.6]),

@@ -48,7 +48,7 @@ UNREAD = 'UNREAD'
 # 'you may', which asks nothing unless it is negated or a question.
 MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
-PAST, BACK, YOU, ONLY, ON, WHILE = 'past', 'back', 'you', 'only', 'on', 'while'
+PAST, BACK, YOU, ONLY, ON, WHILE, ALWAYS = 'past', 'back', 'you', 'only', 'on', 'while', 'always'
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
     'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW EITHER ENDPOINT '
@@ -554,6 +554,11 @@ class Splitter:
             piece.end = max(piece.end, lexeme.end)
         elif lexeme.kind in AFFIRMATIVE or (lexeme.kind == 'DEGREE' and piece.last != NEG):
             piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
+            is_rule = lexeme.value == ALWAYS
+            piece.lexemes = [
+                replace(one, value=YOU) if is_rule and one.kind == 'AFTER' else one
+                for one in piece.lexemes
+            ]
         elif lexeme.kind == FIRST:
             piece.is_first = True
             if AND in piece.kinds:

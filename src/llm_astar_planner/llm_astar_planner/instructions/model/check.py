@@ -57,6 +57,8 @@ from llm_astar_planner.instructions.specification import (
 )
 
 TOLERANCE = 1e-3
+# What leads on from an unknown verb.
+WAYS_IN = frozenset({'THROUGH', 'INTO'})
 # Kinds of words that refuse, and those beside which nobody knows what is refused.
 REFUSALS = frozenset({NEG, 'AVOID', 'SKIP', 'FORBIDDEN', 'ALONE'})
 UNCLEAR = LIMITING | {'POISON', 'MAY', 'MISS', 'CONDITION', 'TIMES', UNREAD, 'STATE', 'NUMBER'}
@@ -242,7 +244,7 @@ def is_sure(clause: Clause, part: Part) -> bool:
     It is the only one of its part, about places that are named for certain.
     """
     kinds, lexemes = part.kinds, part.lexemes
-    strange = any(lexeme.kind == UNKNOWN or lexeme.doubt for lexeme in lexemes)
+    strange = any(lexeme.doubt for lexeme in lexemes) or not is_known(lexemes)
     several = any(len(names_of(lexeme)) > 1 for lexeme in lexemes)
     other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
     if strange or several or other or kinds & UNCLEAR or is_qualified(part.piece.piece):
@@ -258,6 +260,18 @@ def is_sure(clause: Clause, part: Part) -> bool:
     if says is None or refusals:
         return False
     return bool(kinds & says) and not kinds & (OTHERS - says - {LENGTH} | (VERBS - says - GOING))
+
+
+def is_known(lexemes: Sequence[Lexeme]) -> bool:
+    """Whether all words are known, but for a verb that 'not' or nothing stands before.
+
+    In 'never barge into A', 'bolt through A' the other words tell enough.
+    """
+    kinds = [lexeme.kind for lexeme in lexemes]
+    led = kinds[1:] if kinds[:1] == [NEG] else kinds
+    ways = WAYS_IN | {'IN'} if led is not kinds else WAYS_IN
+    is_verb = led[:1] == [UNKNOWN] and bool(ways & set(led[1:2]))
+    return UNKNOWN not in (led[1:] if is_verb else kinds)
 
 
 def is_qualified(piece: Piece) -> bool:

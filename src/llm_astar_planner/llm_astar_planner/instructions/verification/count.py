@@ -14,7 +14,6 @@ from llm_astar_planner.instructions.verification.measurement import (
     kept,
 )
 from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
-from llm_astar_planner.instructions.verification.regions import Resolved
 
 # Cells. Who was no farther away than this has not left a region.
 LEFT = 1.5
@@ -27,8 +26,9 @@ def check(measurement: Measurement, clause: Count, _: int) -> ClauseOutcome:
     stays = around.spans(measurement.drive)
     most = math.inf if clause.at_most is None else clause.at_most
     entries = entries_of(measurement, region.visited, stays)
+    deep = region.visited.shrunk(2.0 * EDGE)
     if len(entries) > most:  # to touch the depth of a visit alone need not count
-        entries = entries_of(measurement, region.visited.shrunk(2.0 * EDGE), stays)
+        entries = entries_of(measurement, deep, stays)
     often = {0: 'not entered', 1: 'entered once'}
     detail = often.get(len(entries), f'entered {len(entries)} times')
     if entries:
@@ -39,7 +39,7 @@ def check(measurement: Measurement, clause: Count, _: int) -> ClauseOutcome:
         reason = measurement.unreachable_reason(region.visited)
         point = region.visited.nearest_point(measurement.drive.shape)
         return broken(clause, reason or detail, math.nan, point, impossible=bool(reason))
-    fewest = fewest_entries(measurement, region, around)
+    fewest = fewest_entries(measurement, deep, around)
     is_least = clause.strength == SHOULD and len(entries) <= fewest
     detail += ', the least possible' if is_least else ''
     point, impossible = measurement.drive.point(entries[int(most)]), fewest > most
@@ -53,12 +53,12 @@ def entries_of(measurement: Measurement, visited: Area, stays: Spans) -> list[fl
     return [entry for entry, last in found if entry <= last]
 
 
-def fewest_entries(measurement: Measurement, region: Resolved, around: Area) -> int:
+def fewest_entries(measurement: Measurement, visited: Area, around: Area) -> int:
     """Return a number of entries that no path has fewer of; 0 after a way driven."""
     reference, goals = measurement.reference, measurement.reference.goal_mask
     if not reference.small_enough or len(measurement.route.driven):
         return 0
-    deep, far = reference.inside(region.visited), ~reference.cells_in(around)
+    deep, far = reference.inside(visited), ~reference.cells_in(around)
     cells, count, known = reference.start_mask, 0, 0
     while known < (known := int(cells.sum())):
         outside = cells | (reference.reach(deep, starts=cells) > 0)

@@ -51,10 +51,10 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     middle = apart_from_ends(path, spans, clause.metres)
     if metres <= measurement.allowed(least):
         detail = f'{length_text(metres)} nearer, the least possible'
-        if total(middle) <= NEGLIGIBLE:
-            return kept(clause, f'{detail}, at its ends', metres, least)
-        if clause.strength == SHOULD:
-            nearest, where = nearest_in(path, target, middle)
+        at_ends = total(middle) <= NEGLIGIBLE
+        if at_ends or clause.strength == SHOULD:
+            nearest, where = nearest_in(path, target, spans if at_ends else middle)
+            detail += ', at its ends' * at_ends
             detail += f', {length_text(nearest)} away at {point_text(where)}'
             return broken(clause, detail, metres, where, least, is_least=True)
     return fall_short(measurement, clause, target, middle if len(middle) else spans)
@@ -73,10 +73,14 @@ def short_by(metres: float) -> float:
 def fall_short(
     measurement: Measurement, clause: KeepDistance, target: Area, counted: Spans
 ) -> ClauseOutcome:
-    """Judge a path that is short of the distance by what the greatest possible one is."""
+    """Judge a path that is short of the distance by what the greatest possible one is.
+
+    None is possible where every path begins or ends in what it is kept from.
+    """
     path, asked = measurement.path, clause.metres
     greatest = greatest_clearance(measurement, target, asked)
-    is_partly_possible = 0.0 < greatest < asked
+    begins_or_ends_in = any(measurement.ends_in(target.spans(path)))
+    is_partly_possible = 0.0 < greatest < asked and not begins_or_ends_in
     dip = DIP * measurement.route.costmap.grid_map.resolution
     slack = min(max(short_by(greatest), dip), greatest / 2.0)
     is_most = is_partly_possible and not len(
@@ -92,9 +96,10 @@ def fall_short(
         detail += f', at {point_text(where)}'
     elif is_partly_possible:
         detail += f', {length_text(greatest)} is possible'
+    impossible = clause.strength != SHOULD and (greatest == 0.0 or begins_or_ends_in)
     return broken(
         clause, detail, asked - nearest, where, asked - greatest,
-        impossible=greatest == 0.0, is_least=is_most,
+        impossible=impossible, is_least=is_most,
     )  # fmt: skip
 
 

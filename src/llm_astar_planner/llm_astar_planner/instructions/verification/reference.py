@@ -173,21 +173,30 @@ class Reference:
     def least_inside(self, area: Area, *, outside: bool = False) -> float:
         """Return the least metres that any path has inside an area, or outside of it.
 
-        NaN where no path leads to a goal or the map is too large. A move near the walls is as
-        near as the cells of its ends.
+        NaN where no path leads to a goal or the map is too large.
         """
         if not self.small_enough:
             return math.nan
+        if area.wall_distance > 0.0:
+            depth = area.wall_distance - EDGE - self.walls.centre_distances
+            return self._least(self._shares_deep(-depth if outside else depth))
         inside, edge = self.inside_and_edge(area)
         weights = np.stack([inside] * 4).astype(np.float32)
-        if area.wall_distance > 0.0:
-            for move, step in enumerate(STEPS):
-                weights[move] += np.roll(inside, -step[::-1], axis=(0, 1))
-            weights /= 2.0
-        else:
-            moves, begins, _, lines = self._moves(edge)
-            weights[moves, begins[:, 1], begins[:, 0]] = shares_in(area.outline, lines)
+        moves, begins, _, lines = self._moves(edge)
+        weights[moves, begins[:, 1], begins[:, 0]] = shares_in(area.outline, lines)
         return self._least(1.0 - weights if outside else weights)
+
+    def _shares_deep(self, depth: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return which share of each move is deep at least, given the metres of its cells' depth.
+
+        From an end that is so deep it is for as many metres.
+        """
+        weights, depth = np.empty((4, *depth.shape), np.float32), np.maximum(depth, 0.0)
+        for move, step in enumerate(STEPS):
+            other = np.roll(depth, -step[::-1], axis=(0, 1))
+            length = math.hypot(*step) * self.grid_map.resolution
+            weights[move] = np.minimum((depth + other) / length, 1.0)
+        return weights
 
     def _least(self, weights: NDArray[np.float32]) -> float:
         """Return the least metres of moves whose weights are a share of their length."""

@@ -411,6 +411,7 @@ def begin(search: Search, start: int) -> None:
     states.origins[0] = origin_of(slot, x, y)
     layers.pages[slot, page_of(width, x, y)] = control[C_BLOCKS] = 1
     state = (y & BLOCK - 1) << BLOCK_BITS | x & BLOCK - 1
+    states.costs[0] = np.inf
     states.costs[0, state] = 0.0
     states.tags[0, state] = SEEN | ENTERED
     states.came[0, state] = -1
@@ -549,10 +550,11 @@ def advance(
                 blocks += 1
                 pages[other_slot, page] = blocks
                 origins[block] = origin_of(other_slot, other_x, other_y)
+                for within in range(block * BLOCK_STATES, blocks * BLOCK_STATES):
+                    costs[within] = np.inf
             within = (other_y & BLOCK - 1) << BLOCK_BITS | other_x & BLOCK - 1
             other_state = np.int64(block) << 2 * BLOCK_BITS | within
-            other_tag = tags[other_state]
-            if other_tag == 0 or other_cost < costs[other_state]:
+            if other_cost < costs[other_state]:
                 # The estimate stands here, as a function it would count references to arrays.
                 if has_rows:
                     for index in range(ACTIVE):
@@ -571,7 +573,7 @@ def advance(
                     to_go = min(to_go, rest[other_slot, option] + way)
                 f = other_cost + to_go
                 if f < least:
-                    storage += other_tag == 0
+                    storage += tags[other_state] == 0
                     costs[other_state] = other_cost
                     tags[other_state] = SEEN | move
                     if other_slot != slot:

@@ -112,6 +112,8 @@ COMPOSED = {
     'visit the kitchen and go to the study after you have visited the kitchen': 'visit '
     'the kitchen, then the study; after every entry of the kitchen visit the study; do not enter '
     'the study before the kitchen',
+    'after the kitchen you always go to the study': 'visit the kitchen, then the study; '
+    'after every entry of the kitchen visit the study',
     'visit the kitchen, visit the study last': 'visit the kitchen, then the study',
     'go to the kitchen and come back': 'visit the kitchen, then the goal; end in the start',
     'there and back': 'visit the goal; end in the start',

@@ -37,6 +37,8 @@ def before(first, second):
 
 # sentence, answer of the model, what it becomes
 STANDING = [
+    ('bolt through ward 2', [visit('ward 2')], ['visit the ward 2']),
+    ('never barge into the lobby', [avoid('lobby')], ['avoid the lobby']),
     ('please keep out of the kitchen', [avoid('kitchen')], ['avoid the kitchen']),
     ('the canteen is closed', [avoid('kitchen')], ['avoid the kitchen']),
     ('do not enter ward 1 or ward 2', [avoid('ward 1'), avoid('ward 2')],
@@ -110,7 +112,7 @@ ASKED = [
      ['?avoid the kitchen', 'not understood: "keep clear of wherever they cook"']),
     ('on no account bother the zoltans in the kitchen', [avoid('kitchen')],
      ['?avoid the kitchen']),
-    ('bolt through ward 2', [visit('ward 2')], ['?visit the ward 2']),
+    ('hurtle to the zorp ward 2', [visit('ward 2')], ['?visit the ward 2']),
     ('glide past ward 1, then hurtle to ward 2', [visit('ward 2'), visit('ward 1')],
      ['?visit the ward 1', '?visit the ward 2']),
 ]  # fmt: skip
