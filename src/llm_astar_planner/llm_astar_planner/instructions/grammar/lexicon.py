@@ -75,17 +75,18 @@ class Lexicon:
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
-        places = self.kind_of(noun) or self.members[noun.name]
+        places = self.kind_of(noun, words) or self.members[noun.name]
         own = {own_word(place, noun) for place in places}
         least = next((one for one in ('', HEAD, KIND) if one in own), KIND)
         return Group(words, self.places, places, noun.plural, '', noun.name, least)
 
-    def kind_of(self, noun: Noun) -> Members:
-        """Return the places of the kind or tag that is a noun, if they are all it may mean."""
+    def kind_of(self, noun: Noun, words: str) -> Members:
+        """Return the places of the kind or tag that is a noun, if said so or all it may mean."""
         members = set(self.members[noun.name])
         for tag in self.places.tags if members else ():
             places = self.places.with_tag(tag)
-            if says(phrase_words(tag), noun) and members <= set(places):
+            is_said = noun.plural and words == ' '.join(phrase_words(tag))
+            if says(phrase_words(tag), noun) and (is_said or members <= set(places)):
                 return places
         return ()
 

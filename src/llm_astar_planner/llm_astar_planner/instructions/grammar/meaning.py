@@ -56,7 +56,7 @@ Callbacks: Any = Transformer
 DOOR = 'door'
 # Metres. What keeps away from a place, or avoids what nobody can enter, without a number.
 CLEAR = 1.0
-AWAY, ANY_NUMBER = 'away', 'any'
+AWAY = 'away'
 STOPBY = 'STOPBY'
 # Verbs of which an object, which nobody enters, is as far as the robot comes near it.
 NEARBY = frozenset({'VISIT', 'PASSBY', 'ALONG'})
@@ -222,6 +222,11 @@ def side_in(tokens: tuple[Token, ...]) -> str:
     return next(str(value(token)) for token in tokens if token.type == 'SIDE')
 
 
+def two(parts: tuple[Any, ...]) -> list[Things]:
+    """Return the things among the parts of a clause."""
+    return [part for part in parts if isinstance(part, tuple)]
+
+
 def visits(*in_turn: Things) -> ParsedClause:
     """Return the visits of some things, one after the other."""
     return ParsedClause(tuple(visit_of(things) for things in in_turn))
@@ -351,28 +356,25 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def visit_by_way_of(self, *parts: Any) -> ParsedClause:
         """'go to B via A', 'before B visit A', 'visit B after A'."""
-        second, first = (part for part in parts if isinstance(part, tuple))
-        return visits(first, second)
+        return visits(*two(parts)[::-1])
 
     def visit_in_turn(self, *parts: Any) -> ParsedClause:
         """'go through A to B', 'visit A before B', 'after A visit B'."""
-        first, second = (part for part in parts if isinstance(part, tuple))
-        return visits(first, second)
+        return visits(*two(parts))
 
     def visit_after_you(self, *parts: Any) -> ParsedClause:
         """'after you visit A, go to B': both, and B after each entry of A."""
-        first, second = (part for part in parts if isinstance(part, tuple))
+        first, second = two(parts)
         both = self.visit_in_turn(*parts).clauses
         return ParsedClause((*both, *after_each(Then, first, second).clauses))
 
     def visit_after_you_swapped(self, *parts: Any) -> ParsedClause:
         """'go to B after you visit A'."""
-        second, first = (part for part in parts if isinstance(part, tuple))
-        return self.visit_after_you(first, second)
+        return self.visit_after_you(*two(parts)[::-1])
 
     def only_after(self, how: str, *parts: Any) -> ParsedClause:
         """'visit B only after A': both, and B not before; 'enter B only after A' asks for none."""
-        seconds, firsts = (part for part in parts if isinstance(part, tuple))
+        seconds, firsts = two(parts)
         orders = befores(firsts, seconds)
         if how == 'ENTER':
             return ParsedClause(orders)
@@ -382,36 +384,32 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def then(self, *parts: Any) -> ParsedClause:
         """'once you visit A, you must go to B'."""
-        first, second = (part for part in parts if isinstance(part, tuple))
-        return after_each(Then, first, second)
+        return after_each(Then, *two(parts))
 
     def then_swapped(self, *parts: Any) -> ParsedClause:
         """'go to B once you have visited A'."""
-        second, first = (part for part in parts if isinstance(part, tuple))
-        return after_each(Then, first, second)
+        return after_each(Then, *two(parts)[::-1])
 
     def never_after(self, *parts: Any) -> ParsedClause:
         """'after A never B', 'once in A do not enter B'."""
-        first, second = (part for part in parts if isinstance(part, tuple))
-        return after_each(NeverAfter, first, second)
+        return after_each(NeverAfter, *two(parts))
 
     never_avoid = never_after
 
     def never_swapped(self, *parts: Any) -> ParsedClause:
         """'do not enter B after A'."""
-        second, first = (part for part in parts if isinstance(part, tuple))
-        return after_each(NeverAfter, first, second)
+        return after_each(NeverAfter, *two(parts)[::-1])
 
     def count(self, *parts: Any) -> ParsedClause:
         """'visit A at most twice'."""
-        things = next(part for part in parts if isinstance(part, tuple))
+        things = two(parts)[0]
         return count_of(
             things, *value(next(part for part in parts if isinstance(part, Token)))[:2]
         )
 
     def count_not(self, *parts: Any) -> ParsedClause:
         """'never go to A more than twice'."""
-        things = next(part for part in parts if isinstance(part, tuple))
+        things = two(parts)[0]
         least, most, turns = value(next(part for part in parts if isinstance(part, Token)))
         if not turns:
             raise Unclear('not so often')
@@ -419,8 +417,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def before(self, *parts: Any) -> ParsedClause:
         """'A must be visited before B'; of several, each of them."""
-        firsts, seconds = (part for part in parts if isinstance(part, tuple))
-        return ParsedClause(befores(firsts, seconds))
+        return ParsedClause(befores(*two(parts)))
 
     def visit_before(self, _: str, first: Things, how: str, second: Things) -> ParsedClause:
         """'visit A before you enter B', which need not be; 'visit A before going to B'."""
@@ -434,8 +431,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def before_swapped(self, *parts: Any) -> ParsedClause:
         """'do not enter B before A'."""
-        seconds, firsts = (part for part in parts if isinstance(part, tuple))
-        return ParsedClause(befores(firsts, seconds))
+        return ParsedClause(befores(*two(parts)[::-1]))
 
     def move_in(self, thing: Selection) -> ParsedClause:
         """'drive in the north half'."""

@@ -6,7 +6,7 @@ import re
 import unicodedata
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import groupby
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -187,11 +187,6 @@ class Phrases(Generic[Value]):
         values = node.setdefault(END, [])
         if phrase and value not in values:
             values.append(value)
-
-    @cached_property
-    def single_words(self) -> frozenset[str]:
-        """The phrases of one word; to be asked when all are added."""
-        return frozenset(word for word, node in self._root.items() if END in node)
 
     @property
     def starts(self) -> frozenset[str]:
