@@ -36,7 +36,7 @@ PLACES = {
 }
 ALIASES = {'dock': ['loading bay']}
 # Past what the grammar reads, but the names stand in it.
-FREE_WORDING = 'visit the dock without ever setting foot in the lab'
+FREE_WORDING = 'kindly visit the dock on this trip, whereas the lab must be avoided at all costs'
 REPLY = '{"clauses": [{"do": "visit", "where": "dock"}, {"do": "avoid", "where": "lab"}]}'
 
 
