@@ -131,9 +131,6 @@ def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
         waypoints,
         *map(finite_or_none, (plan.length, plan.length * grid_map.resolution)),
     )
-    if plan.instruction is not None:
-        notes = (plan.instruction.note, plan.instruction.interpretation.detail)
-        shown['instruction']['note'] = '; '.join(filter(None, notes))
     return shown | {
         'role': played.role,
         'title': played.title,
@@ -185,8 +182,10 @@ def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None
     if outcome is None:
         return None
     read = outcome.get('interpretation', {})
+    verdict = str(outcome.get('sentence', ''))
+    notes = str(outcome.get('note', '')), str(read.get('detail', ''))
     return {
-        'verdict': str(outcome.get('sentence', '')),
+        'verdict': verdict,
         'satisfied': outcome.get('satisfied') is True,
         'sentence': str(read.get('sentence', '')),
         'status': str(read.get('status', '')),
@@ -199,7 +198,7 @@ def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None
             }
             for clause in outcome.get('clauses', [])
         ],
-        'note': str(outcome.get('note', '')),
+        'note': '; '.join(note for note in notes if note not in verdict),
     }
 
 

@@ -340,13 +340,14 @@ def count_kept(clauses: Sequence[ClauseOutcome]) -> int:
 
 
 def required_problem(outcome: InstructionOutcome) -> str | None:
-    """Say which `must` clause a path does not keep for certain, None if it keeps all."""
+    """Say which demand a path does not keep, or which clause is a question; None for neither."""
     status = outcome.interpretation.status
     if status in (Understanding.PENDING, Understanding.NONE):
         return f'the instruction is {status.value}'
     for clause in outcome.clauses:
         is_fine = clause.status in (ClauseStatus.KEPT, ClauseStatus.UNSUPPORTED)
-        if not is_fine and clause.clause.strength != SHOULD:
+        is_asked = clause.clause.strength != SHOULD or clause.status is ClauseStatus.UNSURE
+        if not is_fine and is_asked:
             return f'{clause.clause.sentence()}: {clause.status.value} ({clause.detail})'
     return None
 

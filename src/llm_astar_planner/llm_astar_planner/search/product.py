@@ -30,14 +30,14 @@ MAX_AUTOMATA = 64
 # Product states that a search may enter, and bytes that all that it has entered may take.
 MAX_STATES = 1 << 16
 MAX_BYTES = 2_000_000_000
-# Product states times places twice that the guide may plan over: some milliseconds.
-GUIDE_SIZE = 1 << 19
+# Product states times places twice that the guide may plan over: a few milliseconds.
+GUIDE_SIZE = 1 << 21
 # Expansions between two looks at the deadline.
 EXPANSION_SLICE = 8192
 # Tiles that a letter's cells are parted into are 1 << TILE_BITS cells a side, larger where that
 # makes more than MAX_PLACES.
 TILE_BITS = 4
-MAX_PLACES = 24
+MAX_PLACES = 90
 FAR = 2**31 - 1
 
 Mask = NDArray[np.bool_]
@@ -186,16 +186,16 @@ class ProductSearch:
         ].tolist()
         if slots + 8 > MAX_STATES:
             raise ProductTooLargeError(f'the search enters over {MAX_STATES} states of automata')
-        grown = {
-            'queue': (search.queue, top), 'states': (search.states, blocks),
-            'layers': (search.layers, slots),
-        }  # fmt: skip
-        longer = {
-            name: type(part)._make(map(doubled, part))
-            for name, (part, used) in grown.items() if used + 8 > len(part[0])
-        }  # fmt: skip
-        self._search = search = search._replace(**cast('Any', longer))
-        taken = sum(array.nbytes for array in chain(search.queue, search.states, search.layers))
+        queue, states, layers = search.queue, search.states, search.layers
+        if top + 8 > len(queue.keys):
+            queue = kernels.Queue(*map(doubled, queue))
+        if blocks + 8 > len(states.origins):
+            states = kernels.States(*map(doubled, cast('Any', states)))
+        if slots + 8 > len(layers.is_final):
+            layers = kernels.Layers(*map(doubled, cast('Any', layers)))
+        self._search = search._replace(queue=queue, states=states, layers=layers)
+        arrays: list[NDArray[Any]] = [*queue, *states, *layers]
+        taken = sum(array.nbytes for array in arrays)
         if taken > MAX_BYTES:
             raise ProductTooLargeError(f'the search takes over {MAX_BYTES / 1e9:g} GB')
 

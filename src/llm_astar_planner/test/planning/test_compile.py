@@ -28,6 +28,7 @@ from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.regions import Box, Disc
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.compile import compilations
 from llm_astar_planner.planning.footprint import Footprint
 

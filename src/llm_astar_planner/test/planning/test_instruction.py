@@ -6,7 +6,7 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
-from llm_astar_planner.instructions.clauses.clause import SHOULD
+from llm_astar_planner.instructions.clauses.clause import MUST, SHOULD
 from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
@@ -243,6 +243,10 @@ def test_require_gives_no_path_that_breaks_a_must_clause(planner):
     assert 'not understood' in unknown.message
     kept = plan(planner, Visit(regions=(WEST,)), policy=REQUIRE)
     assert kept.code is ResultCode.NONE
+    for strength in (MUST, SHOULD):
+        unsure = plan(planner, Visit(strength, 'that one?', regions=(WEST,)), policy=REQUIRE)
+        assert unsure.code is ResultCode.NO_VALID_PATH
+        assert 'that one?' in unsure.message
 
 
 def test_a_should_clause_is_kept_where_it_can_be(planner):

@@ -10,9 +10,9 @@ from grids import checker_of
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import path_planner as planner_module
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
+from llm_astar_planner.search import any_angle
 from llm_astar_planner.search.any_angle import string_pull
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.problem import search_method
@@ -230,7 +230,7 @@ def test_no_plan_starts_a_thread(monkeypatch, method):
 def test_a_path_at_any_angle_that_does_not_fit_into_the_time_is_left_out(monkeypatch):
     request = PlanRequest(START, GOAL, 'exact_astar', any_angle=True)
     assert PLANNER.plan(request).warnings == ()
-    monkeypatch.setattr(planner_module, 'string_pull', slow_pull)
+    monkeypatch.setattr(any_angle, 'string_pull', slow_pull)
     plan = PLANNER.plan(replace(request, time_limit=0.2))
     assert plan.code is ResultCode.NONE
     assert len(plan.path) > 0

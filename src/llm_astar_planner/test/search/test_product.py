@@ -212,6 +212,7 @@ def test_it_is_exact_on_random_problems():
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_it_is_exact_on_5000_random_problems():
     assert check_random_problems(range(10_000, 15_000)) > 2000
 

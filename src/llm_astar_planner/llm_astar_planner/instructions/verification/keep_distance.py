@@ -51,10 +51,10 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     middle = apart_from_ends(path, spans, clause.metres)
     if metres <= measurement.allowed(least):
         detail = f'{length_text(metres)} nearer, the least possible'
-        if total(middle) <= NEGLIGIBLE:
-            return kept(clause, f'{detail}, at its ends', metres, least)
-        if clause.strength == SHOULD:
-            nearest, where = nearest_in(path, target, middle)
+        at_ends = total(middle) <= NEGLIGIBLE
+        if at_ends or clause.strength == SHOULD:
+            nearest, where = nearest_in(path, target, spans if at_ends else middle)
+            detail += ', at its ends' * at_ends
             detail += f', {length_text(nearest)} away at {point_text(where)}'
             return broken(clause, detail, metres, where, least, is_least=True)
     return fall_short(measurement, clause, target, middle if len(middle) else spans)
