@@ -370,7 +370,7 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
             or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
-            or (lexeme.other == 'AFTER' and is_after(result))
+            or (lexeme.other == 'AFTER' and is_after(result, lexemes[at + 1 :]))
             or (lexeme.other == 'FETCH' and after in ('THING', 'PERSON'))
             or (lexeme.other == 'LONGWAY' and after in ('BY', 'THROUGH', 'UPON', 'IN'))
             or (lexeme.other == TIMES and (before in LIMITS or after not in AFTER_ONCE))
@@ -379,9 +379,19 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return result
 
 
-def is_after(before: Sequence[Lexeme]) -> bool:
-    """Whether the German 'nach' behind these is 'after', as in 'besuche A nach B', not 'to'."""
+def is_after(before: Sequence[Lexeme], behind: Sequence[Lexeme]) -> bool:
+    """Whether the German 'nach' between these is 'after', not 'to'.
+
+    As in 'besuche A nach B' and 'nach A nicht durch B', but not in 'nach A fahren'.
+    """
     kinds = [lexeme.kind for lexeme in before]
+    if kinds[-1:] in ([], ['HARD'], [COMMA], [AND]):
+        rest = [one.kind for one in behind[:5] if one.kind not in ('PLACE', 'NOUN', NUMBER)]
+        return (
+            len(behind) > len(rest)
+            and rest[:1] not in ([], ['HARD'], [COMMA])
+            and (rest[:1] == ['NEG'] or len(behind) > len(rest) + 1)
+        )
     return kinds[-1:] in (['PLACE'], ['NOUN'], [NUMBER]) and not {'OF', 'FROM'} & set(kinds)
 
 

@@ -392,6 +392,9 @@ class Splitter:
         kind = CONDITION if lexeme.other == CONDITION or is_state else lexeme.kind
         if lexeme.value == '?':
             self.piece.is_question = True
+        is_in_tail = PART in self.piece.kinds and not self.piece.is_complete
+        if kind == THEN and is_in_tail and not lexeme.other:
+            return
         if kind == THEN and self.leads_an_order() and self.piece.lexemes[0].kind != 'BEFORE':
             self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
             return

@@ -41,6 +41,8 @@ CONDITIONS = {
     'visit the study if you go through the kitchen': THEN,
     'wenn du durch die Küche fährst, dann fahre ins study': THEN,
     'falls du die Küche betrittst, besuche study': THEN,
+    'wenn du durch die Küche fährst, besuche danach study': THEN,
+    'nach der Küche nicht in study': NEVER,
     'immer wenn du die Küche besuchst, fahre zu study': THEN,
     'si tu passes par la cuisine, va à study': THEN,
     'chaque fois que tu entres dans la cuisine, visite study': THEN,
