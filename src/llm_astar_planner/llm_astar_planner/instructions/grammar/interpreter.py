@@ -165,7 +165,7 @@ class Assembler:
             f'"{lexeme.value}" is not known'
             for part in self.parts
             for lexeme in part.piece.lexemes
-            if lexeme.kind == UNKNOWN and not part.is_read
+            if lexeme.kind == UNKNOWN and lexeme.value and not part.is_read
         ]
 
     def question(self, name: str, said: str = '', meant: str = '') -> str:
@@ -266,6 +266,8 @@ class Assembler:
         words, vocabulary = self.words, self.lexer.vocabulary
         at = bisect_left(words, piece.start, key=lambda word: word.start)
         found = False
+        if at and words[at - 1].text in vocabulary.articles:  # 'the fine' is a name
+            return False
         while at < len(words) and words[at].start < piece.end:
             count, _ = vocabulary.irrelevant.longest(words, at)
             found = found or count > 0

@@ -321,7 +321,9 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
         is_name = is_part_of_name(before, lexeme, after) or (
-            was_article and lexeme.kind == FILLER and lexeme.value not in AFTER_ARTICLE
+            was_article
+            and lexeme.kind in (FILLER, 'THEN')
+            and lexeme.value not in AFTER_ARTICLE
         )
         was_article = lexeme.kind == ARTICLE
         if is_name:
