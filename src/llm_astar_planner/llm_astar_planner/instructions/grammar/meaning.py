@@ -595,6 +595,8 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def things(self, *things: Selection) -> Things:
         """'A, B and C'; 'x above 2 and x below 5' is one area."""
         limits = [thing for thing in things if thing.is_limit]
+        if len(things) > 1 and any(thing.is_except for thing in things):
+            raise Unclear('except from which of them')
         if len(limits) > 1:
             return (*(thing for thing in things if not thing.is_limit), *joint_limits(limits))
         return things
@@ -616,7 +618,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def bracket(self, thing: Selection) -> Selection:
         """'(A except B)'."""
-        return thing
+        return replace(thing, is_except=False)
 
     def area_of(self, thing: Selection) -> Selection:
         """'the area (A or B)'."""
@@ -629,7 +631,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def except_of(self, thing: Selection, others: Things) -> Selection:
         """'all rooms except A and B'."""
         left_out = tuple(region for other in others for region in other.each)
-        return without(thing, left_out)
+        return replace(without(thing, left_out), is_except=True)
 
     def endpoint(self, token: Token) -> Selection:
         """'the start'."""

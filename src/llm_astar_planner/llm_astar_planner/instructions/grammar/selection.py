@@ -146,6 +146,7 @@ class Selection:
     - `is_positioned`: words for a position followed the noun: 'the room on the north side'.
     - `is_group`: a noun for several places; `is_all`: with 'all' or 'each'.
     - `is_limit`: one side of a line, 'x below 5', which goes with other limits.
+    - `is_except`: 'except' follows it, of which beside others nobody knows what it is from.
     """
 
     regions: tuple[Region, ...] = ()
@@ -158,6 +159,7 @@ class Selection:
     is_group: bool = False
     is_all: bool = False
     is_limit: bool = False
+    is_except: bool = False
 
     @property
     def each(self) -> tuple[Region, ...]:

@@ -241,6 +241,7 @@ NOT_READ = [
     'if the kitchen is closed, go to the study',
     'if you are late, avoid the kitchen',
     'if you enter the kitchen or not, visit the study',
+    'avoid all rooms and the north lane except the kitchen',
     'avoid the kitchen until noon',
     'avoid the kitchen before noon',
     'drive slowly to the ballroom',
