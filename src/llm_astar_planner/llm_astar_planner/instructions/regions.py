@@ -251,8 +251,18 @@ class Except(Region):
 
     def phrase(self, any_one: bool = False) -> str:
         """Return 'all room places except the lab'."""
-        others = ' and '.join(bracketed(region) for region in self.others)
-        return f'{bracketed(self.region, any_one)} except {others}'
+        return f'{bracketed(self.region, any_one)} except {self.others_phrase}'
+
+    def from_phrase(self) -> str:
+        """Return the words for it where a point is a disc of no radius."""
+        region = self.region
+        words = region.from_phrase() if isinstance(region, Disc) else bracketed(region)
+        return f'{words} except {self.others_phrase}'
+
+    @property
+    def others_phrase(self) -> str:
+        """The words for what it is without."""
+        return ' and '.join(bracketed(region) for region in self.others)
 
 
 @dataclass(frozen=True)
