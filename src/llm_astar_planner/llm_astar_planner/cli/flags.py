@@ -28,7 +28,8 @@ TEXTS = {
 }
 CONFIRM_HINT = 'llm-astar: hint: if what is asked is meant, add --confirm\n'
 # A yes, in each language of the instructions.
-YES = ('y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí')
+YES = {'y', 'yes', 'j', 'ja', 'o', 'oui', 's', 'si', 'sí'}
+NO = {'n', 'no', 'nein', 'non'}
 # A point, as two numbers.
 POINT: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
 # What matplotlib writes; importing it only to ask takes most of a second.
@@ -163,12 +164,15 @@ def given_values(
 
 
 def ask_person(questions: Sequence[str]) -> bool | None:
-    """Ask a person questions; return whether all answers are yes, None if this is no terminal."""
+    """Ask a person questions; return whether all answers are yes.
+
+    None if this is no terminal, or one of them is answered neither with yes nor with no.
+    """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         return None
     answers = []
     for question in questions:
         sys.stderr.write(f'{printable(question)} [y/n] ')
         sys.stderr.flush()
-        answers.append(sys.stdin.readline().strip().casefold() in YES)
-    return all(answers)
+        answers.append(sys.stdin.readline().strip().casefold())
+    return all(answer in YES for answer in answers) if {*answers} <= YES | NO else None

@@ -41,6 +41,7 @@ from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
+from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
@@ -80,8 +81,8 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
     if arguments.json:
         print(json.dumps(plan_to_json(plan, coordinates.offset)))
     else:
-        names = (arguments.start_place or '', arguments.goal_place or '')
-        print(plan_to_text(plan, coordinates, *names))
+        goal = 'by the instruction' if ends_route(plan) else arguments.goal_place or ''
+        print(plan_to_text(plan, coordinates, arguments.start_place or '', goal))
     if plan.instruction is not None and plan.instruction.interpretation.questions:
         sys.stderr.write(CONFIRM_HINT)
     if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
@@ -90,6 +91,12 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
             sys.stderr.write(
                 'llm-astar: hint: coordinates are metres on this map; add --cells to give cells\n'
             )
+
+
+def ends_route(plan: Plan) -> bool:
+    """Tell whether a clause of the instruction says where the path ends."""
+    clauses = plan.instruction.clauses if plan.instruction is not None else ()
+    return any(outcome.clause.kind == EndAt.kind for outcome in clauses)
 
 
 def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:

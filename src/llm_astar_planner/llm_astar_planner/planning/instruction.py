@@ -57,6 +57,7 @@ from llm_astar_planner.search.result import SearchStatus
 INSTRUCTED_SHARE = 0.6
 # Parts of a cell to which the greatest distance is found.
 FINENESS = 4
+NOT_TOGETHER = 'no path of cells keeps every clause'
 
 
 class InstructedSearch:
@@ -97,7 +98,13 @@ class InstructedSearch:
         """
         segment = self.strictly(self.demands)
         if segment is None and self.policy == REQUIRE:
-            message = 'every way breaks a clause of the instruction (the policy is require)'
+            broken = [
+                demand.clause.sentence()
+                for demand in self.demands
+                if self.possible(demand) is not demand
+            ]
+            which = f'no way keeps "{"; ".join(broken)}"' if broken else self.note()
+            message = f'{which or NOT_TOGETHER} (the policy is require)'
             raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
         if segment is None:
             self.is_kept = False
@@ -175,7 +182,8 @@ class InstructedSearch:
             longest = self.shortest(asked)
             for number in asked:
                 others = [other for other in asked if other != number]
-                prices[number] = max(0.0, longest - self.shortest(others))
+                if self.demands[number].ask.goals is None:  # with it the goal is another one
+                    prices[number] = max(0.0, longest - self.shortest(others))
         return prices
 
     def shortest(self, numbers: Sequence[int]) -> float:
@@ -219,7 +227,7 @@ class InstructedSearch:
             f'"{one.sentence()}" contradicts "{other.sentence()}"'
             for one, other in contradictions(self.asked)
         ]
-        return '; '.join(pairs) or ('' if self.is_kept else 'no path of cells keeps every clause')
+        return '; '.join(pairs) or ('' if self.is_kept else NOT_TOGETHER)
 
 
 def plan_with_instruction(
@@ -272,8 +280,8 @@ def plan_with_instruction(
 
 
 def with_price(outcome: ClauseOutcome, price: float) -> ClauseOutcome:
-    """Return the outcome of a clause that is kept with what it costs."""
-    return replace(outcome, price=price) if outcome.status is ClauseStatus.KEPT else outcome
+    """Return the outcome of a clause with what it costs, be it kept or not."""
+    return outcome if outcome.status is ClauseStatus.UNSURE else replace(outcome, price=price)
 
 
 def spare_time(request: PlanRequest) -> float:

@@ -403,7 +403,7 @@ def product(
 def make_search(tables: kernels.Tables, guide: kernels.Guide, letters: int) -> kernels.Search:
     """Return a search that has not begun, with little space."""
     height = tables.grid.moves.size // tables.grid.width
-    pages = kernels.page_of(tables.grid.width, tables.grid.width - 1, height - 1) + 1
+    pages = kernels.page_of.py_func(tables.grid.width, tables.grid.width - 1, height - 1) + 1
     places, slots = guide.boxes.shape[0], 16
     layers = kernels.Layers(
         np.zeros((slots, tables.offsets.size), dtype=np.int32),

@@ -171,7 +171,9 @@ def test_a_person_at_a_terminal_is_asked(capsys, room, monkeypatch, answer, code
     monkeypatch.setattr(sys, 'stdin', terminal)
     assert main(['plan', '--map', room, *WAY, *UNSURE, '--source', 'none']) == code
     out, err = capsys.readouterr()
-    assert err.endswith(f'{QUESTION} [y/n] ')
+    assert f'{QUESTION} [y/n] ' in err
+    # What is neither yes nor no is no answer: it is asked again the next time.
+    assert ('add --confirm' in err) is (not answer)
     assert ('clause 1   avoid the north door: kept' in out) is (code == 0)
 
 

@@ -43,7 +43,9 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     limit = clause.metres - short_by(clause.metres)
     nearest = target.distance(path.shape)
     if nearest >= limit - EDGE:
-        away = f'never nearer than {length_text(nearest)}'
+        # What is short of it by a rounding is not to look like less.
+        text = length_text(nearest) if nearest >= clause.metres else f'{nearest:.2f} m'
+        away = f'never nearer than {text}'
         return kept(clause, away if math.isfinite(nearest) else 'nothing is near')
     zone = target.grown(limit - EDGE)
     spans = zone.spans(path)
@@ -139,7 +141,7 @@ def nearest_in(path: Polyline, target: Area, spans: Spans) -> tuple[float, Point
 def greatest_clearance(measurement: Measurement, target: Area, metres: float) -> float:
     """Return the greatest distance up to `metres` that a path keeps from an area, by bisection.
 
-    What lies within `metres` of start or goal is not counted. To STEP cells and of the centres of
+    What lies as near to start or goal is not counted. To STEP cells and of the centres of
     cells, so it may be a little too much; 0 where every path touches the area, NaN where the map
     is too large.
     """
@@ -148,10 +150,11 @@ def greatest_clearance(measurement: Measurement, target: Area, metres: float) ->
         return math.nan
     resolution = measurement.route.costmap.grid_map.resolution
     ends = reference.start_mask | reference.goal_mask
-    counted = ndimage.distance_transform_edt(~ends) * resolution > metres
+    from_ends = ndimage.distance_transform_edt(~ends) * resolution
 
     def passes(distance: float) -> bool:
-        return not reference.separates(reference.inside(target.grown(distance - EDGE)) & counted)
+        near = reference.inside(target.grown(distance - EDGE))
+        return not reference.separates(near & (from_ends > distance))
 
     low, high = 3.0 * EDGE, metres
     if not passes(low) or passes(high):
