@@ -430,6 +430,10 @@ ROBOT = """
 def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
     robot = tmp_path / 'robot.yaml'
     robot.write_text(ROBOT)
+    files = [part for file in (DEMO, REPLAY, robot) for part in ('--params-file', str(file))]
+    capsys.readouterr()
+    assert main(['plan', *files, '--json']) == 0
+    plan = json.loads(capsys.readouterr().out)
     with (
         process('map_node', namespace=ALONE),
         process('llm_client_node', namespace=ALONE),
@@ -438,11 +442,11 @@ def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
     ):
         caller.wait_until_ready(client='llm_client_node')
         caller.wait_for_landmarks()
+        deadline = time.monotonic() + PATIENCE
         path, report, _ = caller.call(START, GOAL)
-    files = [part for file in (DEMO, REPLAY, robot) for part in ('--params-file', str(file))]
-    capsys.readouterr()
-    assert main(['plan', *files, '--json']) == 0
-    plan = json.loads(capsys.readouterr().out)
+        # While the landmarks are repaired for a newer map a plan goes without them.
+        while report.operation != plan['operation'] and time.monotonic() < deadline:
+            path, report, _ = caller.call(START, GOAL)
     # A cell of the demo map is a metre wide, and its centre is at whole metres.
     assert plan['path'] == np.rint(path_from_message(path)).astype(int).tolist()
     assert len(plan['path']) > 40
