@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from llm_astar_planner.instructions.ground import Ground
 
 MAX_ENTRIES = 8
+NUMERALS = {1: 'once', 2: 'twice'}
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,18 @@ class Count(Clause):
         return {'region': region, 'at_least': least, 'at_most': most}
 
     def phrase(self) -> str:
-        """Return 'enter the lab at most 2 times'."""
-        limits = [f'at least {self.at_least}'] if self.at_least else []
-        limits += [] if self.at_most is None else [f'at most {self.at_most}']
+        """Return 'enter the lab at most twice'."""
+        limits = [('at least', self.at_least)] if self.at_least else []
+        limits += [] if self.at_most is None else [('at most', self.at_most)]
         if self.at_least == self.at_most:
-            limits = [f'exactly {self.at_most}']
-        how_often = f' {" and ".join(limits)} times' if limits else ' as often as needed'
-        return f'enter {self.region.phrase(any_one=True)}{how_often}'
+            limits = [('exactly', self.at_most)]
+        if len(limits) == 1:
+            word, times = limits[0]
+            how_often = f'{word} {NUMERALS.get(times, f"{times} times")}'
+        else:
+            words = ' and '.join(f'{word} {times}' for word, times in limits)
+            how_often = f'{words} times' if limits else 'as often as needed'
+        return f'enter {self.region.phrase(any_one=True)} {how_often}'
 
     def ask(self, ground: Ground) -> Ask:
         """Count the entries: at least by the surest of them, at most by all that may be one."""
