@@ -16,6 +16,7 @@ from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.never_after import NeverAfter
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.then import Then
@@ -35,6 +36,7 @@ from llm_astar_planner.instructions.grammar.pieces import (
     BUT,
     COLON,
     DOUBT,
+    EXCEPTNOT,
     GOVERNING,
     HARD,
     INORDER,
@@ -290,6 +292,7 @@ class Assembler:
             parsed = parse_clause(piece.lexemes)
             clauses = self.in_flow(piece, parsed)
             self.refuse_times(piece, clauses)
+            refuse_but_not(piece, clauses)
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
@@ -425,6 +428,17 @@ PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
 # What is left of 'drive slowly': nothing but how.
 BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'
+
+
+def refuse_but_not(piece: Piece, clauses: Sequence[Clause]) -> None:
+    """Raise Unclear for 'but not' where nobody knows what it refuses: 'after all rooms but not A'.
+
+    Of visits it is to avoid it; of what is avoided it is an exception.
+    """
+    if EXCEPTNOT in piece.kinds:
+        kinds = {type(clause) for clause in clauses}
+        if not kinds <= {Visit, Avoid, KeepDistance}:
+            raise Unclear('but not what')
 
 
 def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:

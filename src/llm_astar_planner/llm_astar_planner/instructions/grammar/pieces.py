@@ -36,6 +36,8 @@ ENROUTE = 'ENROUTE'
 GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH INTO ENTER')
 # A verb after one of these belongs to it: 'before you enter A'.
 ONCE, EXCEPT, PART = 'ONCE', 'EXCEPT', 'PART'
+# 'all rooms but not the lab': the lab is refused, too.
+EXCEPTNOT = 'EXCEPTNOT'
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER', ONCE})
 # 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
 STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
@@ -80,7 +82,7 @@ STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
 SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
 # How far an unread piece reaches, and the kinds of words of one that reaches its neighbours.
 ALL, NEAR, DOUBT = 'all', 'near', 'doubt'
-LIMITING = ORDER_WORDS | {EXCEPT, OR, 'ONLY', 'EITHER', 'NUMBER'}
+LIMITING = ORDER_WORDS | {EXCEPT, EXCEPTNOT, OR, 'ONLY', 'EITHER', 'NUMBER'}
 REFUSING = frozenset({NEG, 'POISON', 'MAY'})
 POSITIONS = frozenset({'IN', 'UPON', 'AT', 'FROM'})
 SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
@@ -399,8 +401,9 @@ class Splitter:
             self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
             return
         if kind == BUT and self.is_exception(at):
-            self.extend(replace(lexeme, kind=EXCEPT))
-            self.skipped = int(self.kind_after(at) == NEG)
+            is_not = self.kind_after(at) == NEG
+            self.extend(replace(lexeme, kind=EXCEPTNOT if is_not else EXCEPT))
+            self.skipped = int(is_not)
             return
         if kind == CONDITION:
             self.begin(kind)

@@ -305,6 +305,24 @@ def test_what_follows_a_condition_may_hang_on_it_too():
     assert interpretation.status is Understanding.PARTLY
 
 
+BUT_NOT = {
+    'visit all rooms but not the lab': 'avoid the lab',
+    'besuche alle Räume, aber nicht die Küche': 'avoid the kitchen',
+    'avoid all rooms but not the lab': 'avoid all room places except the lab',
+}
+
+
+@pytest.mark.parametrize('text', BUT_NOT)
+def test_but_not_after_all_that_is_visited_refuses(text):
+    interpretation = read(text)
+    assert interpretation.sentence.split('; ')[-1] == BUT_NOT[text]
+    assert interpretation.status is Understanding.WHOLE
+
+
+def test_but_not_of_what_is_counted_is_not_understood():
+    assert read('visit all rooms but not the lab at most twice').status is Understanding.NONE
+
+
 SYLLABLES = ('ba', 'dor', 'fim', 'gur', 'kel', 'lo', 'mip', 'nu', 'raz', 'sov', 'tig', 'wex')
 OTHERS = ('room 101{}', 'lab {}', 'kitchen {}', '{}', '{} lab', 'the {} room', 'hall {}', 'old {}')
 TEMPLATES = (
