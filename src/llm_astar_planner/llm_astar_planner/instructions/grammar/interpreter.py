@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -25,8 +25,14 @@ from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupporte
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
-from llm_astar_planner.instructions.grammar.lexer import Lexer
+from llm_astar_planner.instructions.grammar.lexemes import (
+    AND,
+    COMMA,
+    UNKNOWN,
+    UNSUPPORTED,
+    Lexeme,
+)
+from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG, Lexer
 from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
 from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
@@ -106,20 +112,44 @@ class ReadPiece:
         """Take it as not understood."""
         self.clauses, self.is_said = (), False
 
-    def ask(self, question: str) -> None:
-        """Make its clauses unsure; `question` may have `{meant}` in place of what they say."""
-        self.clauses = asked(self.clauses, question)
+    def ask(self, question: str, about: Collection[Clause] | None = None) -> None:
+        """Make clauses unsure, all or those that it is `about`.
+
+        `question` may have `{meant}` in place of what they say. With more questions than can be
+        asked it is not understood.
+        """
+        try:
+            self.clauses = asked(self.clauses, question, about)
+        except Unclear:
+            self.drop()
 
 
-def asked(clauses: tuple[Clause, ...], question: str) -> tuple[Clause, ...]:
-    """Return clauses with a question about them, but for those that claim nothing anyway."""
-    claiming = [clause for clause in clauses if not isinstance(clause, Unknown)]
+def asked(
+    clauses: tuple[Clause, ...], question: str, about: Collection[Clause] | None = None
+) -> tuple[Clause, ...]:
+    """Return clauses with a question about them, but for those that claim nothing anyway.
+
+    Raises Unclear where a clause has more questions than can be asked.
+    """
+    about = clauses if about is None else about
+    claiming = [one for one in clauses if one in about and not isinstance(one, Unknown)]
     meant = '; '.join(clause.phrase() for clause in claiming)
     question = question.replace('{meant}', meant)[:MAX_QUESTION_CHARS]
     return tuple(
-        replace(clause, unsure=clause.unsure or question) if clause in claiming else clause
+        replace(clause, unsure=both_asked(clause.unsure, question))
+        if clause in claiming
+        else clause
         for clause in clauses
     )
+
+
+def both_asked(first: str, second: str) -> str:
+    """Return two questions as one. Raises Unclear where it is too long."""
+    if not first or not second or second in first:
+        return first or second
+    if len(first) + len(second) >= MAX_QUESTION_CHARS:
+        raise Unclear('too many doubts')
+    return f'{first} {second}'
 
 
 @dataclass(eq=False)
@@ -178,15 +208,26 @@ class Assembler:
     def ask_about(self, part: ReadPiece) -> None:
         """Ask about words of a piece that may mean something else."""
         piece = part.piece
-        for lexeme in (*piece.lexemes, *piece.unsupported):
-            if lexeme.doubt is not None:
-                said, meant = lexeme.doubt
+        for lexeme, named in named_by(piece):
+            for said, meant in lexeme.doubts:
                 name = 'word' if meant else 'name'
-                part.ask(self.question(name, said, meant or places_in(lexeme)))
+                about = self.clauses_about(part, lexeme, named)
+                part.ask(self.question(name, said, meant or places_in(lexeme)), about)
         for start, end in piece.remarks:
             part.ask(self.question('remark', self.text[start:end]))
         if any(lexeme.kind == 'END' and lexeme.value == STOP for lexeme in piece.lexemes):
             part.ask(self.question('stop'))
+
+    def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
+        """Return the clauses of a part that a word concerns: of a place those that name it."""
+        if lexeme.kind == UNSUPPORTED:
+            found = [one for one in part.clauses if isinstance(one, Unsupported)]
+            said = self.text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
+            return [one for one in found if one.text == said] or found
+        places = self.lexer.lexicon.places
+        names = names_in(named, places)
+        found = [one for one in part.clauses if names & names_of(one.to_json(), places)]
+        return found or list(part.clauses)
 
     def put_in_order(self) -> None:
         """Put visits that 'before' and 'after' name again where they belong, once each.
@@ -286,16 +327,21 @@ class Assembler:
         if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
             return ()
         try:
-            unsupported = self.unsupported(piece)
-            if unsupported and piece.kinds <= BARE:
-                return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
-            parsed = parse_clause(piece.lexemes)
-            clauses = self.in_flow(piece, parsed)
-            self.refuse_times(piece, clauses)
-            refuse_but_not(piece, clauses)
+            clauses = self.clauses_of(piece)
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
+        return clauses if self.has_room_for(clauses) else ()
+
+    def clauses_of(self, piece: Piece) -> tuple[Clause, ...]:
+        """Return the clauses of a piece. Raises Unclear where it was not read wholly."""
+        unsupported = self.unsupported(piece)
+        if unsupported and piece.kinds <= BARE:
+            return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
+        parsed = parse_clause(piece.lexemes)
+        clauses = self.in_flow(piece, parsed)
+        self.refuse_times(piece, clauses)
+        refuse_but_not(piece, clauses)
         if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
             visits = [clause for clause in clauses if isinstance(clause, Visit)]
             clauses += befores_of(*visits) if len(visits) == 2 else ()
@@ -309,8 +355,7 @@ class Assembler:
         )
         if piece.is_preference or self.is_preference_open:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
-        clauses += tuple(unsupported)
-        return clauses if self.has_room_for(clauses) else ()
+        return clauses + tuple(unsupported)
 
     def words_of(self, piece: Piece) -> str:
         """Return the words of a piece as they were said."""
@@ -467,9 +512,47 @@ def places_in(lexeme: Lexeme) -> str:
     return ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
 
 
+def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
+    """Yield the words of a piece, each with the noun that it belongs to, itself if to none."""
+    lexemes = [*piece.lexemes, *piece.unsupported]
+    for at, lexeme in enumerate(lexemes):
+        noun = lexeme
+        if lexeme.kind in ADJECTIVES:
+            after = (one for one in lexemes[at:] if one.kind not in ADJECTIVES)
+            noun = next(after, lexeme)
+        yield lexeme, noun if noun.kind in (PLACE, NOUN) else lexeme
+
+
+def names_in(lexeme: Lexeme, places: Places) -> set[str]:
+    """Return the names of the places that a word means, none for other words."""
+    if isinstance(lexeme.value, Group):
+        return {place.name for place in lexeme.value.places}
+    if isinstance(lexeme.value, Place):
+        return {lexeme.value.name}
+    is_tag = lexeme.kind == TAG
+    return {place.name for place in places.with_tag(str(lexeme.value))} if is_tag else set()
+
+
+def names_of(value: object, places: Places) -> set[str]:
+    """Return the names of the places that the JSON form of a clause has, those of tags too."""
+    if isinstance(value, str):
+        tagged = {place.name for place in places.with_tag(value)} if value in places.tags else ()
+        return {value, *tagged}
+    inner = value.values() if isinstance(value, dict) else value
+    if not isinstance(inner, Iterable):
+        return set()
+    return set().union(*(names_of(one, places) for one in inner))
+
+
 def befores_of(first: Visit, second: Visit) -> tuple[Clause, ...]:
-    """Return that none of the second regions is entered before all of the first."""
-    return tuple(Before(first=a, second=b) for b in second.regions for a in first.regions)
+    """Return that none of the second regions is entered before all of the first. Raises Unclear.
+
+    What is asked about one of them is asked about the order.
+    """
+    unsure = both_asked(first.unsure, second.unsure)
+    return tuple(
+        Before(first=a, second=b, unsure=unsure) for b in second.regions for a in first.regions
+    )
 
 
 def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
@@ -483,9 +566,24 @@ def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
     known = [visit for visit, one in ((first, early), (second, late)) if one]
     if late and not early:
         part.at = late.at - 0.5
-    orders = befores_of(first, second) if late and 'BEFORE' in part.piece.kinds else ()
-    part.clauses = tuple(one for one in (*part.clauses, *orders) if one not in known)
+    kept = tuple(one for one in part.clauses if one not in known)
+    try:
+        is_order = late and 'BEFORE' in part.piece.kinds
+        part.clauses = (*kept, *(befores_of(first, second) if is_order else ()))
+    except Unclear:
+        part.drop()
+        return
     part.is_said = True
+    # What is left out here takes its questions to where it is said.
+    for one in (early, late):
+        for visit in known:
+            if one and visit.unsure and (not part.clauses or visit.regions in at_of(one)):
+                one.ask(visit.unsure)
+
+
+def at_of(part: ReadPiece) -> set[tuple[Region, ...]]:
+    """Return the regions that each visit of a part asks for."""
+    return {visit.regions for visit in part.visits}
 
 
 def has_repetition(clause: Clause) -> bool:

@@ -323,6 +323,34 @@ def test_but_not_of_what_is_counted_is_not_understood():
     assert read('visit all rooms but not the lab at most twice').status is Understanding.NONE
 
 
+OFFICE, KITCHEN = 'the office by "officer"?', 'the kitchen by "kichen"?'
+DOUBTS = {
+    'visit the officer and the kichen': [[OFFICE, KITCHEN]],
+    'avoid the kichen and the officer': [[KITCHEN], [OFFICE]],
+    'avoid the lab and the officer': [[], [OFFICE]],
+    'avodi the officer and the lab': [['"avoid" by "avodi"?', OFFICE], ['"avoid" by "avodi"?']],
+    'visit the officer, and only then the lab': [[OFFICE], [], [OFFICE]],
+}
+
+
+@pytest.mark.parametrize('text', DOUBTS)
+def test_each_clause_asks_about_the_doubts_of_its_own_words(text):
+    interpretation = read(text)
+    asked = [one.unsure for one in interpretation.specification.clauses]
+    wanted = [[f'Did you mean {doubt}' for doubt in doubts] for doubts in DOUBTS[text]]
+    assert asked == [' '.join(questions) for questions in wanted]
+    assert interpretation.status is Understanding.UNSURE
+
+
+def test_with_more_doubts_than_a_question_holds_nothing_is_claimed():
+    long = 'the laboratory in which all the chemical apparatus is kept near the '
+    names = [f'{long}{name}' for name in ('window', 'garden', 'bridge')]
+    places = Places([Place(name, shapely.box(0, 0, 5, 5), 'room') for name in names])
+    said = [name.replace('chemical', 'chemicl') for name in names]
+    assert read(f'visit {said[0]}', places).status is Understanding.UNSURE
+    assert read(f'visit {" and ".join(said)}', places).specification.enforceable == ()
+
+
 SYLLABLES = ('ba', 'dor', 'fim', 'gur', 'kel', 'lo', 'mip', 'nu', 'raz', 'sov', 'tig', 'wex')
 OTHERS = ('room 101{}', 'lab {}', 'kitchen {}', '{}', '{} lab', 'the {} room', 'hall {}', 'old {}')
 TEMPLATES = (
