@@ -351,6 +351,30 @@ def test_with_more_doubts_than_a_question_holds_nothing_is_claimed():
     assert read(f'visit {" and ".join(said)}', places).specification.enforceable == ()
 
 
+def box(at):
+    return shapely.box(6 * at, 0, 6 * at + 5, 5)
+
+
+COUNTER = Place('counter', box(0), 'object', ('front desk',))
+STUDY = Place('study', box(1), 'room', ('home desk',))
+DESKS = [
+    Place(f'{side} block', box(n + 2), 'object', (), ('desks',)) for n, side in enumerate('AB')
+]
+
+
+@pytest.mark.parametrize('text', ['avoid the desks', 'meide die Schreibtische', 'avoid any desk'])
+def test_a_kind_takes_in_no_place_with_an_alias_that_ends_with_it(text):
+    interpretation = read(text, Places([COUNTER, STUDY, *DESKS]))
+    assert interpretation.sentence == 'keep 1 m away from all desks places'
+    assert interpretation.status is Understanding.WHOLE
+
+
+def test_where_only_aliases_end_with_a_word_it_is_asked():
+    interpretation = read('avoid the desks', Places([COUNTER, STUDY]))
+    assert interpretation.status is Understanding.UNSURE
+    assert 'the counter, study by "desks"' in interpretation.questions[0]
+
+
 SYLLABLES = ('ba', 'dor', 'fim', 'gur', 'kel', 'lo', 'mip', 'nu', 'raz', 'sov', 'tig', 'wex')
 OTHERS = ('room 101{}', 'lab {}', 'kitchen {}', '{}', '{} lab', 'the {} room', 'hall {}', 'old {}')
 TEMPLATES = (
