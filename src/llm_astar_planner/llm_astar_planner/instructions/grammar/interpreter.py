@@ -8,7 +8,7 @@ from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
@@ -18,6 +18,7 @@ from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.never_after import NeverAfter
+from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
@@ -28,6 +29,7 @@ from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_C
 from llm_astar_planner.instructions.grammar.lexemes import (
     AND,
     COMMA,
+    TIMES,
     UNKNOWN,
     UNSUPPORTED,
     Lexeme,
@@ -49,6 +51,7 @@ from llm_astar_planner.instructions.grammar.pieces import (
     NEAR,
     NEG,
     ONCE,
+    OR,
     ORDER_WORDS,
     STOP,
     THEN,
@@ -65,7 +68,7 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.regions import NamedPlace, Region, Tagged
+from llm_astar_planner.instructions.regions import AnyOf, Except, NamedPlace, Region, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
@@ -213,10 +216,35 @@ class Assembler:
                 name = 'word' if meant else 'name'
                 about = self.clauses_about(part, lexeme, named)
                 part.ask(self.question(name, said, meant or places_in(lexeme)), about)
+        objects = self.driven_through(piece)
+        for clause in part.clauses:
+            entered = entered_in(clause, self.lexer.lexicon.places)
+            names = [name for name in objects if name in entered]
+            if names:
+                part.ask(self.question('through', some_of(names)), [clause])
         for start, end in piece.remarks:
             part.ask(self.question('remark', self.text[start:end]))
         if any(lexeme.kind == 'END' and lexeme.value == STOP for lexeme in piece.lexemes):
             part.ask(self.question('stop'))
+
+    def driven_through(self, piece: Piece) -> list[str]:
+        """Return the objects, which nobody enters, that a piece says to go through or into."""
+        named = [one for one in piece.lexemes if one.kind in (PLACE, NOUN)]
+        found: list[Lexeme] = []
+        for match in ENTERING.finditer(self.text, piece.start, piece.end):
+            # Canonical sentences say 'enter' of limits: 'enter the lathe at most 2 times'.
+            is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {TIMES, NEG})
+            if is_limit or any(one.start <= match.start() < one.end for one in named):
+                continue
+            behind = sorted(
+                (one for one in piece.lexemes if one.start >= match.start()),
+                key=lambda one: one.start,
+            )
+            first = next((n for n, one in enumerate(behind) if one in named), len(behind))
+            run = takewhile(lambda one: one.kind in LISTED, behind[first:])
+            found += [one for one in run if one in named] or named
+        meant = [place for one in found for place in places_of(one)]
+        return list(dict.fromkeys(place.name for place in meant if place.is_object))
 
     def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
         """Return the clauses of a part that a word concerns: of a place those that name it."""
@@ -467,6 +495,15 @@ class Assembler:
 REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
 # What says that a place is on the way, and that one is where the way leads.
 THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
+# That one is to drive through or into something; what it is follows, or stands before a verb.
+ENTERING = re.compile(
+    r'\b(through|thru|into|inside|across|over|enter|enters|entering|cross|crosses|crossing|'
+    r'traverse|traversing|durch|hinein|durchquere\w*|durchfahre?\w*|betritt|betrete\w*|'
+    r'überquere\w*|à travers|dans|traverse[rz]?|entre[rz]? (dans|en)|a través|atravie[sz]\w*|'
+    r'atravesar|cruz\w+)\b',
+    re.IGNORECASE,
+)
+LISTED = frozenset({PLACE, NOUN, AND, OR}) | ADJECTIVES
 TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
 # 'After you have visited A' is not before.
 PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
@@ -504,12 +541,33 @@ def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
     return {region for part in parts for visit in part.visits for region in visit.regions}
 
 
+def places_of(lexeme: Lexeme) -> tuple[Place, ...]:
+    """Return the places that a lexeme means."""
+    if isinstance(lexeme.value, Group):
+        return lexeme.value.places
+    return (lexeme.value,) if isinstance(lexeme.value, Place) else ()
+
+
 def places_in(lexeme: Lexeme) -> str:
     """Return the names of the places that a lexeme means, some of them where they are many."""
-    value = lexeme.value
-    found = value.places if isinstance(value, Group) else (value,)
+    found = lexeme.value.places if isinstance(lexeme.value, Group) else (lexeme.value,)
     names = [place.name if isinstance(place, Place) else str(place) for place in found]
+    return some_of(names)
+
+
+def some_of(names: Sequence[str]) -> str:
+    """Return names, some of them where they are many."""
     return ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
+
+
+def entered_in(clause: Clause, places: Places) -> set[str]:
+    """Return the places of which a clause says that they themselves are entered."""
+    if isinstance(clause, (Avoid, KeepDistance, Pass)):
+        return set()
+    wholes = [
+        one for one in clause.regions if isinstance(one, (NamedPlace, Tagged, Except, AnyOf))
+    ]
+    return set().union(*(names_of(one.to_json(), places) for one in wholes))
 
 
 def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
@@ -525,12 +583,8 @@ def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
 
 def names_in(lexeme: Lexeme, places: Places) -> set[str]:
     """Return the names of the places that a word means, none for other words."""
-    if isinstance(lexeme.value, Group):
-        return {place.name for place in lexeme.value.places}
-    if isinstance(lexeme.value, Place):
-        return {lexeme.value.name}
-    is_tag = lexeme.kind == TAG
-    return {place.name for place in places.with_tag(str(lexeme.value))} if is_tag else set()
+    found = places.with_tag(str(lexeme.value)) if lexeme.kind == TAG else places_of(lexeme)
+    return {place.name for place in found}
 
 
 def names_of(value: object, places: Places) -> set[str]:

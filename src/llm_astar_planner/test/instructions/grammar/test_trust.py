@@ -375,6 +375,31 @@ def test_where_only_aliases_end_with_a_word_it_is_asked():
     assert 'the counter, study by "desks"' in interpretation.questions[0]
 
 
+THROUGH_OBJECTS = {
+    'go through the lathe': 'Nothing can drive through the lathe. Shall the path pass by it',
+    'go through the kitchen and the lathe': 'Nothing can drive through the lathe.',
+    'fahre durch lathe': 'Soll der Weg daran vorbeiführen, höchstens 1 m entfernt',
+    'passe à travers lathe': 'à 1 m au plus',
+    'cruza lathe': 'a 1 m como mucho',
+}
+
+
+@pytest.mark.parametrize('text', THROUGH_OBJECTS)
+def test_of_an_object_that_nobody_can_go_through_it_is_asked(text):
+    interpretation = read(text)
+    assert THROUGH_OBJECTS[text] in interpretation.questions[0]
+    assert interpretation.status is Understanding.UNSURE
+
+
+@pytest.mark.parametrize(
+    'text', ['go to the lathe', 'pass by the lathe', 'go through the lab to the lathe']
+)
+def test_an_object_is_visited_from_beside_it(text):
+    interpretation = read(text)
+    assert 'the lathe' in interpretation.sentence
+    assert interpretation.status is Understanding.WHOLE
+
+
 SYLLABLES = ('ba', 'dor', 'fim', 'gur', 'kel', 'lo', 'mip', 'nu', 'raz', 'sov', 'tig', 'wex')
 OTHERS = ('room 101{}', 'lab {}', 'kitchen {}', '{}', '{} lab', 'the {} room', 'hall {}', 'old {}')
 TEMPLATES = (
