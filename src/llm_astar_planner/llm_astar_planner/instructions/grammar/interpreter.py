@@ -15,6 +15,7 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.never_after import NeverAfter
@@ -167,13 +168,14 @@ class Assembler:
     segments: int = 0
     previous: Clause | None = None
     is_preference_open: bool = False
+    is_refusal_open: bool = False
 
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
         is_broken = any(
             piece.is_broken or (piece.lexemes and piece.kinds <= GOVERNING) for piece in segment
         )
-        self.previous, self.is_preference_open = None, False
+        self.previous, self.is_preference_open, self.is_refusal_open = None, False, False
         is_conditional = False
         for piece in segment:
             if not self.is_irrelevant(piece):
@@ -378,9 +380,14 @@ class Assembler:
             unsupported += more
         if parsed.question:
             clauses = asked(clauses, self.question(parsed.question))
-        self.is_preference_open = piece.preference_leads or (
-            self.is_preference_open and piece.link in (AND, THEN)
+        goes_on = piece.link in (AND, THEN)
+        self.is_refusal_open = (piece.preference_leads and piece.is_refusal) or (
+            self.is_refusal_open and goes_on and not piece.preference_leads
         )
+        self.is_preference_open = piece.preference_leads or (self.is_preference_open and goes_on)
+        is_sought = any(isinstance(one, (Visit, EndAt, Then, Count)) for one in clauses)
+        if is_sought and (piece.is_refusal or self.is_refusal_open):
+            raise Unclear('unless there is another way to what')
         if piece.is_preference or self.is_preference_open:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
         return clauses + tuple(unsupported)

@@ -45,6 +45,8 @@ SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
 HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
 BECAUSE = 'BECAUSE'
 ANYORDER, INORDER = 'ANYORDER', 'INORDER'
+# The value of 'unless there is no other way', which goes with what is refused alone.
+REFUSED = 'refused'
 # No kind of the grammar: the piece is not understood.
 UNREAD = 'UNREAD'
 # 'you may', which asks nothing unless it is negated or a question.
@@ -214,7 +216,7 @@ class Piece:
     - `link`: '' at the beginning, else the kind of the separator before it.
     - `start`, `end`: where its words stand in the text, separators included.
     - `is_first`: it begins with 'first'. `is_preference`: it has an 'if possible';
-      `preference_leads`: at the beginning.
+      `preference_leads`: at the beginning; `is_refusal`: an 'unless there is no other way'.
     - `order`: it ends with 'in any order' or 'in this order'.
     - `is_paced`: it holds words that change their meaning beside a negation.
     - `is_later`: it ends with 'afterwards'.
@@ -235,6 +237,7 @@ class Piece:
     is_first: bool = False
     is_preference: bool = False
     preference_leads: bool = False
+    is_refusal: bool = False
     order: str = ''
     is_broken: bool = False
     is_paced: bool = False
@@ -279,7 +282,8 @@ class Piece:
             return ALL
         is_own = bool(kinds & (VERBS - GOVERNING) and kinds & REGION_ENDS)
         leads = self.first.kind if self.first else ''
-        if kinds & LIMITING or leads in POSITIONS or (kinds & REFUSING and not is_own):
+        is_limiting = bool(kinds & LIMITING) or self.is_refusal
+        if is_limiting or leads in POSITIONS or (kinds & REFUSING and not is_own):
             return NEAR
         return '' if self.link in (AND, THEN, BUT) or kinds & VERBS else DOUBT
 
@@ -555,6 +559,7 @@ class Splitter:
         if lexeme.kind == SHOULD_WORD:
             piece.preference_leads = piece.preference_leads or not piece.lexemes
             piece.is_preference = True
+            piece.is_refusal = piece.is_refusal or lexeme.value == REFUSED
         elif self.notes(lexeme):
             piece.start = piece.start if piece.end else lexeme.start
             piece.end = max(piece.end, lexeme.end)

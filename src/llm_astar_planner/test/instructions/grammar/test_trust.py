@@ -141,6 +141,8 @@ COMPOSED = {
     'keep away from the lathe, at least 1.2 m, the fish get nervous': 'keep 1.2 m away '
     'from the lathe',
     'avoid room 101': 'avoid the room 101',
+    'avoid the lab unless there is no other way': 'if possible, avoid the lab',
+    'do not go to the lab unless there is no other way': 'if possible, avoid the lab',
     'go past the kitchen': 'visit the 3 m along the kitchen',
 }
 UNSUPPORTED = {
@@ -249,6 +251,11 @@ NOT_READ = [
     'the operator said: visit the kitchen',
     'visit the ballroom',
     'follow the zorp',
+    'go to the lab unless there is no other way',
+    'go through the lab only if there is no other way',
+    'avoid the kitchen and visit the lab unless there is no other way',
+    "va à lab sauf s'il n'y a pas d'autre chemin",
+    'visita la cocina a menos que no haya otro camino',
     'pick up the zorp',
 ]
 
