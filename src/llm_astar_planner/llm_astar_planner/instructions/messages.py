@@ -22,6 +22,7 @@ MAX_QUESTION_WITH_PLACES = 4_000_000
 MAX_ID = 100
 MAX_ECHO = 1000
 MAX_DETAIL = 1000
+NO_INSTRUCTION = 'there is no instruction'
 STATUSES = {status.value: status for status in Understanding}
 
 
@@ -47,8 +48,10 @@ class Question:
 
     def to_text(self) -> str:
         """Return the question as the text of a message."""
-        fields = {'text': self.text, 'id': self.id, 'places': self.places}
-        return json.dumps({name: value for name, value in fields.items() if value})
+        fields = {'id': self.id, 'places': self.places}
+        return json.dumps(
+            {'text': self.text} | {name: value for name, value in fields.items() if value}
+        )
 
 
 def parse_question(data: str, limit: int = MAX_QUESTION) -> Question:
@@ -58,6 +61,8 @@ def parse_question(data: str, limit: int = MAX_QUESTION) -> Question:
     """
     if len(data) > limit:
         raise QuestionError(f'question: {len(data)} characters are more than {limit}')
+    if not data.strip():
+        raise QuestionError(NO_INSTRUCTION)
     if not data.lstrip().startswith('{'):
         return Question(data)
     fields = parse_object(data)
@@ -67,6 +72,8 @@ def parse_question(data: str, limit: int = MAX_QUESTION) -> Question:
     text, places = fields.get('text'), fields.get('places')
     if not isinstance(text, str):
         raise QuestionError('text: is not a text', name)
+    if not text.strip():
+        raise QuestionError(NO_INSTRUCTION, name)
     if not (places is None or isinstance(places, dict)):
         raise QuestionError('places: is not a GeoJSON FeatureCollection', name)
     return Question(text, name, places)

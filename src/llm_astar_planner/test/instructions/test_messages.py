@@ -52,6 +52,8 @@ def test_a_text_alone_and_json_are_questions():
         ('{"a":' * 12_000, 'question: is n'),
         ('{}', 'text: is not a text'),
         ('{"text": 1}', 'text: is not a text'),
+        (' ', 'there is no instruction'),
+        (Question('', 'x1').to_text(), 'there is no instruction'),
         ('{"text": "a", "id": 1}', 'id: is not a text of at most 100'),
         (json.dumps({'text': 'a', 'id': 'x' * 101}), 'id: is not a text of at most 100'),
         ('{"text": "a", "places": "b"}', 'places: is not a GeoJSON FeatureCollection'),

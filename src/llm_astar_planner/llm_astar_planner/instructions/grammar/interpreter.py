@@ -5,18 +5,21 @@ from __future__ import annotations
 import re
 import time
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.never_after import NeverAfter
+from llm_astar_planner.instructions.clauses.pass_by import Pass
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
@@ -24,8 +27,15 @@ from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupporte
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
-from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
-from llm_astar_planner.instructions.grammar.lexer import Lexer
+from llm_astar_planner.instructions.grammar.lexemes import (
+    AND,
+    COMMA,
+    TIMES,
+    UNKNOWN,
+    UNSUPPORTED,
+    Lexeme,
+)
+from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG, Lexer
 from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
 from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
@@ -35,12 +45,14 @@ from llm_astar_planner.instructions.grammar.pieces import (
     BUT,
     COLON,
     DOUBT,
+    EXCEPTNOT,
     GOVERNING,
     HARD,
     INORDER,
     NEAR,
     NEG,
     ONCE,
+    OR,
     ORDER_WORDS,
     STOP,
     THEN,
@@ -57,7 +69,7 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.regions import NamedPlace, Region, Tagged
+from llm_astar_planner.instructions.regions import AnyOf, Except, NamedPlace, Region, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
@@ -104,20 +116,44 @@ class ReadPiece:
         """Take it as not understood."""
         self.clauses, self.is_said = (), False
 
-    def ask(self, question: str) -> None:
-        """Make its clauses unsure; `question` may have `{meant}` in place of what they say."""
-        self.clauses = asked(self.clauses, question)
+    def ask(self, question: str, about: Collection[Clause] | None = None) -> None:
+        """Make clauses unsure, all or those that it is `about`.
+
+        `question` may have `{meant}` in place of what they say. With more questions than can be
+        asked it is not understood.
+        """
+        try:
+            self.clauses = asked(self.clauses, question, about)
+        except Unclear:
+            self.drop()
 
 
-def asked(clauses: tuple[Clause, ...], question: str) -> tuple[Clause, ...]:
-    """Return clauses with a question about them, but for those that claim nothing anyway."""
-    claiming = [clause for clause in clauses if not isinstance(clause, Unknown)]
+def asked(
+    clauses: tuple[Clause, ...], question: str, about: Collection[Clause] | None = None
+) -> tuple[Clause, ...]:
+    """Return clauses with a question about them, but for those that claim nothing anyway.
+
+    Raises Unclear where a clause has more questions than can be asked.
+    """
+    about = clauses if about is None else about
+    claiming = [one for one in clauses if one in about and not isinstance(one, Unknown)]
     meant = '; '.join(clause.phrase() for clause in claiming)
     question = question.replace('{meant}', meant)[:MAX_QUESTION_CHARS]
     return tuple(
-        replace(clause, unsure=clause.unsure or question) if clause in claiming else clause
+        replace(clause, unsure=both_asked(clause.unsure, question))
+        if clause in claiming
+        else clause
         for clause in clauses
     )
+
+
+def both_asked(first: str, second: str) -> str:
+    """Return two questions as one. Raises Unclear where it is too long."""
+    if not first or not second or second in first:
+        return first or second
+    if len(first) + len(second) >= MAX_QUESTION_CHARS:
+        raise Unclear('too many doubts')
+    return f'{first} {second}'
 
 
 @dataclass(eq=False)
@@ -132,13 +168,14 @@ class Assembler:
     segments: int = 0
     previous: Clause | None = None
     is_preference_open: bool = False
+    is_refusal_open: bool = False
 
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
         is_broken = any(
             piece.is_broken or (piece.lexemes and piece.kinds <= GOVERNING) for piece in segment
         )
-        self.previous, self.is_preference_open = None, False
+        self.previous, self.is_preference_open, self.is_refusal_open = None, False, False
         is_conditional = False
         for piece in segment:
             if not self.is_irrelevant(piece):
@@ -176,15 +213,51 @@ class Assembler:
     def ask_about(self, part: ReadPiece) -> None:
         """Ask about words of a piece that may mean something else."""
         piece = part.piece
-        for lexeme in (*piece.lexemes, *piece.unsupported):
-            if lexeme.doubt is not None:
-                said, meant = lexeme.doubt
+        for lexeme, named in named_by(piece):
+            for said, meant in lexeme.doubts:
                 name = 'word' if meant else 'name'
-                part.ask(self.question(name, said, meant or places_in(lexeme)))
+                about = self.clauses_about(part, lexeme, named)
+                part.ask(self.question(name, said, meant or places_in(lexeme)), about)
+        objects = self.driven_through(piece)
+        for clause in part.clauses:
+            entered = entered_in(clause, self.lexer.lexicon.places)
+            names = [name for name in objects if name in entered]
+            if names:
+                part.ask(self.question('through', some_of(names)), [clause])
         for start, end in piece.remarks:
             part.ask(self.question('remark', self.text[start:end]))
         if any(lexeme.kind == 'END' and lexeme.value == STOP for lexeme in piece.lexemes):
             part.ask(self.question('stop'))
+
+    def driven_through(self, piece: Piece) -> list[str]:
+        """Return the objects, which nobody enters, that a piece says to go through or into."""
+        named = [one for one in piece.lexemes if one.kind in (PLACE, NOUN)]
+        found: list[Lexeme] = []
+        for match in ENTERING.finditer(self.text, piece.start, piece.end):
+            # Canonical sentences say 'enter' of limits: 'enter the lathe at most 2 times'.
+            is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {TIMES, NEG})
+            if is_limit or any(one.start <= match.start() < one.end for one in named):
+                continue
+            behind = sorted(
+                (one for one in piece.lexemes if one.start >= match.start()),
+                key=lambda one: one.start,
+            )
+            first = next((n for n, one in enumerate(behind) if one in named), len(behind))
+            run = takewhile(lambda one: one.kind in LISTED, behind[first:])
+            found += [one for one in run if one in named] or named
+        meant = [place for one in found for place in places_of(one)]
+        return list(dict.fromkeys(place.name for place in meant if place.is_object))
+
+    def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
+        """Return the clauses of a part that a word concerns: of a place those that name it."""
+        if lexeme.kind == UNSUPPORTED:
+            found = [one for one in part.clauses if isinstance(one, Unsupported)]
+            said = self.text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
+            return [one for one in found if one.text == said] or found
+        places = self.lexer.lexicon.places
+        names = names_in(named, places)
+        found = [one for one in part.clauses if names & names_of(one.to_json(), places)]
+        return found or list(part.clauses)
 
     def put_in_order(self) -> None:
         """Put visits that 'before' and 'after' name again where they belong, once each.
@@ -284,15 +357,21 @@ class Assembler:
         if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
             return ()
         try:
-            unsupported = self.unsupported(piece)
-            if unsupported and piece.kinds <= BARE:
-                return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
-            parsed = parse_clause(piece.lexemes)
-            clauses = self.in_flow(piece, parsed)
-            self.refuse_times(piece, clauses)
+            clauses = self.clauses_of(piece)
         except Unclear as reason:
             self.notes += [str(reason)] if str(reason) else []
             return ()
+        return clauses if self.has_room_for(clauses) else ()
+
+    def clauses_of(self, piece: Piece) -> tuple[Clause, ...]:
+        """Return the clauses of a piece. Raises Unclear where it was not read wholly."""
+        unsupported = self.unsupported(piece)
+        if unsupported and piece.kinds <= BARE:
+            return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
+        parsed = parse_clause(piece.lexemes)
+        clauses = self.in_flow(piece, parsed)
+        self.refuse_times(piece, clauses)
+        refuse_but_not(piece, clauses)
         if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
             visits = [clause for clause in clauses if isinstance(clause, Visit)]
             clauses += befores_of(*visits) if len(visits) == 2 else ()
@@ -301,13 +380,17 @@ class Assembler:
             unsupported += more
         if parsed.question:
             clauses = asked(clauses, self.question(parsed.question))
-        self.is_preference_open = piece.preference_leads or (
-            self.is_preference_open and piece.link in (AND, THEN)
+        goes_on = piece.link in (AND, THEN)
+        self.is_refusal_open = (piece.preference_leads and piece.is_refusal) or (
+            self.is_refusal_open and goes_on and not piece.preference_leads
         )
+        self.is_preference_open = piece.preference_leads or (self.is_preference_open and goes_on)
+        is_sought = any(isinstance(one, (Visit, EndAt, Then, Count)) for one in clauses)
+        if is_sought and (piece.is_refusal or self.is_refusal_open):
+            raise Unclear('unless there is another way to what')
         if piece.is_preference or self.is_preference_open:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
-        clauses += tuple(unsupported)
-        return clauses if self.has_room_for(clauses) else ()
+        return clauses + tuple(unsupported)
 
     def words_of(self, piece: Piece) -> str:
         """Return the words of a piece as they were said."""
@@ -419,12 +502,32 @@ class Assembler:
 REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
 # What says that a place is on the way, and that one is where the way leads.
 THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
+# That one is to drive through or into something; what it is follows, or stands before a verb.
+ENTERING = re.compile(
+    r'\b(through|thru|into|inside|across|over|enter|enters|entering|cross|crosses|crossing|'
+    r'traverse|traversing|durch|hinein|durchquere\w*|durchfahre?\w*|betritt|betrete\w*|'
+    r'überquere\w*|à travers|dans|traverse[rz]?|entre[rz]? (dans|en)|a través|atravie[sz]\w*|'
+    r'atravesar|cruz\w+)\b',
+    re.IGNORECASE,
+)
+LISTED = frozenset({PLACE, NOUN, AND, OR}) | ADJECTIVES
 TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
 # 'After you have visited A' is not before.
 PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
 # What is left of 'drive slowly': nothing but how.
 BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'
+
+
+def refuse_but_not(piece: Piece, clauses: Sequence[Clause]) -> None:
+    """Raise Unclear for 'but not' where nobody knows what it refuses: 'after all rooms but not A'.
+
+    Of visits it is to avoid it; of what is avoided it is an exception.
+    """
+    if EXCEPTNOT in piece.kinds:
+        kinds = {type(clause) for clause in clauses}
+        if not kinds <= {Visit, Avoid, KeepDistance}:
+            raise Unclear('but not what')
 
 
 def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
@@ -445,17 +548,72 @@ def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
     return {region for part in parts for visit in part.visits for region in visit.regions}
 
 
+def places_of(lexeme: Lexeme) -> tuple[Place, ...]:
+    """Return the places that a lexeme means."""
+    if isinstance(lexeme.value, Group):
+        return lexeme.value.places
+    return (lexeme.value,) if isinstance(lexeme.value, Place) else ()
+
+
 def places_in(lexeme: Lexeme) -> str:
     """Return the names of the places that a lexeme means, some of them where they are many."""
-    value = lexeme.value
-    found = value.places if isinstance(value, Group) else (value,)
+    found = lexeme.value.places if isinstance(lexeme.value, Group) else (lexeme.value,)
     names = [place.name if isinstance(place, Place) else str(place) for place in found]
+    return some_of(names)
+
+
+def some_of(names: Sequence[str]) -> str:
+    """Return names, some of them where they are many."""
     return ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
 
 
+def entered_in(clause: Clause, places: Places) -> set[str]:
+    """Return the places of which a clause says that they themselves are entered."""
+    if isinstance(clause, (Avoid, KeepDistance, Pass)):
+        return set()
+    wholes = [
+        one for one in clause.regions if isinstance(one, (NamedPlace, Tagged, Except, AnyOf))
+    ]
+    return set().union(*(names_of(one.to_json(), places) for one in wholes))
+
+
+def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
+    """Yield the words of a piece, each with the noun that it belongs to, itself if to none."""
+    lexemes = [*piece.lexemes, *piece.unsupported]
+    for at, lexeme in enumerate(lexemes):
+        noun = lexeme
+        if lexeme.kind in ADJECTIVES:
+            after = (one for one in lexemes[at:] if one.kind not in ADJECTIVES)
+            noun = next(after, lexeme)
+        yield lexeme, noun if noun.kind in (PLACE, NOUN) else lexeme
+
+
+def names_in(lexeme: Lexeme, places: Places) -> set[str]:
+    """Return the names of the places that a word means, none for other words."""
+    found = places.with_tag(str(lexeme.value)) if lexeme.kind == TAG else places_of(lexeme)
+    return {place.name for place in found}
+
+
+def names_of(value: object, places: Places) -> set[str]:
+    """Return the names of the places that the JSON form of a clause has, those of tags too."""
+    if isinstance(value, str):
+        tagged = {place.name for place in places.with_tag(value)} if value in places.tags else ()
+        return {value, *tagged}
+    inner = value.values() if isinstance(value, dict) else value
+    if not isinstance(inner, Iterable):
+        return set()
+    return set().union(*(names_of(one, places) for one in inner))
+
+
 def befores_of(first: Visit, second: Visit) -> tuple[Clause, ...]:
-    """Return that none of the second regions is entered before all of the first."""
-    return tuple(Before(first=a, second=b) for b in second.regions for a in first.regions)
+    """Return that none of the second regions is entered before all of the first. Raises Unclear.
+
+    What is asked about one of them is asked about the order.
+    """
+    unsure = both_asked(first.unsure, second.unsure)
+    return tuple(
+        Before(first=a, second=b, unsure=unsure) for b in second.regions for a in first.regions
+    )
 
 
 def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
@@ -469,9 +627,24 @@ def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
     known = [visit for visit, one in ((first, early), (second, late)) if one]
     if late and not early:
         part.at = late.at - 0.5
-    orders = befores_of(first, second) if late and 'BEFORE' in part.piece.kinds else ()
-    part.clauses = tuple(one for one in (*part.clauses, *orders) if one not in known)
+    kept = tuple(one for one in part.clauses if one not in known)
+    try:
+        is_order = late and 'BEFORE' in part.piece.kinds
+        part.clauses = (*kept, *(befores_of(first, second) if is_order else ()))
+    except Unclear:
+        part.drop()
+        return
     part.is_said = True
+    # What is left out here takes its questions to where it is said.
+    for one in (early, late):
+        for visit in known:
+            if one and visit.unsure and (not part.clauses or visit.regions in at_of(one)):
+                one.ask(visit.unsure)
+
+
+def at_of(part: ReadPiece) -> set[tuple[Region, ...]]:
+    """Return the regions that each visit of a part asks for."""
+    return {visit.regions for visit in part.visits}
 
 
 def has_repetition(clause: Clause) -> bool:

@@ -33,7 +33,7 @@ GO_WITH = {
 class Lexeme:
     """A word or phrase: its kind, its value, and where it stands in the text.
 
-    `other` is another kind that the phrase may be of, `other_value` its value. `doubt` are the
+    `other` is another kind that the phrase may be of, `other_value` its value. `doubts` are the
     words as they were said, and what was taken for them, where they are misspelt or a synonym.
     """
 
@@ -43,7 +43,7 @@ class Lexeme:
     end: int
     other: str = ''
     other_value: Any = ''
-    doubt: tuple[str, str] | None = None
+    doubts: tuple[tuple[str, str], ...] = ()
 
     def __str__(self) -> str:
         """Return the kind, for messages of the parser."""
@@ -67,8 +67,12 @@ class Lexeme:
 
 def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:
     """Return several lexemes as one."""
-    doubt = next((lexeme.doubt for lexeme in lexemes if lexeme.doubt), None)
-    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubt=doubt)
+    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubts=doubts_of(lexemes))
+
+
+def doubts_of(lexemes: Sequence[Lexeme]) -> tuple[tuple[str, str], ...]:
+    """Return the doubts of several lexemes, each once."""
+    return tuple(dict.fromkeys(doubt for lexeme in lexemes for doubt in lexeme.doubts))
 
 
 @cache

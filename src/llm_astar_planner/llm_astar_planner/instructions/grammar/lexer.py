@@ -16,6 +16,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     UNKNOWN,
     Lexeme,
     combined,
+    doubts_of,
     kinds_after,
     settled,
     told_apart,
@@ -192,7 +193,7 @@ class Lexer:
     def single(self, word: Word) -> Lexeme:
         """Return the lexeme of a word that is in no table of phrases."""
         kind, value = UNKNOWN, word.text
-        doubt = (word.said, word.text) if word.is_corrected else None
+        doubts = ((word.said, word.text),) if word.is_corrected else ()
         if word.is_number:
             is_number = abs(float(word.text)) <= MOST and not self.may_be_thousands(word.text)
             kind = NUMBER if is_number else UNKNOWN
@@ -206,7 +207,7 @@ class Lexer:
             kind = ANY_ARTICLE
         elif word.text in self.vocabulary.articles:
             kind = ARTICLE
-        return Lexeme(kind, value, word.start, word.end, doubt=doubt)
+        return Lexeme(kind, value, word.start, word.end, doubts=doubts)
 
     def may_be_thousands(self, number: str) -> bool:
         """Whether a point in a number may part thousands: '1.500', but not in English."""
@@ -289,8 +290,9 @@ def place_lexeme(
         text = ' '.join(word.text for word in words)
         named = tuple(place for _, place in values if isinstance(place, Place))
         kind, value = NOUN, Group(text, places, named, plural=False)
-    doubt = (said(words), '') if is_doubtful or any(word.is_corrected for word in words) else None
-    return Lexeme(kind, value, words[0].start, words[-1].end, doubt=doubt)
+    is_asked = is_doubtful or any(word.is_corrected for word in words)
+    doubts = ((said(words), ''),) if is_asked else ()
+    return Lexeme(kind, value, words[0].start, words[-1].end, doubts=doubts)
 
 
 def said(words: Sequence[Word]) -> str:
@@ -303,10 +305,10 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     start, end = words[0].start, words[-1].end
     other = meanings[1][0] if len(meanings) > 1 else ('', '')
     wrong = [word for word in words if word.is_corrected]
-    doubt = (said(wrong), ' '.join(word.text for word in wrong)) if wrong else None
+    doubts = ((said(wrong), ' '.join(word.text for word in wrong)),) if wrong else ()
     text = ' '.join(word.text for word in words)
     return [
-        Lexeme(kind, value or (text if kind in LEFT_OUT else ''), start, end, *other, doubt)
+        Lexeme(kind, value or (text if kind in LEFT_OUT else ''), start, end, *other, doubts)
         for kind, value in meanings[0]
     ]
 
@@ -317,13 +319,12 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     After a place a letter, or a word such as 'path', is a part of a name that the map lacks.
     """
     kept: list[Lexeme] = []
-    doubt, was_article = None, False
+    doubts: tuple[tuple[str, str], ...] = ()
+    was_article = False
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
         is_name = is_part_of_name(before, lexeme, after) or (
-            was_article
-            and lexeme.kind in (FILLER, 'THEN')
-            and lexeme.value not in AFTER_ARTICLE
+            was_article and lexeme.kind in (FILLER, 'THEN') and lexeme.value not in AFTER_ARTICLE
         )
         was_article = lexeme.kind == ARTICLE
         if is_name:
@@ -332,12 +333,12 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
             goal = replace(lexeme, kind='ENDPOINT', value='goal')
             kept += [replace(lexeme, kind='BEFORE', value=''), goal]
         elif lexeme.kind in LEFT_OUT:
-            doubt = doubt or lexeme.doubt
+            doubts += lexeme.doubts
         else:
-            kept.append(replace(lexeme, doubt=lexeme.doubt or doubt))
-            doubt = None
-    if doubt and kept:
-        kept[-1] = replace(kept[-1], doubt=kept[-1].doubt or doubt)
+            kept.append(replace(lexeme, doubts=doubts + lexeme.doubts))
+            doubts = ()
+    if doubts and kept:
+        kept[-1] = replace(kept[-1], doubts=kept[-1].doubts + doubts)
     return kept
 
 
@@ -372,16 +373,21 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             continue
         before = result[-1] if result else Lexeme('', '', 0, 0)
         is_told = any(tells_all(other, lexeme) for other in (before, after))
-        noun = replace(lexeme, doubt=None) if is_told else lexeme
+        noun = replace(lexeme, doubts=told_doubts(lexeme)) if is_told else lexeme
         result.append(noun if before.kind in ADJECTIVES else as_place(noun))
     return result
 
 
 def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
     """Whether a tag of the map tells the places, whatever the noun beside it: 'blue rooms'."""
-    if tag is None or tag.kind != TAG or tag.doubt or not isinstance(noun.value, Group):
+    if tag is None or tag.kind != TAG or tag.doubts or not isinstance(noun.value, Group):
         return False
     return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
+
+
+def told_doubts(noun: Lexeme) -> tuple[tuple[str, str], ...]:
+    """Return the doubts of a noun that a tag tells: of other words than itself."""
+    return tuple(doubt for doubt in noun.doubts if doubt[1])
 
 
 def as_place(lexeme: Lexeme) -> Lexeme:
@@ -391,9 +397,9 @@ def as_place(lexeme: Lexeme) -> Lexeme:
         return lexeme
     if group.noun == WALL and group.plural:
         return lexeme
-    is_part = group.own == HEAD and not lexeme.doubt
-    doubt = (group.words, '') if is_part else lexeme.doubt
-    return replace(lexeme, kind=PLACE, value=group.places[0], doubt=doubt)
+    is_part = group.own == HEAD and not lexeme.doubts
+    doubts = ((group.words, ''),) if is_part else lexeme.doubts
+    return replace(lexeme, kind=PLACE, value=group.places[0], doubts=doubts)
 
 
 def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -408,7 +414,13 @@ def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             place = described_place(result[begin:])
             if place is not None:
                 result[begin:] = [
-                    replace(lexeme, kind=PLACE, value=place, start=result[begin].start)
+                    replace(
+                        lexeme,
+                        kind=PLACE,
+                        value=place,
+                        start=result[begin].start,
+                        doubts=doubts_of(result[begin:]),
+                    )
                 ]
             begin = len(result)
     return result

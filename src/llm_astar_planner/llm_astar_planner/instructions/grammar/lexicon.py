@@ -59,7 +59,8 @@ class Lexicon:
     - `names`: names and aliases; `near_names`: their translations and other number, each with
       whether it is a sure one, no synonym.
     - `tags`: kinds and tags that are no nouns, as adjectives ('blue').
-    - `members`: by the name of a noun, the places that it may mean.
+    - `members`: by the name of a noun, the places that it may mean; `partial`: the nouns that
+      only end an alias of these ('desk' of 'front desk'), so that nobody knows.
     - `spellings`: the words that a misspelt one is compared with.
     - `starts`: the words that any of the phrases begin with.
     """
@@ -70,6 +71,7 @@ class Lexicon:
     tags: Phrases[str]
     tag_groups: Phrases[str]
     members: dict[str, Members]
+    partial: frozenset[str]
     spellings: frozenset[str]
     starts: frozenset[str]
 
@@ -78,6 +80,8 @@ class Lexicon:
         places = self.kind_of(noun, words) or self.members[noun.name]
         own = {own_word(place, noun) for place in places}
         least = next((one for one in ('', HEAD, KIND) if one in own), KIND)
+        if noun.name in self.partial and len(places) > 1:
+            least = ''
         return Group(words, self.places, places, noun.plural, '', noun.name, least)
 
     def kind_of(self, noun: Noun, words: str) -> Members:
@@ -125,12 +129,16 @@ def lexicon(places: Places) -> Lexicon:
     for tag in places.tags:
         add_tag(tag, tags, groups)
     languages = name_languages(places)
-    nouns_of = {place.name: place_nouns(place, languages) for place in places}
+    nouns_of = {place.name: own_nouns(place, languages) for place in places}
+    called = frozenset().union(*nouns_of.values())
+    # What only ends an alias counts where the map has nothing else of it.
+    ends_of = {place.name: alias_nouns(place, languages) - called for place in places}
+    partial = frozenset().union(*ends_of.values())
+    nouns_of = {name: nouns_of[name] | ends_of[name] for name in nouns_of}
     starts = frozenset().union(*(phrases.starts for phrases in (names, near, tags, groups)))
     letters = frozenset(word for word in names.words | near.words | tags.words if word.isalpha())
-    return Lexicon(
-        places, names, near, tags, groups, members_of(places, nouns_of), letters, starts
-    )
+    members = members_of(places, nouns_of)
+    return Lexicon(places, names, near, tags, groups, members, partial, letters, starts)
 
 
 @lru_cache(maxsize=1)
@@ -171,14 +179,16 @@ def head_of(words: tuple[str, ...]) -> tuple[str, ...]:
     return words[:end]
 
 
-def head_nouns(words: tuple[str, ...], languages: Collection[str] = LANGUAGES) -> frozenset[str]:
-    """Return the nouns that the head of a name ends with: the longest phrase decides.
+def head_nouns(
+    words: tuple[str, ...], languages: Collection[str] = LANGUAGES, is_whole: bool = False
+) -> frozenset[str]:
+    """Return the nouns that the head of a name ends with, or is: the longest phrase decides.
 
     The last word of a longer name is read in the languages of the map's names alone: 'fuel
     station' is no ward, which is 'Station' in German.
     """
     head = [Word(word, 0, 0) for word in head_of(words)]
-    for start in range(len(head)):
+    for start in range(1 if is_whole else len(head)):
         count, found = nouns().everywhere.longest(head, start)
         if count == len(head) - start:
             return frozenset(
@@ -208,10 +218,22 @@ def name_languages(places: Places) -> tuple[str, ...]:
 
 
 def place_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
-    """Return the nouns that a place is called by: of its names, kind and tags."""
+    """Return the nouns that a place is called by, of the ends of its aliases if by no other."""
+    return own_nouns(place, languages) or alias_nouns(place, languages)
+
+
+def own_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
+    """Return the nouns of a place's name, kind and tags, and those that are whole aliases."""
     kinds = [kind for kind in (place.kind, *place.tags) if kind not in (AREA, PLACE)]
-    texts = (place.name, *place.aliases, *kinds)
-    return frozenset().union(*(head_nouns(phrase_words(text), languages) for text in texts))
+    heads = [head_nouns(phrase_words(text), languages) for text in (place.name, *kinds)]
+    wholes = [head_nouns(phrase_words(text), languages, True) for text in place.aliases]
+    return frozenset().union(*heads, *wholes)
+
+
+def alias_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
+    """Return the nouns that the aliases of a place end with: 'desk' of 'front desk'."""
+    ends = (head_nouns(phrase_words(text), languages) for text in place.aliases)
+    return frozenset().union(*ends)
 
 
 @lru_cache(maxsize=1024)

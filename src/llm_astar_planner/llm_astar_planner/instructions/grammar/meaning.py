@@ -229,7 +229,8 @@ def two(parts: tuple[Any, ...]) -> list[Things]:
 
 def visits(*in_turn: Things) -> ParsedClause:
     """Return the visits of some things, one after the other."""
-    return ParsedClause(tuple(visit_of(things) for things in in_turn))
+    refused = tuple(one for things in in_turn for thing in things for one in thing.refused)
+    return ParsedClause((*(visit_of(things) for things in in_turn), *avoid_of(refused)))
 
 
 @v_args(inline=True)
@@ -632,6 +633,10 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'all rooms except A and B'."""
         left_out = tuple(region for other in others for region in other.each)
         return replace(without(thing, left_out), is_except=True)
+
+    def but_not(self, thing: Selection, others: Things) -> Selection:
+        """'all rooms but not A': of what is to be visited A is refused, too."""
+        return replace(self.except_of(thing, others), refused=others)
 
     def endpoint(self, token: Token) -> Selection:
         """'the start'."""

@@ -36,6 +36,8 @@ ENROUTE = 'ENROUTE'
 GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH INTO ENTER')
 # A verb after one of these belongs to it: 'before you enter A'.
 ONCE, EXCEPT, PART = 'ONCE', 'EXCEPT', 'PART'
+# 'all rooms but not the lab': the lab is refused, too.
+EXCEPTNOT = 'EXCEPTNOT'
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER', ONCE})
 # 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
 STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
@@ -43,6 +45,8 @@ SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
 HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
 BECAUSE = 'BECAUSE'
 ANYORDER, INORDER = 'ANYORDER', 'INORDER'
+# The value of 'unless there is no other way', which goes with what is refused alone.
+REFUSED = 'refused'
 # No kind of the grammar: the piece is not understood.
 UNREAD = 'UNREAD'
 # 'you may', which asks nothing unless it is negated or a question.
@@ -80,7 +84,7 @@ STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
 SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
 # How far an unread piece reaches, and the kinds of words of one that reaches its neighbours.
 ALL, NEAR, DOUBT = 'all', 'near', 'doubt'
-LIMITING = ORDER_WORDS | {EXCEPT, OR, 'ONLY', 'EITHER', 'NUMBER'}
+LIMITING = ORDER_WORDS | {EXCEPT, EXCEPTNOT, OR, 'ONLY', 'EITHER', 'NUMBER'}
 REFUSING = frozenset({NEG, 'POISON', 'MAY'})
 POSITIONS = frozenset({'IN', 'UPON', 'AT', 'FROM'})
 SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
@@ -212,7 +216,7 @@ class Piece:
     - `link`: '' at the beginning, else the kind of the separator before it.
     - `start`, `end`: where its words stand in the text, separators included.
     - `is_first`: it begins with 'first'. `is_preference`: it has an 'if possible';
-      `preference_leads`: at the beginning.
+      `preference_leads`: at the beginning; `is_refusal`: an 'unless there is no other way'.
     - `order`: it ends with 'in any order' or 'in this order'.
     - `is_paced`: it holds words that change their meaning beside a negation.
     - `is_later`: it ends with 'afterwards'.
@@ -233,6 +237,7 @@ class Piece:
     is_first: bool = False
     is_preference: bool = False
     preference_leads: bool = False
+    is_refusal: bool = False
     order: str = ''
     is_broken: bool = False
     is_paced: bool = False
@@ -277,7 +282,8 @@ class Piece:
             return ALL
         is_own = bool(kinds & (VERBS - GOVERNING) and kinds & REGION_ENDS)
         leads = self.first.kind if self.first else ''
-        if kinds & LIMITING or leads in POSITIONS or (kinds & REFUSING and not is_own):
+        is_limiting = bool(kinds & LIMITING) or self.is_refusal
+        if is_limiting or leads in POSITIONS or (kinds & REFUSING and not is_own):
             return NEAR
         return '' if self.link in (AND, THEN, BUT) or kinds & VERBS else DOUBT
 
@@ -399,8 +405,9 @@ class Splitter:
             self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
             return
         if kind == BUT and self.is_exception(at):
-            self.extend(replace(lexeme, kind=EXCEPT))
-            self.skipped = int(self.kind_after(at) == NEG)
+            is_not = self.kind_after(at) == NEG
+            self.extend(replace(lexeme, kind=EXCEPTNOT if is_not else EXCEPT))
+            self.skipped = int(is_not)
             return
         if kind == CONDITION:
             self.begin(kind)
@@ -552,6 +559,7 @@ class Splitter:
         if lexeme.kind == SHOULD_WORD:
             piece.preference_leads = piece.preference_leads or not piece.lexemes
             piece.is_preference = True
+            piece.is_refusal = piece.is_refusal or lexeme.value == REFUSED
         elif self.notes(lexeme):
             piece.start = piece.start if piece.end else lexeme.start
             piece.end = max(piece.end, lexeme.end)

@@ -100,14 +100,14 @@ def shorten(piece: Piece) -> None:
 
 def note_unknown(piece: Piece, lexemes: Sequence[Lexeme]) -> None:
     """Note words that are left out of a piece, if one of them is not known: it may be a place."""
-    if any(lexeme.kind == UNKNOWN or lexeme.doubt for lexeme in lexemes):
+    if any(lexeme.kind == UNKNOWN or lexeme.doubts for lexeme in lexemes):
         piece.remarks.append((lexemes[0].start, lexemes[-1].end))
 
 
 def note_remark(remark: Piece, piece: Piece) -> None:
     """Note a remark that is left out beside a piece, if a word of it is not known."""
     words = (*remark.lexemes, *remark.unsupported)
-    if any(lexeme.kind == UNKNOWN or lexeme.doubt for lexeme in words):
+    if any(lexeme.kind == UNKNOWN or lexeme.doubts for lexeme in words):
         piece.remarks.append((remark.start, remark.end))
 
 

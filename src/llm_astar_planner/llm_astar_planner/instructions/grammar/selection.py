@@ -147,6 +147,7 @@ class Selection:
     - `is_group`: a noun for several places; `is_all`: with 'all' or 'each'.
     - `is_limit`: one side of a line, 'x below 5', which goes with other limits.
     - `is_except`: 'except' follows it, of which beside others nobody knows what it is from.
+    - `refused`: what 'but not' takes out of it, which is not to be entered.
     """
 
     regions: tuple[Region, ...] = ()
@@ -160,6 +161,7 @@ class Selection:
     is_all: bool = False
     is_limit: bool = False
     is_except: bool = False
+    refused: tuple[Selection, ...] = ()
 
     @property
     def each(self) -> tuple[Region, ...]:

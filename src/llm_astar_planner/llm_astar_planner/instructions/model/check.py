@@ -244,7 +244,7 @@ def is_sure(clause: Clause, part: Part) -> bool:
     It is the only one of its part, about places that are named for certain.
     """
     kinds, lexemes = part.kinds, part.lexemes
-    strange = any(lexeme.doubt for lexeme in lexemes) or not is_known(lexemes)
+    strange = any(lexeme.doubts for lexeme in lexemes) or not is_known(lexemes)
     several = any(len(names_of(lexeme)) > 1 for lexeme in lexemes)
     other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
     if strange or several or other or kinds & UNCLEAR or is_qualified(part.piece.piece):

@@ -141,6 +141,8 @@ COMPOSED = {
     'keep away from the lathe, at least 1.2 m, the fish get nervous': 'keep 1.2 m away '
     'from the lathe',
     'avoid room 101': 'avoid the room 101',
+    'avoid the lab unless there is no other way': 'if possible, avoid the lab',
+    'do not go to the lab unless there is no other way': 'if possible, avoid the lab',
     'go past the kitchen': 'visit the 3 m along the kitchen',
 }
 UNSUPPORTED = {
@@ -249,6 +251,11 @@ NOT_READ = [
     'the operator said: visit the kitchen',
     'visit the ballroom',
     'follow the zorp',
+    'go to the lab unless there is no other way',
+    'go through the lab only if there is no other way',
+    'avoid the kitchen and visit the lab unless there is no other way',
+    "va à lab sauf s'il n'y a pas d'autre chemin",
+    'visita la cocina a menos que no haya otro camino',
     'pick up the zorp',
 ]
 
@@ -303,6 +310,101 @@ def test_what_follows_a_condition_may_hang_on_it_too():
     interpretation = read('if you enter the kitchen, visit the study and avoid the lab')
     assert 'avoid' not in interpretation.specification.enforceable[0].sentence()
     assert interpretation.status is Understanding.PARTLY
+
+
+BUT_NOT = {
+    'visit all rooms but not the lab': 'avoid the lab',
+    'besuche alle Räume, aber nicht die Küche': 'avoid the kitchen',
+    'avoid all rooms but not the lab': 'avoid all room places except the lab',
+}
+
+
+@pytest.mark.parametrize('text', BUT_NOT)
+def test_but_not_after_all_that_is_visited_refuses(text):
+    interpretation = read(text)
+    assert interpretation.sentence.split('; ')[-1] == BUT_NOT[text]
+    assert interpretation.status is Understanding.WHOLE
+
+
+def test_but_not_of_what_is_counted_is_not_understood():
+    assert read('visit all rooms but not the lab at most twice').status is Understanding.NONE
+
+
+OFFICE, KITCHEN = 'the office by "officer"?', 'the kitchen by "kichen"?'
+DOUBTS = {
+    'visit the officer and the kichen': [[OFFICE, KITCHEN]],
+    'avoid the kichen and the officer': [[KITCHEN], [OFFICE]],
+    'avoid the lab and the officer': [[], [OFFICE]],
+    'avodi the officer and the lab': [['"avoid" by "avodi"?', OFFICE], ['"avoid" by "avodi"?']],
+    'visit the officer, and only then the lab': [[OFFICE], [], [OFFICE]],
+}
+
+
+@pytest.mark.parametrize('text', DOUBTS)
+def test_each_clause_asks_about_the_doubts_of_its_own_words(text):
+    interpretation = read(text)
+    asked = [one.unsure for one in interpretation.specification.clauses]
+    wanted = [[f'Did you mean {doubt}' for doubt in doubts] for doubts in DOUBTS[text]]
+    assert asked == [' '.join(questions) for questions in wanted]
+    assert interpretation.status is Understanding.UNSURE
+
+
+def test_with_more_doubts_than_a_question_holds_nothing_is_claimed():
+    long = 'the laboratory in which all the chemical apparatus is kept near the '
+    names = [f'{long}{name}' for name in ('window', 'garden', 'bridge')]
+    places = Places([Place(name, shapely.box(0, 0, 5, 5), 'room') for name in names])
+    said = [name.replace('chemical', 'chemicl') for name in names]
+    assert read(f'visit {said[0]}', places).status is Understanding.UNSURE
+    assert read(f'visit {" and ".join(said)}', places).specification.enforceable == ()
+
+
+def box(at):
+    return shapely.box(6 * at, 0, 6 * at + 5, 5)
+
+
+COUNTER = Place('counter', box(0), 'object', ('front desk',))
+STUDY = Place('study', box(1), 'room', ('home desk',))
+DESKS = [
+    Place(f'{side} block', box(n + 2), 'object', (), ('desks',)) for n, side in enumerate('AB')
+]
+
+
+@pytest.mark.parametrize('text', ['avoid the desks', 'meide die Schreibtische', 'avoid any desk'])
+def test_a_kind_takes_in_no_place_with_an_alias_that_ends_with_it(text):
+    interpretation = read(text, Places([COUNTER, STUDY, *DESKS]))
+    assert interpretation.sentence == 'keep 1 m away from all desks places'
+    assert interpretation.status is Understanding.WHOLE
+
+
+def test_where_only_aliases_end_with_a_word_it_is_asked():
+    interpretation = read('avoid the desks', Places([COUNTER, STUDY]))
+    assert interpretation.status is Understanding.UNSURE
+    assert 'the counter, study by "desks"' in interpretation.questions[0]
+
+
+THROUGH_OBJECTS = {
+    'go through the lathe': 'Nothing can drive through the lathe. Shall the path pass by it',
+    'go through the kitchen and the lathe': 'Nothing can drive through the lathe.',
+    'fahre durch lathe': 'Soll der Weg daran vorbeiführen, höchstens 1 m entfernt',
+    'passe à travers lathe': 'à 1 m au plus',
+    'cruza lathe': 'a 1 m como mucho',
+}
+
+
+@pytest.mark.parametrize('text', THROUGH_OBJECTS)
+def test_of_an_object_that_nobody_can_go_through_it_is_asked(text):
+    interpretation = read(text)
+    assert THROUGH_OBJECTS[text] in interpretation.questions[0]
+    assert interpretation.status is Understanding.UNSURE
+
+
+@pytest.mark.parametrize(
+    'text', ['go to the lathe', 'pass by the lathe', 'go through the lab to the lathe']
+)
+def test_an_object_is_visited_from_beside_it(text):
+    interpretation = read(text)
+    assert 'the lathe' in interpretation.sentence
+    assert interpretation.status is Understanding.WHOLE
 
 
 SYLLABLES = ('ba', 'dor', 'fim', 'gur', 'kel', 'lo', 'mip', 'nu', 'raz', 'sov', 'tig', 'wex')
