@@ -326,6 +326,8 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
         is_name = is_part_of_name(before, lexeme, after) or (
             was_article and lexeme.kind in (FILLER, 'THEN') and lexeme.value not in AFTER_ARTICLE
         )
+        # 'then second bench': a link already, so it tells which one.
+        is_name |= before.kind == 'THEN' == lexeme.kind and lexeme.other == 'ORDINAL'
         was_article = lexeme.kind == ARTICLE
         if is_name:
             kept.append(replace(lexeme, kind=UNKNOWN))
