@@ -219,7 +219,7 @@ class Assembler:
                 about = self.clauses_about(part, lexeme, named)
                 part.ask(self.question(name, said, meant or places_in(lexeme)), about)
         objects = self.driven_through(piece)
-        for clause in part.clauses:
+        for clause in part.clauses if objects else ():
             entered = entered_in(clause, self.lexer.lexicon.places)
             names = [name for name in objects if name in entered]
             if names:
@@ -251,9 +251,7 @@ class Assembler:
     def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
         """Return the clauses of a part that a word concerns: of a place those that name it."""
         if lexeme.kind == UNSUPPORTED:
-            found = [one for one in part.clauses if isinstance(one, Unsupported)]
-            said = self.text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
-            return [one for one in found if one.text == said] or found
+            return [one for one in part.clauses if isinstance(one, Unsupported)]
         places = self.lexer.lexicon.places
         names = names_in(named, places)
         found = [one for one in part.clauses if names & names_of(one.to_json(), places)]
