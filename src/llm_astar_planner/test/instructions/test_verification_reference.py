@@ -173,7 +173,6 @@ def test_the_greatest_distance_leaves_a_way_and_a_little_more_none(drawn, metres
         assert not leaves_a_way(route, away, found, found + STEP + 1e-4)
 
 
-
 PLACES = (
     Place('room', shapely.box(2.0, 2.0, 5.5, 6.0), 'room', (), ('blue',)),
     Place('hall', shapely.box(7.0, 5.0, 9.5, 9.0), 'room', (), ('blue',)),
