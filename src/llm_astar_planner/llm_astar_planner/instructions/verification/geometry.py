@@ -120,7 +120,9 @@ class Polyline:
         step, length = np.diff(self.corners, axis=0), np.diff(self.at)
         if not len(step):
             step, length = np.zeros((1, 2)), np.zeros(1)
-        ahead, length = (step / np.maximum(length, TINY)[:, None])[segment], length[segment]
+        # Not by `length`, which is 0 for a step too small to count in the length so far.
+        norms = np.maximum(np.hypot(*step.T), TINY)[:, None]
+        ahead, length = (step / norms)[segment], length[segment]
         firsts, lasts = np.full(len(segment), np.inf), np.full(len(segment), -np.inf)
         for begin, end in parts(self.corners[segment], ahead):
             first, last = np.maximum(begin, 0.0), np.minimum(end, length)
