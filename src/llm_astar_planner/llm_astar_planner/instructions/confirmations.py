@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import threading
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -37,24 +40,33 @@ class Confirmations:
         self._lock = threading.Lock()
         self._known: OrderedDict[Key, bool] = OrderedDict()
         if self._path is not None and self._path.exists():
-            self._known.update(load(self._path, size))
+            self._add(load(self._path, size))
 
     def __len__(self) -> int:
         """Return the number of answers."""
         return len(self._known)
 
     def remember(self, interpretation: Interpretation, places: Places, answer: bool) -> None:
-        """Remember one answer to all questions of an interpretation. Raises OSError."""
+        """Remember one answer to all questions of an interpretation.
+
+        Raises OSError, or ConfirmationsError where another program spoilt the file.
+        """
+        clauses = interpretation.specification.clauses
+        new = {key_of(clause, places): answer for clause in clauses if clause.unsure}
         with self._lock:
-            for clause in interpretation.specification.clauses:
-                if clause.unsure:
-                    key = key_of(clause, places)
-                    self._known[key] = answer
-                    self._known.move_to_end(key)
-            while len(self._known) > self._size:
-                self._known.popitem(last=False)
+            self._add(new)
             if self._path is not None:
-                save(self._path, self._known)
+                with alone(self._path):
+                    if self._path.exists():  # what others have written since
+                        self._add({**load(self._path, self._size), **new})
+                    save(self._path, self._known)
+
+    def _add(self, answers: dict[Key, bool]) -> None:
+        for key, answer in answers.items():
+            self._known[key] = answer
+            self._known.move_to_end(key)
+        while len(self._known) > self._size:
+            self._known.popitem(last=False)
 
     def applied(self, interpretation: Interpretation, places: Places) -> Interpretation:
         """Return an interpretation with what is answered already: sure, or not understood."""
@@ -63,6 +75,14 @@ class Confirmations:
             known = {one.unsure: self._known.get(key_of(one, places)) for one in asked}
         answers = {question: answer for question, answer in known.items() if answer is not None}
         return interpretation.answered(answers) if answers else interpretation
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Keep other processes from writing a file of answers meanwhile. Raises OSError."""
+    with path.with_name(f'{path.name}.lock').open('w', encoding='utf-8') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def key_of(clause: Clause, places: Places) -> Key:

@@ -151,14 +151,15 @@ class CurrentInstruction:
         """Answer the questions about the instruction, all of them; return whether there were any.
 
         With yes the clauses hold as they were read, with no they are not understood. The answer
-        is remembered for this map. Raises OSError where it cannot be written.
+        is remembered for this map. Raises OSError or ConfirmationsError, once it holds, where it
+        cannot be kept.
         """
         with self._lock:
             if self.instruction is None or not self.questions:
                 return False
             reading = self.instruction.interpretation
-            self._reader.confirmations.remember(reading, self._places, answer)
             self.use(reading.answered(dict.fromkeys(reading.questions, answer)))
+            self._reader.confirmations.remember(reading, self._places, answer)
             return True
 
     def ask_again(self, *, anew: bool = False) -> None:

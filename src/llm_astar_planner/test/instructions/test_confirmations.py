@@ -56,6 +56,14 @@ def test_answers_are_kept_in_a_file_and_the_oldest_are_forgotten(tmp_path):
     assert json.loads(path.read_text(encoding='utf-8'))[0][1] == 'end in the pharmacy'
 
 
+def test_two_that_write_one_file_lose_no_answer(tmp_path):
+    path = tmp_path / 'answers.json'
+    one, other = Confirmations(path), Confirmations(path)
+    one.remember(read(), HOSPITAL, True)
+    other.remember(read(text='visit the pharmcy'), HOSPITAL, False)
+    assert len(Confirmations(path)) == len(other) == 2
+
+
 @pytest.mark.parametrize('text', ['', '{"a": 1}', '[1]', '[["a", "b", "c"]]'])
 def test_a_wrong_file_is_named(tmp_path, text):
     path = tmp_path / 'answers.json'
@@ -77,6 +85,16 @@ def test_the_current_instruction_is_confirmed_and_stays_so():
     held.set(TEXT, HOSPITAL)
     assert held.instruction.interpretation.status is Understanding.WHOLE
     assert len(changes) == 4
+
+
+def test_an_answer_that_cannot_be_kept_holds_all_the_same(tmp_path):
+    path = tmp_path / 'answers.json'
+    held = CurrentInstruction(InstructionReader(None, Confirmations(path)), lambda: None)
+    held.set(TEXT, HOSPITAL)
+    path.write_text('spoilt')
+    with pytest.raises(ConfirmationsError, match=r'answers\.json'):
+        held.confirm(True)
+    assert held.instruction.interpretation.status is Understanding.WHOLE
 
 
 def test_the_current_instruction_is_refused():

@@ -19,7 +19,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
-from llm_astar_planner.instructions.confirmations import Confirmations
+from llm_astar_planner.instructions.confirmations import Confirmations, ConfirmationsError
 from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -115,7 +115,7 @@ class InstructionServer:
         logger, questions = self._node.get_logger(), ' '.join(self.current.questions)
         try:
             is_asked = self.current.confirm(message.data)
-        except OSError as error:
+        except (OSError, ConfirmationsError) as error:
             is_asked = True
             logger.warning(f'the answer is not kept: {error}')
         answer = 'yes' if message.data else 'no'
