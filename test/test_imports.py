@@ -26,7 +26,7 @@ ROS = {
 LAB = 'llm_astar_lab'
 # What each room of the planner may import, besides itself, of the planner's other rooms.
 COSTMAP = {'search', 'parameter', 'plugins'}
-WAYPOINTS = COSTMAP | {'costmap', 'resources'}
+WAYPOINTS = COSTMAP | {'caches', 'costmap', 'resources'}
 INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
 PLANNING = INSTRUCTIONS | {'instructions'}
 NODES = PLANNING | {'planning', 'extensions'}
@@ -125,7 +125,7 @@ def test_the_planner_imports_nothing_of_the_laboratory(path):
     )
 
 
-@pytest.mark.parametrize('name', ['parameter', 'plugins', 'resources', 'lazy'])
+@pytest.mark.parametrize('name', ['caches', 'parameter', 'plugins', 'resources', 'lazy'])
 def test_the_modules_outside_of_the_rooms_import_none_of_them(name):
     path = SOURCE / PLANNER / PLANNER / f'{name}.py'
     assert rooms_of(path, PLANNER) == set()

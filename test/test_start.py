@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 
 COLD = '/cold'
-HEAVY = ('numba', 'scipy', 'httpx', 'lark', 'matplotlib', 'rosbags', 'cachetools')
+HEAVY = ('numba', 'scipy', 'httpx', 'lark', 'matplotlib', 'rosbags')
 LISTED = f"""
 import sys
 from llm_astar_planner.nodes.planner import planner_node

@@ -8,9 +8,9 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from cachetools import FIFOCache
 from llm_astar_msgs_adapter.maps.places import PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.messages import QuestionError, parse_object
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
@@ -41,7 +41,7 @@ class LiveView:
         self._viewer = viewer
         self._monitor = Monitor(node, planner, client)
         # By stamp; other planners publish on this topic too.
-        self._paths: FIFOCache[int, NDArray[np.float64]] = FIFOCache(KEPT_PATHS)
+        self._paths: Recent[int, NDArray[np.float64]] = Recent(KEPT_PATHS)
         self._report: MonitorEvent | None = None
         self._report_came = 0.0
         MapSubscription(Entities(node), lambda grid_map, _: viewer.show_map(grid_map))

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from cachetools import LRUCache
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.cli.planning_options import route_instruction, sample_key_of, settled
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import Interpreter
@@ -58,8 +58,8 @@ class PlanningService:
 
     def __init__(self) -> None:
         """Start without planners."""
-        self._planners: LRUCache[tuple[object, ...], Planner] = LRUCache(
-            MAX_KEPT_CELLS, getsizeof=lambda planner: planner.grid_map.cells.size
+        self._planners: Recent[tuple[object, ...], Planner] = Recent(
+            MAX_KEPT_CELLS, lambda planner: planner.grid_map.cells.size
         )
         self._interpreter: Interpreter = make_interpreter({})
 
@@ -69,7 +69,7 @@ class PlanningService:
         barriers = None if request.walls.are_edited else request.play_map.barriers
         grid_map = request.walls.apply(request.play_map.grid_map)
         key = request.play_map.id, config, barriers is None, grid_map.digest
-        if key not in self._planners:
+        if self._planners.get(key) is None:
             self._planners[key] = Planner(grid_map, config, barriers).prepare()
         return self._planners[key]
 

@@ -14,13 +14,12 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
-from threading import Lock
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
@@ -316,7 +315,7 @@ def cache_size(planner: Planner) -> int:
     return min(max(cells, MAX_CACHED_CELLS // MAX_CACHED_PLANNERS), MAX_CACHED_CELLS)
 
 
-@cached(LRUCache(MAX_CACHED_CELLS, getsizeof=cache_size), lock=Lock())
+@cached(MAX_CACHED_CELLS, key=lambda *arguments: arguments, cost=cache_size)
 def planner_for(problem: ProblemMap, costmap: CostmapConfig) -> Planner:
     """Return the planner for a map, from the cache of the last ones. Thread-safe."""
     barriers = problem if isinstance(problem, BarrierMap) else None

@@ -40,13 +40,12 @@ class Finding:
 # Modules of Python packages by what needs them, and the names on PyPI that differ.
 LIBRARIES = {
     'the core': ('numpy',),
-    'caches': ('cachetools',),
     'the searches': ('numba',),
     'the planner': ('scipy', 'shapely'),
     'map images': ('PIL',),
     'map and parameter files': ('yaml',),
     'language models': ('httpx',),
-    'instructions': ('lark', 'rapidfuzz'),
+    'instructions': ('lark',),
 }
 # Those of the laboratory, which a robot needs no part of.
 LAB_LIBRARIES = {

@@ -13,9 +13,9 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import replace
 from typing import Any
 
-from cachetools import TLRUCache
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -53,8 +53,9 @@ class CachedInterpreter:
     def __init__(self, inner: Interpreter, size: int = CACHE_SIZE) -> None:
         """Remember the last `size` interpretations of `inner`."""
         self.inner = inner
-        self._lock = threading.Lock()
-        self._known: TLRUCache[Key, Interpretation] = TLRUCache(size, expires, time.monotonic)
+        self._lock = threading.RLock()
+        # Each with the time (monotonic) until which it holds.
+        self._known: Recent[Key, tuple[Interpretation, float]] = Recent(size)
         self._running: dict[Key, Future[Interpretation]] = {}
 
     @property
@@ -65,14 +66,14 @@ class CachedInterpreter:
     def known(self, text: str, places: Places) -> Interpretation | None:
         """Return what is remembered of a sentence, None if nothing is."""
         with self._lock:
-            found: Interpretation | None = self._known.get((text, places.digest))
-            return found
+            found, until = self._known.get((text, places.digest), (None, math.inf))
+        return found if time.monotonic() < until else None
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
         """Return what is remembered, or ask; who asks while it is asked waits for that answer."""
         key = text, places.digest
         with self._lock:
-            found = self._known.get(key)
+            found = self.known(text, places)
             if found is not None:
                 return as_remembered(found)
             running = self._running.get(key)
@@ -86,15 +87,15 @@ class CachedInterpreter:
             _LOG.exception('the interpreter %s failed', self.name)
             answer = not_understood(text, f'{type(error).__name__} in {self.name}')
         with self._lock:
-            self._known[key] = answer
+            self._known[key] = answer, time.monotonic() + remembered_for(answer)
             del self._running[key]
         mine.set_result(answer)
         return answer
 
 
-def expires(_key: Key, value: Interpretation, now: float) -> float:
-    """Return when an interpretation is forgotten: a missing answer soon, an answer never."""
-    return now + (FAILED_S if value.status is Understanding.PENDING else math.inf)
+def remembered_for(answer: Interpretation) -> float:
+    """Return for how many seconds: a missing answer not for long, an answer for ever."""
+    return FAILED_S if answer.status is Understanding.PENDING else math.inf
 
 
 def as_remembered(interpretation: Interpretation) -> Interpretation:

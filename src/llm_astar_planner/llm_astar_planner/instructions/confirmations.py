@@ -5,8 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import threading
-from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.interpretation import Interpretation
 
@@ -38,9 +38,9 @@ class Confirmations:
         self._path = None if path is None else Path(path)
         self._size = size
         self._lock = threading.Lock()
-        self._known: OrderedDict[Key, bool] = OrderedDict()
+        self._known: Recent[Key, bool] = Recent(size)
         if self._path is not None and self._path.exists():
-            self._add(load(self._path, size))
+            self._known.update(load(self._path, size))
 
     def __len__(self) -> int:
         """Return the number of answers."""
@@ -54,19 +54,12 @@ class Confirmations:
         clauses = interpretation.specification.clauses
         new = {key_of(clause, places): answer for clause in clauses if clause.unsure}
         with self._lock:
-            self._add(new)
+            self._known.update(new)
             if self._path is not None:
                 with alone(self._path):
                     if self._path.exists():  # what others have written since
-                        self._add({**load(self._path, self._size), **new})
+                        self._known.update({**load(self._path, self._size), **new})
                     save(self._path, self._known)
-
-    def _add(self, answers: dict[Key, bool]) -> None:
-        for key, answer in answers.items():
-            self._known[key] = answer
-            self._known.move_to_end(key)
-        while len(self._known) > self._size:
-            self._known.popitem(last=False)
 
     def applied(self, interpretation: Interpretation, places: Places) -> Interpretation:
         """Return an interpretation with what is answered already: sure, or not understood."""
@@ -102,7 +95,7 @@ def load(path: Path, size: int) -> dict[Key, bool]:
         raise ConfirmationsError(f'{path}: not a list of answers: {error}') from None
 
 
-def save(path: Path, known: OrderedDict[Key, bool]) -> None:
+def save(path: Path, known: Mapping[Key, bool]) -> None:
     """Write a file of answers, whole or not at all. Raises OSError."""
     text = json.dumps([[*key, answer] for key, answer in known.items()], ensure_ascii=False)
     new = path.with_name(f'{path.name}.new')

@@ -8,10 +8,10 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from cachetools import LRUCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
@@ -99,7 +99,7 @@ class CachedWaypointSource:
         self.name = inner.name
         self._inner = inner
         self._lock = threading.Lock()
-        self._cached: LRUCache[Cell, CachedWaypoints] = LRUCache(CACHED_GOALS)
+        self._cached: Recent[Cell, CachedWaypoints] = Recent(CACHED_GOALS)
         self._cleared = -math.inf
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:

@@ -10,16 +10,15 @@ draws free cells. Every source gives the same answer to the same query.
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
+from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
@@ -179,7 +178,7 @@ def visibility_problem(costmap: Costmap) -> str | None:
     return f'the map has {corners} corners, over {MAX_CORNERS}, for a visibility graph'
 
 
-@cached(LRUCache(GRAPHS_KEPT), key=lambda costmap: costmap.key, lock=threading.Lock())
+@cached(GRAPHS_KEPT, key=lambda costmap: costmap.key)
 def visibility_graph(costmap: Costmap) -> VisibilityGraph:
     """Return the visibility graph of a map's corners. Raises TooManyCornersError."""
     problem = visibility_problem(costmap)
@@ -195,9 +194,8 @@ def visibility_graph(costmap: Costmap) -> VisibilityGraph:
 
 
 @cached(
-    LRUCache(ROUTES_KEPT),
+    ROUTES_KEPT,
     key=lambda costmap, start, goal: (costmap.key, start, goal),
-    lock=threading.Lock(),
 )
 def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, float]:
     """Return the corners of the shortest any-angle path, and its length in cells.

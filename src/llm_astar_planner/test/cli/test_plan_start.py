@@ -7,7 +7,7 @@ import sys
 import pytest
 
 # Not scipy.linalg, which numba imports by itself.
-HEAVY = {'httpx', 'lark', 'matplotlib', 'rapidfuzz', 'scipy.ndimage', 'rclpy', 'duckdb'}
+HEAVY = {'httpx', 'lark', 'matplotlib', 'scipy.ndimage', 'rclpy', 'duckdb'}
 CODE = """
 import json, sys
 from llm_astar_planner.cli.main import main

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
@@ -26,6 +25,7 @@ from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Le
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
 from llm_astar_planner.instructions.grammar.words import Word, squeezed
+from llm_astar_planner.instructions.spelling import errors_between
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
 # added, changed or exchanged) from this length on. In shorter words another word is too near:
@@ -66,14 +66,12 @@ LONGEST_SIDE = 8
 
 def corrections(word: str, known: Iterable[str]) -> list[str]:
     """Return the known words that a misspelt word may stand for, the nearest ones first."""
-    from rapidfuzz import process  # noqa: PLC0415 (loaded when the first word is unknown)
-    from rapidfuzz.distance import OSA  # noqa: PLC0415
-
     if len(word) < SHORTEST:
         return []
-    scorer: Any = OSA.distance
-    near = process.extract(word, known, scorer=scorer, score_cutoff=LENGTHS[-1][1], limit=8)
-    return [other for other, distance, _ in near if is_misspelt(word, other, int(distance))]
+    most = LENGTHS[-1][1]
+    alike = (one for one in known if one[0] == word[0] and abs(len(one) - len(word)) <= most)
+    near = sorted((errors_between(word, other), other) for other in alike)
+    return [other for errors, other in near if errors <= most and is_misspelt(word, other, errors)]
 
 
 def is_misspelt(word: str, other: str, distance: int) -> bool:

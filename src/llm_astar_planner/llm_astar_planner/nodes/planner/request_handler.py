@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from cachetools import LRUCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from rclpy.node import Node
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
@@ -209,7 +209,7 @@ class RequestHandler:
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         # How many plans began at each of the last times of the clock.
-        self._plans_at: LRUCache[int, int] = LRUCache(KEPT_TIMES)
+        self._plans_at: Recent[int, int] = Recent(KEPT_TIMES)
         self._node = node
         self._settings = settings
         self._maps = maps

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import asdict
 
 from builtin_interfaces.msg import Time
-from cachetools import LRUCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.messages.fields import path_from_message
@@ -20,6 +19,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.asking import ask, setting
 from llm_astar_planner.nodes.common.entities import Entities
@@ -78,7 +78,7 @@ class WaypointClient:
         service = parent.resolve_service_name(f'{client}/get_waypoints')
         exchange = parent.resolve_topic_name(f'{client}/exchange')
         self._client = self._node.create_client(GetPlan, service, qos_profile=CALLS)
-        self._exchanges: LRUCache[tuple[int, int], ExchangeReport] = LRUCache(KEPT_EXCHANGES)
+        self._exchanges: Recent[tuple[int, int], ExchangeReport] = Recent(KEPT_EXCHANGES)
         self._arrived = threading.Condition()
         self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self.on_exchange, REPORTS)

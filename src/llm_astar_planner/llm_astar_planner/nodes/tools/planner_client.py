@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from cachetools import FIFOCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
@@ -31,6 +30,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool, String
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
@@ -78,7 +78,7 @@ class PlannerClient:
         self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
         # With the time of arrival, as `time.perf_counter` has it.
-        self._reports: FIFOCache[int, tuple[float, PlanReport]] = FIFOCache(KEPT_REPORTS)
+        self._reports: Recent[int, tuple[float, PlanReport]] = Recent(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
         # Whether the last call was answered, so the planner has discovered this caller.

@@ -6,15 +6,14 @@ lines of sight. docs/embedded-model.md describes its training data and its limit
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
 from numpy.typing import NDArray
 
+from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.config import SourceContext
@@ -94,7 +93,7 @@ class EmbeddedSource:
         return cells, draw_routes(logits, usable, self.candidates, query.random_generator())
 
 
-@cached(LRUCache(MAPS_KEPT), key=lambda costmap: costmap.key, lock=threading.Lock())
+@cached(MAPS_KEPT, key=lambda costmap: costmap.key)
 def barriers_of(costmap: Costmap) -> NDArray[np.int32]:
     """Return a costmap's barriers [B, 4] as (horizontal, line, first, last), computed once."""
     found = decompose_barriers(costmap.blocked, MAX_BARRIERS)

@@ -8,9 +8,9 @@ import time
 from collections.abc import Hashable, Sequence
 from dataclasses import KW_ONLY, InitVar, dataclass, field, replace
 
-from cachetools import LRUCache
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
+from llm_astar_planner.caches import Recent
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
@@ -246,7 +246,7 @@ class CachedSource:
         # Reentrant: a query that the queue refuses is answered on the thread that puts it there.
         self._lock = threading.RLock()
         self._queue = QueryQueue(MAX_PENDING, MAX_PENDING, MAX_PENDING)
-        self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(self.size)
+        self._replies: Recent[Hashable, WaypointReply] = Recent(self.size)
         self._running: dict[Hashable, QueryTask] = {}
 
     @property
