@@ -32,7 +32,7 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train test quick soak lint clean check-python check-venv
+.PHONY: help install demo bench train test quick soak lint dist clean check-python check-venv
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -71,6 +71,18 @@ lint: $(VENV)/.tools $(VENV)/.installed ## ruff and strict mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# As pip builds them, in a process each.
+BUILD := import sys; from setuptools.build_meta import __legacy__ as pip; \
+	getattr(pip, "build_" + sys.argv[1])(sys.argv[2])
+DIST ?= out/dist
+dist: $(VENV)/.dependencies-$(WORLD) ## Build wheels and source archives into out/dist
+	rm -rf $(DIST) && mkdir -p $(DIST)
+	@for package in $(PACKAGES) ./packaging; do for kind in sdist wheel; do \
+		echo "building the $$kind of $$package" && (cd $$package && rm -rf build *.egg-info && \
+		$(abspath $(BIN))/python -W ignore -c '$(BUILD)' $$kind $(abspath $(DIST)) > /dev/null && \
+		rm -rf build *.egg-info) || exit 1; done; done
+	@ls $(DIST)
 
 clean: check-venv ## Remove what was built
 	rm -rf $(VENV) build install log out src/*/build src/*/*.egg-info

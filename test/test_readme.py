@@ -33,6 +33,7 @@ CANNOT_RUN = {
     r'make train|\.venv/bin/|PYTHONPATH=training|cp out/training': 'hours of training',
     r'pip install': 'installs packages',
     r'llm-astar plan --source sidestep': 'needs what pip installs; test_plugins.py installs it',
+    r'make dist|twine|bloom-release|catkin_': 'publishes; test_dist.py builds what is published',
     r'docker ': 'no Docker here; test_dockerfile.py looks at the Dockerfile',
     r'colcon|\. install/setup.bash|ros2 |rviz2 ': 'needs a sourced ROS',
     r'export \w+_API_KEY|llm-astar .*(llm_openai|--source endpoint)': 'needs a key',
