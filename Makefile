@@ -32,12 +32,13 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train test quick soak lint dist clean check-python check-venv
+.PHONY: help install demo bench train test quick soak lint dist clean check-python check-venv \
+	check-moved
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
 
-install: $(VENV)/.installed ## Make .venv with everything in it
+install: check-moved $(VENV)/.installed ## Make .venv with everything in it
 
 demo: install ## Start the graph, plan once, draw it to out/demo.png
 	$(BIN)/llm-astar demo
@@ -104,25 +105,38 @@ check-venv:
 		[ -n "$(wildcard $(VENV)/.dependencies-*)" ] || { \
 		echo "error: $(VENV) is not an environment that this Makefile made; remove it, or name" \
 			"another: make VENV=.venv-llm-astar" >&2; exit 1; }
+	@made=$$(cat $(VENV)/.made-by-make 2>/dev/null); \
+	case $(abspath $(VENV)) in $(CURDIR)/*) ;; *) [ -z "$$made" ] || [ "$$made" = $(CURDIR) ] || { \
+		echo "error: $(VENV) is the environment of the checkout $$made; name another:" \
+			"make VENV=.venv" >&2; exit 1; };; esac
+
+# The commands of an environment name its place, which a moved clone has changed.
+check-moved: | check-venv
+	@made=$$(sed -n '1s|^#!\(.*\)/bin/python[0-9.]*$$|\1|p' $(BIN)/pip 2>/dev/null); \
+	if [ -n "$$made" ] && ! [ "$$made/bin" -ef $(BIN) ]; then \
+		echo "the environment was at $$made: repairing the paths in $(BIN)"; \
+		grep -rlIF "$$made" $(BIN) $(VENV)/pyvenv.cfg | \
+			xargs sed -i "s|$$made|$(abspath $(VENV))|g"; fi
 
 # Named after the world it is for: a shell with ROS sourced, or without, makes its own anew.
-$(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python check-venv
+$(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python check-venv check-moved
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
-	@touch $(VENV)/.made-by-make
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check wheel 'setuptools<80' \
+	@echo $(CURDIR) > $(VENV)/.made-by-make
+	$(BIN)/python -m pip install --disable-pip-version-check wheel 'setuptools<80' \
 		$(ROS_REQUIREMENTS)
 	@touch $@
 
 $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	rm -rf src/*/build src/*/*.egg-info
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+	$(BIN)/python -m pip install --disable-pip-version-check \
 		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
 	@echo 'compiling the searches: a minute or two'
 	@$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \
 		c.compile_kernels(); c.compile_instruction_kernels()'
 	@touch $@
+	@echo 'installed; now: . $(BIN)/activate'
 
 $(VENV)/.tools: $(VENV)/.dependencies-$(WORLD)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \

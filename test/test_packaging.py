@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import venv
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -178,6 +179,58 @@ def test_make_never_removes_an_environment_that_it_did_not_make(target, tmp_path
     assert done.returncode == 2
     assert 'is not an environment that this Makefile made' in done.stderr
     assert theirs.exists()
+
+
+@pytest.fixture
+def environment(tmp_path):
+    """An environment at tmp_path/old as make leaves it, with one command."""
+    folder = tmp_path / 'old'
+    venv.create(folder, with_pip=False, symlinks=True)
+    for name in ('pip', 'hello'):
+        command = folder / 'bin' / name
+        command.write_text(f'#!{folder}/bin/python\nimport sys; print(sys.prefix)\n')
+        command.chmod(0o755)
+    for name in ('.made-by-make', '.dependencies-wheels-jazzy', '.installed'):
+        (folder / name).touch()
+    return folder
+
+
+def test_make_install_repairs_an_environment_that_was_moved_with_its_clone(environment, tmp_path):
+    moved = environment.rename(tmp_path / 'new')
+    with pytest.raises(FileNotFoundError):
+        subprocess.run([moved / 'bin' / 'hello'], check=True)
+    words = (
+        'install',
+        f'VENV={moved}',
+        'HAS_ROS=',
+        'ROS_DISTRO=jazzy',
+        f'PYTHON={sys.executable}',
+    )
+    done = make_answers(*words)
+    assert done.returncode == 0, done.stderr
+    assert f'the environment was at {environment}: repairing the paths' in done.stdout
+    said = subprocess.run([moved / 'bin' / 'hello'], capture_output=True, text=True, check=True)
+    assert Path(said.stdout.strip()) == moved
+    assert str(environment) not in (moved / 'bin' / 'activate').read_text()
+    assert 'repairing' not in make_answers(*words).stdout
+
+
+def test_an_environment_that_is_reached_by_a_link_is_not_taken_for_moved(environment, tmp_path):
+    link = tmp_path / 'link'
+    link.symlink_to(environment)
+    words = ('install', f'VENV={link}', 'HAS_ROS=', 'ROS_DISTRO=jazzy', f'PYTHON={sys.executable}')
+    done = make_answers(*words)
+    assert done.returncode == 0, done.stderr
+    assert 'repairing' not in done.stdout
+
+
+@pytest.mark.parametrize('target', ['install', 'dist', 'clean'])
+def test_make_never_removes_the_environment_of_another_checkout(target, environment):
+    (environment / '.made-by-make').write_text('/home/somebody/llm-astar\n')
+    done = make_answers(target, f'VENV={environment}', f'PYTHON={sys.executable}', 'HAS_ROS=')
+    assert done.returncode == 2
+    assert 'is the environment of the checkout /home/somebody/llm-astar' in done.stderr
+    assert (environment / 'bin' / 'hello').exists()
 
 
 @needs_install
