@@ -128,4 +128,8 @@ def test_the_page_on_installing_names_all_that_pip_has_to_install_for_colcon():
         ]
         needed |= set(re.findall(r'^    ([a-z0-9_]+)', listed, re.MULTILINE))
     from_apt = {'setuptools', 'pillow', 'pyyaml', 'llm_astar_msgs_adapter', 'llm_astar_planner'}
+    # `rosdep install` stands before it; test_dependencies.py checks that it knows these keys.
+    for manifest in (ROOT / 'src').glob('*/package.xml'):
+        from_apt |= set(re.findall(r'<exec_depend>python3-([a-z0-9]+)', manifest.read_text()))
+    assert page.index('rosdep install') < page.index('pip install --break-system-packages')
     assert needed - from_apt <= set(re.findall(r'[a-z][a-z0-9]+', named))

@@ -14,6 +14,8 @@ from llm_astar_planner.resources import find_file
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab')
 PREFIX = Path(sys.prefix)
+# A shell without ROS.
+WHEELS = ('HAS_ROS=', 'ROS_DISTRO=jazzy')
 needs_install = pytest.mark.skipif(
     not (PREFIX / 'share' / 'llm_astar_planner').is_dir(), reason='not installed with make install'
 )
@@ -199,13 +201,7 @@ def test_make_install_repairs_an_environment_that_was_moved_with_its_clone(envir
     moved = environment.rename(tmp_path / 'new')
     with pytest.raises(FileNotFoundError):
         subprocess.run([moved / 'bin' / 'hello'], check=True)
-    words = (
-        'install',
-        f'VENV={moved}',
-        'HAS_ROS=',
-        'ROS_DISTRO=jazzy',
-        f'PYTHON={sys.executable}',
-    )
+    words = ('install', f'VENV={moved}', f'PYTHON={sys.executable}', *WHEELS)
     done = make_answers(*words)
     assert done.returncode == 0, done.stderr
     assert f'the environment was at {environment}: repairing the paths' in done.stdout
@@ -218,8 +214,7 @@ def test_make_install_repairs_an_environment_that_was_moved_with_its_clone(envir
 def test_an_environment_that_is_reached_by_a_link_is_not_taken_for_moved(environment, tmp_path):
     link = tmp_path / 'link'
     link.symlink_to(environment)
-    words = ('install', f'VENV={link}', 'HAS_ROS=', 'ROS_DISTRO=jazzy', f'PYTHON={sys.executable}')
-    done = make_answers(*words)
+    done = make_answers('install', f'VENV={link}', f'PYTHON={sys.executable}', *WHEELS)
     assert done.returncode == 0, done.stderr
     assert 'repairing' not in done.stdout
 
@@ -227,7 +222,7 @@ def test_an_environment_that_is_reached_by_a_link_is_not_taken_for_moved(environ
 @pytest.mark.parametrize('target', ['install', 'dist', 'clean'])
 def test_make_never_removes_the_environment_of_another_checkout(target, environment):
     (environment / '.made-by-make').write_text('/home/somebody/llm-astar\n')
-    done = make_answers(target, f'VENV={environment}', f'PYTHON={sys.executable}', 'HAS_ROS=')
+    done = make_answers(target, f'VENV={environment}', f'PYTHON={sys.executable}', *WHEELS)
     assert done.returncode == 2
     assert 'is the environment of the checkout /home/somebody/llm-astar' in done.stderr
     assert (environment / 'bin' / 'hello').exists()

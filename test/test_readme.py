@@ -35,7 +35,7 @@ CANNOT_RUN = {
     r'llm-astar plan --source sidestep': 'needs what pip installs; test_plugins.py installs it',
     r'make dist|twine|bloom-release|catkin_': 'publishes; test_dist.py builds what is published',
     r'docker ': 'no Docker here; test_dockerfile.py looks at the Dockerfile',
-    r'colcon|\. install/setup.bash|ros2 |rviz2 ': 'needs a sourced ROS',
+    r'rosdep|colcon|\. install/setup.bash|ros2 |rviz2 ': 'needs a sourced ROS',
     r'export \w+_API_KEY|llm-astar .*(llm_openai|--source endpoint)': 'needs a key',
     r'llm-astar bench .*qwen.jsonl': 'needs recorded replies; test_recorded_replies.py runs it',
     r'ollama|llama-server': 'needs a server of language models',
