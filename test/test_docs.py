@@ -1,5 +1,6 @@
 """The documentation is short, its links lead somewhere, and its commands exist."""
 
+import ast
 import contextlib
 import functools
 import io
@@ -133,3 +134,29 @@ def test_the_page_on_installing_names_all_that_pip_has_to_install_for_colcon():
         from_apt |= set(re.findall(r'<exec_depend>python3-([a-z0-9]+)', manifest.read_text()))
     assert page.index('rosdep install') < page.index('pip install --break-system-packages')
     assert needed - from_apt <= set(re.findall(r'[a-z][a-z0-9]+', named))
+
+
+def test_the_table_of_exit_codes_is_that_of_the_help():
+    page = (ROOT / 'docs' / 'reference.md').read_text()
+    rows = re.search(r'^## Exit codes\n(.*?)^## ', page, re.MULTILINE | re.DOTALL)[1]
+    seen = set()
+    for row in rows.strip().splitlines()[2:]:
+        names, *cells = (cell.strip() for cell in row.strip('|').split('|'))
+        listed = {code for code, cell in zip(('0', '1', '2', '3'), cells) if cell}
+        for name in re.findall(r'`([a-z_-]+)`', names):
+            codes = ' '.join(re.search(r'exit codes: (.*)', help_of(name), re.DOTALL)[1].split())
+            said = {*re.findall(r'(?:^|[,;] )([0-3]) ', codes)}
+            assert said, name
+            assert said <= listed, name
+            seen.add(name)
+    assert {'plan', 'call', 'bench', 'compare', 'benchmark_node'} <= seen
+
+
+def help_of(name):
+    if name == 'benchmark_node':
+        module = ROOT / 'src' / 'llm_astar_lab' / 'llm_astar_lab' / 'nodes' / 'benchmark_node.py'
+        return ast.get_docstring(ast.parse(module.read_text()))
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.suppress(SystemExit):
+        main([name, '--help'])
+    return text.getvalue()

@@ -283,6 +283,18 @@ def test_foreign_text_is_shown_as_text(open_page):
     assert 'hit' not in page.title()
 
 
+def test_a_start_that_was_moved_is_said_below_the_map(open_page):
+    moved = 'the start (3, 4) is occupied; the path begins at (3, 5), 0.05 m off'
+
+    def warn(route):
+        reply = route.fetch().json()
+        reply['plans'][0]['warnings'] = [moved]
+        route.fulfill(json=reply)
+
+    page = open_page(DEMO, lambda page: page.route('**/api/plan', warn))
+    expect(page.locator('#verdict')).to_contain_text(f'Note: {moved}.')
+
+
 def test_a_link_to_an_unknown_map_says_so(open_page):
     page = open_page(f'map={quote(HOSTILE)}&start=1,1')
     expect(page.locator('#notice')).to_contain_text('The link names a map that is not here, <img')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+from collections.abc import Iterable
 from typing import TypeVar
 
 _T = TypeVar('_T')
@@ -40,6 +41,14 @@ def printable(text: str) -> str:
     """
     line = ' '.join(text.split())
     return ''.join(letter if letter.isprintable() else '?' for letter in line)
+
+
+def nearest_name(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
+    """Return the end of a sentence about an unknown name: which known one may be meant."""
+    import difflib  # noqa: PLC0415 - for errors alone
+
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
+    return f'; did you mean {near[0]}?' if near else ''
 
 
 def expect(

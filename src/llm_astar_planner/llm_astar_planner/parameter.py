@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeVar
 
@@ -118,11 +118,3 @@ def parameters_of(config: type) -> dict[str, Parameter]:
     """Return the parameters that the fields of a dataclass declare, by name."""
     declared: list[Any] = [item for item in fields(config) if 'sentence' in item.metadata]
     return {item.name: Parameter(item.name, item.default, **item.metadata) for item in declared}
-
-
-def nearest_name(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
-    """Return the end of a sentence about an unknown name: which known one may be meant."""
-    import difflib  # noqa: PLC0415 - for errors alone
-
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
-    return f'; did you mean {near[0]}?' if near else ''

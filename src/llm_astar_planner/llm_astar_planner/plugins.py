@@ -19,7 +19,13 @@ from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, printable, short_repr, shortened
+from llm_astar_msgs_adapter.errors import (
+    LlmAstarError,
+    nearest_name,
+    printable,
+    short_repr,
+    shortened,
+)
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -135,9 +141,10 @@ class Plugins:
         entries = self.installed.get(name, [])
         if len(entries) == 1:
             return None
-        known = ', '.join([*self.own, *(other for other in self.installed if other != name)])
+        names = [*self.own, *(other for other in self.installed if other != name)]
+        known = ', '.join(names)
         if not entries:
-            return f'{short_repr(name)} is not one of {known}'
+            return f'{short_repr(name)} is not one of {known}{nearest_name(name, names)}'
         values = ' and '.join(entry.value for entry in entries)
         return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import shortened
-from llm_astar_planner.parameter import nearest_name
+from llm_astar_msgs_adapter.errors import nearest_name, shortened
 from numpy.typing import NDArray
 
 from llm_astar_lab.analysis import statistics as stats

@@ -8,8 +8,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from llm_astar_msgs_adapter.errors import nearest_name
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
-from llm_astar_planner.parameter import nearest_name
 from llm_astar_planner.search.methods import EXACT
 
 from llm_astar_lab.analysis.statistics import Interval, Ratio

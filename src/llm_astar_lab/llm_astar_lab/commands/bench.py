@@ -166,7 +166,9 @@ def check_options(args: argparse.Namespace, names: Sequence[str]) -> None:
         ('--path', args.path, named.READ),
     ):
         if value is not None and not set(names) & set(kinds):
-            raise SelectionError(f'{flag}: needs --dataset with one of {", ".join(kinds)}')
+            instead = '; --map-ids names maps by number' if flag == '--maps' else ''
+            known = ', '.join(kinds)
+            raise SelectionError(f'{flag}: needs --dataset with one of {known}{instead}')
 
 
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:

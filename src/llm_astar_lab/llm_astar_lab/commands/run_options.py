@@ -200,7 +200,8 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
         SEARCH_METHODS.admit(name)
         problem = None if name in engine.ALL_METHODS else SEARCH_METHODS.problem(name)
         if problem:
-            raise ValueError(f'--methods {problem}, {WAYPOINTS_ONLY}')
+            listed, mark, meant = problem.partition(';')
+            raise ValueError(f'--methods {listed}, {WAYPOINTS_ONLY}{mark}{meant}')
     for name in args.source:
         SOURCES.admit(name)
         if problem := SOURCES.problem(name):

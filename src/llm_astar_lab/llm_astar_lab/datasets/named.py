@@ -14,12 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.errors import nearest_name, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_scenario_problem
-from llm_astar_planner.parameter import nearest_name
 
 from llm_astar_lab.datasets import families
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, generate

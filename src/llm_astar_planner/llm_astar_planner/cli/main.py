@@ -20,11 +20,11 @@ import threading
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, printable
+from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name, printable
 
 from llm_astar_planner import __version__
 from llm_astar_planner.extensions import LAB_COMMANDS, extensions, not_installed
-from llm_astar_planner.parameter import ParameterError, nearest_name
+from llm_astar_planner.parameter import ParameterError
 
 # Each command is a module of its name (with _ for -), with its help as docstring, `add_arguments`
 # and `run`. It is imported only for that command: `doctor` must run where what the others need is

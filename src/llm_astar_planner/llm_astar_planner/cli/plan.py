@@ -39,13 +39,17 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point
 
 from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
-from llm_astar_planner.cli.planning_options import add_query_options, read_problem
+from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
+
+# Metres from the path to the nearest obstacle that many robots are wider than.
+NARROW = 0.35
+POINT_ROBOT = 'a point, as --robot-radius is 0; a wider one may touch what is so near'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,6 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
     show(plan, arguments, asked.coordinates)
+    if not arguments.json and may_touch(plan, asked):
+        print(f'robot      {POINT_ROBOT}')
     if drawing is not None:
         route = Route(planner.costmap, plan.start, plan.goal, asked.places)
         drawing.load()(plan, route, asked.coordinates.offset, arguments.png)
@@ -91,6 +97,12 @@ def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) ->
             sys.stderr.write(
                 'llm-astar: hint: coordinates are metres on this map; add --cells to give cells\n'
             )
+
+
+def may_touch(plan: Plan, asked: Problem) -> bool:
+    """Tell whether the path of a robot without a size is close to an obstacle of a metric map."""
+    has_size = asked.request.footprint or asked.planner.costmap.config.robot_radius
+    return asked.coordinates.metres and not has_size and plan.clearance < NARROW
 
 
 def ends_route(plan: Plan) -> bool:

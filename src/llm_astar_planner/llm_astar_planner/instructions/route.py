@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
 from numpy.typing import NDArray
-
-from llm_astar_planner.parameter import nearest_name
 
 if TYPE_CHECKING:  # clients that only look up a name need not wait for numba
     from llm_astar_planner.costmap.costmap import Costmap

@@ -10,6 +10,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import nearest_name
+
 from llm_astar_planner.costmap import config as costmap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.text import (
@@ -22,7 +24,6 @@ from llm_astar_planner.instructions.text import (
 from llm_astar_planner.parameter import (
     Parameter,
     ParameterError,
-    nearest_name,
 )
 from llm_astar_planner.planning.footprint import Footprint, footprint_problem
 from llm_astar_planner.search.methods import (

@@ -322,7 +322,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
         message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
     if first.checked_waypoints:
         used, count = len(first.guiding_waypoints), len(first.checked_waypoints)
-        message += f', {used} of {count} waypoints used'
+        message += f', {used} of {count} waypoints accepted'
     if first.by_heading:
         message += ', searched by heading for the footprint'
     if result.status is SearchStatus.STOPPED:

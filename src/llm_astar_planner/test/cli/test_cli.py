@@ -294,6 +294,8 @@ def test_the_picture_has_the_obstacles_of_the_rules(capsys, tmp_path):
     ('arguments', 'words'),
     [
         (['--method', 'theta'], ["--method: 'theta'", 'weighted_astar']),
+        (['--method', 'gudied'], ['llm_astar; did you mean guided?']),
+        (['--source', 'embeded'], ['did you mean embedded?']),
         (['--heuristic', 'l7'], ["--heuristic: 'l7'", 'octile']),
         (['--source', 'oracle9'], ['source', 'oracle9', 'replay']),
         (['--source', 'replay'], ['transcript']),
@@ -530,3 +532,18 @@ def test_help_is_printed_without_the_libraries_of_the_commands():
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == '[]'
+
+
+def test_a_robot_without_a_radius_is_named_where_its_path_is_close_to_an_obstacle(capsys):
+    office = ('plan', '--map', 'instructions/office.yaml', '--start', '2', '2', '--goal', '8', '8')
+    said = 'robot      a point, as --robot-radius is 0'
+    assert said in run(capsys, *office)[1]
+    assert said not in run(capsys, *office, '--robot-radius', '0.3')[1]
+    # Cells of a map without metres have no size to compare with.
+    assert said not in run(capsys, 'plan')[1]
+
+
+def test_waypoints_that_the_checks_let_through_are_called_accepted(capsys):
+    """They need not lie on the path: the search beside them may have found a shorter one."""
+    first = run(capsys, 'plan')[1].splitlines()[0]
+    assert first.endswith(', 3 of 3 waypoints accepted')

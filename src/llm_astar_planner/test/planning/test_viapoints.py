@@ -45,7 +45,7 @@ def test_viapoints_guide_the_search_and_no_source_is_asked():
     assert plan.code is ResultCode.NONE, plan.message
     assert (plan.source, plan.guided_by) == ('viapoints', 'viapoints')
     assert statuses(plan) == ['accepted'] * len(GAPS)
-    assert '10 of 10 waypoints used' in plan.message
+    assert '10 of 10 waypoints accepted' in plan.message
     assert '10 of 10 via points can be reached' in plan.to_dict()['source_detail']
 
 

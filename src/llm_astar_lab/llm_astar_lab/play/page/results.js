@@ -16,6 +16,7 @@ const CLAUSE_TONES = {
 };
 const NOT_UNDERSTOOD = 'not understood';
 const MAX_ITEMS = 300;
+const MAX_WARNINGS = 3;
 
 /** Return an element with text (never markup) and children. */
 export function element(tag, content = '', children = []) {
@@ -42,7 +43,11 @@ export function showVerdict({ tone, head, rest }) {
 export function showReply(reply, map, palette) {
   const plans = reply.plans;
   const chosen = plans.find((plan) => plan.role === 'chosen');
-  showVerdict(verdictOf(plans));
+  const verdict = verdictOf(plans);
+  // Such as that the start or the goal was moved.
+  for (const warning of (chosen?.warnings ?? []).slice(0, MAX_WARNINGS))
+    verdict.rest += ` Note: ${text(warning, 400)}.`;
+  showVerdict(verdict);
   showFigures(plans, map);
   showWaypoints(chosen?.waypoints ?? [], map, palette);
   showInstruction(chosen?.instruction);

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import yaml
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.node import Node, NodeNameNonExistentError
@@ -17,7 +17,6 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from llm_astar_planner.nodes.common.asking import ask
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
-from llm_astar_planner.parameter import nearest_name
 
 Type = Parameter.Type
 TYPE_NAMES = {
