@@ -28,8 +28,8 @@ LAB = 'llm_astar_lab'
 COSTMAP = {'search', 'parameter', 'plugins'}
 WAYPOINTS = COSTMAP | {'caches', 'costmap', 'resources'}
 INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
-PLANNING = INSTRUCTIONS | {'instructions'}
-NODES = PLANNING | {'planning', 'extensions'}
+PLANNING = INSTRUCTIONS | {'instructions', 'extensions'}
+NODES = PLANNING | {'planning'}
 ROOMS = {
     'search': {'plugins'},
     'costmap': COSTMAP,

@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,8 @@ from llm_astar_msgs_adapter.maps.grid_map import (
     Pose2D,
 )
 
+# What a map is made of: one, a yaml file, an image as map_server takes it, or an array.
+MapLike: TypeAlias = 'GridMap | str | Path | Image.Image | NDArray[Any]'
 MODES = ('trinary', 'scale', 'raw')
 FORMATS = ('PPM', 'PNG', 'BMP', 'JPEG')
 # Characters of a file's name in errors.
@@ -86,14 +88,31 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
         raise MapServerError(f'{path}: {error}') from None
 
 
+def to_grid_map(source: MapLike) -> GridMap:
+    """Return a map of a yaml file, an image, or an array of occupancy or of obstacles.
+
+    An array [height, width] is bool, True where there is an obstacle, or has the values of
+    GridMap; row 0 is at the bottom, as there. An image has its bottom row there and map_server's
+    thresholds. Both have cells of 1 m. Raises MapServerError, GridMapError.
+    """
+    if isinstance(source, GridMap):
+        return source
+    if isinstance(source, (str, Path)):
+        return load_map(source)
+    if isinstance(source, Image.Image):
+        return GridMap(np.concatenate([Shades().cells(strip) for strip in strips(source)])[::-1])
+    cells = np.asarray(source)
+    return GridMap(np.where(cells, OCCUPIED, FREE) if cells.dtype == np.bool_ else cells)
+
+
 @dataclass(frozen=True)
 class Shades:
     """What the shades of an image mean: the mode and the thresholds of the yaml file."""
 
-    mode: str
-    negate: bool
-    occupied: float
-    free: float
+    mode: str = 'trinary'
+    negate: bool = False
+    occupied: float = 0.65
+    free: float = 0.196
 
     def cells(self, pixels: NDArray[np.float64]) -> NDArray[np.int8]:
         """Return the occupancy of pixels [height, width, 3 or 4], 0 to 255, in the same order."""

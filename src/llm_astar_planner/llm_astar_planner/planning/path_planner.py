@@ -53,6 +53,7 @@ from llm_astar_planner.search.stop import StopFlag
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+    from llm_astar_msgs_adapter.maps.map_server import MapLike
     from typing_extensions import Self
 
     from llm_astar_planner.search.any_angle import AnyAnglePath
@@ -73,18 +74,23 @@ class PathPlanner:
 
     def __init__(
         self,
-        grid_map: GridMap,
+        grid_map: MapLike,
         config: CostmapConfig | None = None,
         barrier_map: BarrierMap | None = None,
         landmarks: LandmarkManager | None = None,
         previous: PathPlanner | None = None,
     ) -> None:
-        """Take a map.
+        """Take a map: a GridMap, map_server's yaml file, a PIL image, or an array of occupancy.
 
         `barrier_map`, if the grid was made from one, makes LLM-A* exact on it. `landmarks` keeps
         them from map to map. Of `previous`, the planner for the map before, what the two maps
         share is taken over; it stays as it is.
         """
+        if not isinstance(grid_map, GridMap):
+            # Nodes have one, and need no library of images for it.
+            from llm_astar_msgs_adapter.maps.map_server import to_grid_map  # noqa: PLC0415
+
+            grid_map = to_grid_map(grid_map)
         before: Costmap | None = None if previous is None else previous.costmap
         self.costmap: Costmap = Costmap(grid_map, config, barrier_map, before)
         self.grid_map = grid_map

@@ -7,10 +7,13 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from llm_astar_msgs_adapter.maps.places import NO_PLACES
+
 from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.types import (
     COMPILED,
+    PLANNED_ON,
     Plan,
     PlanningFailure,
     PlanRequest,
@@ -35,6 +38,9 @@ class Planner(PathPlanner):
         or TIMEOUT.
         """
         *_, plan = self.plans(request, stop, anytime=False)
+        # So that a notebook can draw it. Those of `plans`, which nodes keep, hold no map.
+        places = NO_PLACES if request.instruction is None else request.instruction.places
+        PLANNED_ON[plan] = self.costmap, places
         return plan
 
     def plans(

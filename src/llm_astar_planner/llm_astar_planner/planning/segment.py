@@ -321,8 +321,10 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
         least = 'cheapest' if is_priced else 'shortest'
         message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
     if first.checked_waypoints:
-        used, count = len(first.guiding_waypoints), len(first.checked_waypoints)
-        message += f', {used} of {count} waypoints accepted'
+        accepted = sum(point.status in GUIDING for point in first.checked_waypoints)
+        message += f', {accepted} of {len(first.checked_waypoints)} waypoints accepted'
+        # The search beside them was done before it came to them.
+        message += ', none needed' if accepted and not first.guiding_waypoints else ''
     if first.by_heading:
         message += ', searched by heading for the footprint'
     if result.status is SearchStatus.STOPPED:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
+from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
+from html import escape
 from operator import index
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
+from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -26,9 +32,11 @@ from llm_astar_planner.waypoints.source import (
 )
 
 if TYPE_CHECKING:
+    from llm_astar_msgs_adapter.maps.places import Places
     from llm_astar_msgs_adapter.messages.report import PlanReport
 
     from llm_astar_planner.costmap.config import CostmapConfig
+    from llm_astar_planner.costmap.costmap import Costmap
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.instructions.outcome import InstructionOutcome
     from llm_astar_planner.search.any_angle import AnyAnglePath
@@ -261,6 +269,21 @@ class Plan:
     footprint: Footprint | None = None
     is_final: bool = True
 
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture that a notebook shows, None where there is none."""
+        return picture_of(self)[0]
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the outcome, and the picture or why there is none."""
+        picture, problem = picture_of(self)
+        text = f'{self.message} [{self.code.name}]' if self.code else self.message
+        clauses = [] if self.instruction is None else [self.instruction.summary()]
+        lines = [text, *clauses, *self.warnings, problem]
+        shown = ''.join(f'<p>{escape(line)}</p>' for line in lines if line)
+        if picture is None:
+            return shown
+        return f'{shown}<img src="data:image/png;base64,{b64encode(picture).decode()}">'
+
     @property
     def source_status(self) -> SourceStatus:
         """How the query to the source went."""
@@ -300,6 +323,27 @@ class Plan:
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,
         }
+
+
+# What `Planner.plan` planned on, while its plan lives.
+PLANNED_ON: WeakKeyDictionary[Plan, tuple[Costmap, Places]] = WeakKeyDictionary()
+
+
+def picture_of(plan: Plan) -> tuple[bytes | None, str]:
+    """Return the picture of a plan as PNG, or None and why there is none."""
+    from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
+
+    if plan not in PLANNED_ON:
+        return None, 'There is no picture: this is a copy of a plan, without its map'
+    costmap, places = PLANNED_ON[plan]
+    try:
+        draw = find_drawing('plan').load()
+    except (ImportError, LlmAstarError) as error:
+        return None, f'There is no picture: {error}'
+    with TemporaryDirectory() as folder:
+        path = Path(folder, 'plan.png')
+        draw(plan, Route(costmap, plan.start, plan.goal, places), (0, 0), str(path))
+        return path.read_bytes(), ''
 
 
 def describe_expansions(count: int) -> str:
