@@ -111,7 +111,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
         'benchmark_node', None, description, epilog, formatter_class=layout
     )
     text = 'barrier maps: a path, or a name in maps/ (default: %(default)s)'
-    option(parser, '--map FILE', text, dest='dataset', default=SAMPLES_FILE)
+    option(parser, '--map --dataset FILE', text, dest='dataset', default=SAMPLES_FILE)
     option(parser, '--map-ids RANGES', 'such as 50-99 or 0-9,12', dest='maps')
     option(parser, '--limit N', 'draw N of the samples')
     option(parser, '--seed N', 'seed of the draw (0)', default=0)
