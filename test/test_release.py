@@ -11,6 +11,9 @@ import yaml
 ROOT = Path(__file__).resolve().parents[1]
 WORKFLOWS = sorted((ROOT / '.github' / 'workflows').iterdir())
 PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab')
+HEADER = (
+    '# Copyright 2026 The LLM-A* for ROS 2 contributors\n# SPDX-License-Identifier: Apache-2.0\n'
+)
 # What stands for an address that there is none of yet, and the files that have it.
 PLACEHOLDERS = r'git clone REPOSITORY|[\w-]+@llm-astar\.example'
 HAVE_ONE = {
@@ -77,3 +80,15 @@ def test_the_page_about_releases_says_that_there_is_no_address():
     page = (ROOT / 'docs' / 'release.md').read_text()
     assert '**An address.**' in page
     assert '`REPOSITORY`' in page
+
+
+def test_every_file_of_the_packages_begins_with_its_copyright_and_licence():
+    lacking = []
+    for package in PACKAGES:
+        folder = ROOT / 'src' / package
+        files = (*(folder / package).rglob('*.py'), *folder.glob('launch/*.py'))
+        for path in (*files, *folder.glob('scripts/*')):
+            text = path.read_text().split('\n', 1)[1] if path.suffix == '' else path.read_text()
+            if text and not text.startswith(HEADER):
+                lacking.append(str(path))
+    assert not lacking, f'begin these with\n{HEADER}'

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Reads files and JSON that somebody else wrote: bounded in size, and every error named.
 
 What a parameter or a field of a file names may be a device, a FIFO or a file of many gigabytes,

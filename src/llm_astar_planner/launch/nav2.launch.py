@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start Nav2's navigation_launch.py with this planner in the place of planner_server's plugin.
 
 planner_server stays for its global costmap and the services that clear it; its actions,

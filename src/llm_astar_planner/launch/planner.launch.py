@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start the planner and its waypoint client, and map_node unless `map:=false`.
 
 All start at once and need no order: the map is latched, a first goal waits for what is still

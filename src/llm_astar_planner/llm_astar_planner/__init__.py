@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """LLM-A* for ROS 2: a global planner that the waypoints of a language model may guide.
 
 What a user imports: Planner, PlanRequest, Plan, CostmapConfig, ResultCode, WaypointSource.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Memories of a bounded size: what was not used for longest makes way."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What other packages add to this one, found by their entry points.
 
 `llm_astar.commands` names packages of commands (`COMMANDS` and a module each), `llm_astar.nodes`

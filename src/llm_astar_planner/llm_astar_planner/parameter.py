@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """One configurable value: name, type, range, unit and a sentence; the tables are made of these."""
 
 from __future__ import annotations

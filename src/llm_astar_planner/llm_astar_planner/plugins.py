@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Finds what a name stands for: one of the package's own, an installed plug-in, or code by name.
 
 Waypoint sources and search methods are found here. The package's own are listed as

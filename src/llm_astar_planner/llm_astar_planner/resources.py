@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Find the files that come with the package, however it was installed, and those of the user."""
 
 from __future__ import annotations

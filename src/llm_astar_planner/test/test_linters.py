@@ -1,5 +1,6 @@
 """ament's linters, as `colcon test` runs them; ruff checks the same rules without ROS."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -36,5 +37,7 @@ def test_every_file_names_its_copyright_and_its_license(monkeypatch):
 
 
 def test_package_xml_is_valid():
-    pytest.importorskip('ament_xmllint', reason=ABSENT)
-    assert linter('ament_xmllint')([str(PACKAGE / 'package.xml')]) == 0
+    check = linter('ament_xmllint')
+    if shutil.which('xmllint') is None:
+        pytest.skip('there is no xmllint: apt-get install libxml2-utils')
+    assert check([str(PACKAGE / 'package.xml')]) == 0

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What is wrong with the replies of models: each is judged when its row is made, then counted."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compares results folders of one dataset: ratios with intervals, and the samples that changed."""
 # ruff: noqa: S608 - queries are put together from the names of columns alone
 

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Statistics of one metric: spread, shares, and confidence intervals by bootstrap over maps.
 
 The samples of one map share its barriers, so they are not independent. The bootstrap therefore

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Summarises rows: metrics of every variant, paired comparisons, and growth with the scale."""
 # ruff: noqa: S608 - queries are put together from the names of columns alone
 

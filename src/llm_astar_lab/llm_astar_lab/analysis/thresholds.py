@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a run must meet: thresholds [VARIANT:]METRIC=LIMIT, and a dataset's optimal lengths."""
 
 from __future__ import annotations

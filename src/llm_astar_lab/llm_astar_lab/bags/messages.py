@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Topics and messages of the bags that are written here, made without ROS.
 
 A message within a message may be given as a dict of its fields.

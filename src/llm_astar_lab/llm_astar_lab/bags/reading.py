@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Reads rosbag2 bags message by message: mcap and sqlite3, split, compressed, damaged.
 
 A bag is a folder, with or without its metadata.yaml, or a single file. Messages come in the order

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The storage files of bags: mcap, read record by record, and sqlite3, of every version."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Message types of bags: definitions to write into a bag, and decoding by those in a bag.
 
 Definitions come from Jazzy's common packages (rosbags has them), from the packages installed on

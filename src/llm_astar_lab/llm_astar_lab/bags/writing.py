@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes bags as rosbag2 does: a folder of files split by size, with one metadata.yaml.
 
 Each file is complete up to the last chunk or second even if the process dies.

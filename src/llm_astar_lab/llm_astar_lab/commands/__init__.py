@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The commands that the laboratory adds to `llm-astar`, each a module of its name."""
 
 # As in `llm_astar_planner.cli.main`: the summary of each command.

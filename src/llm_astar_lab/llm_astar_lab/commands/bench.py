@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plan the samples of a dataset with every method and waypoint source.
 
 Write a results folder: rows, summary, report.md, report.html, pictures.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compare results folders of one dataset with the first of them, sample by sample.
 
 Print the ratios to the base with intervals, and the samples that changed most. Say whether there

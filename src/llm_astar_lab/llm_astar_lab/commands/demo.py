@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Run the whole graph for one plan: three nodes and a client.
 
 Start map_node, llm_client_node and planner_node as processes, call the planner's GetPlan as

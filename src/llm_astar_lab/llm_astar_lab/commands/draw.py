@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Draw what A* and another method expand on the way from start to goal, side by side.
 
 The file is a picture (.png, .svg, .pdf) or an animation (.gif).

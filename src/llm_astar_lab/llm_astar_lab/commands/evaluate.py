@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plan every request in rosbag2 bags (mcap or sqlite3) with every method and source.
 
 Compare with the recorded plans, and write a results folder like that of bench. No robot, graph

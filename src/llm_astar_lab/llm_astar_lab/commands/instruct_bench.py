@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Measure on a suite how well route instructions are understood, enforced and reported.
 
 Each instruction is understood by each source, planned, and the path held against the machine

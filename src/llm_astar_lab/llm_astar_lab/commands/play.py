@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plan in the browser: drag start and goal, draw walls, and watch the search.
 
 A small server on this machine shows the page; nothing is sent anywhere else.

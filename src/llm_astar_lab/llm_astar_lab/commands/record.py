@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Record the live graph into a rosbag2 bag, to evaluate it later.
 
 examples:

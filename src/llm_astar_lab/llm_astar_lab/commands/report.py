@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Rewrite summary, figures and reports of a results folder from its rows.
 
 With --latex or --csv, only write its tables; with --readme, only replace the results section of a

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The options and the last steps that `bench` and `evaluate` share."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Check transcripts: recorded exchanges with language models, which `replay` answers from.
 
 examples:

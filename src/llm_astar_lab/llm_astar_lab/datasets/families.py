@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Families of grid maps drawn from a seed: rooms, mazes, warehouse aisles and floor plans.
 
 A drawing is bool [height, width], True where blocked. A unit of the plan is one cell; scaled maps

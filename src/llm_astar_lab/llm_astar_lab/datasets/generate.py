@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Draws datasets by the recipe of the paper's appendix, and checks any dataset by it.
 
 A map gets one to four horizontal and one to four vertical barriers at random. Start and goal are

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Datasets by name: the paper's, MovingAI's sets, and generated families.
 
 MovingAI's maps and scenarios are read from a folder that the user has: the archives of

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Requests of a bag and the plans that the robot's own stack made for them.
 
 While a bag is read, a request waits for the stack's plan and report. They belong to a request by

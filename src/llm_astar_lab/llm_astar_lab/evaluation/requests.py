@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Requests of a bag, each on the map of its time; also requests listed in a CSV or JSON file.
 
 Messages are read one by one. Only the current map, the newest poses and transforms, and the

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Benchmark tasks from bags: each request is a sample on the map of its time."""
 
 from __future__ import annotations

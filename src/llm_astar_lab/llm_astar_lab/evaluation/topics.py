@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Which topics of a bag an evaluation uses, and the role of each."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What is written of bags: a dataset's samples and an evaluation's plans as bags, exchanges.
 
 Exchanges with language models that were recorded in bags become a transcript to replay.

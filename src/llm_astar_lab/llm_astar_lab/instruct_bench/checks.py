@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The machine checks of a suite: what a path that follows an instruction fulfils.
 
 They are measured on the path's own straight pieces, in code apart from the enforcement and from

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Whether two specifications ask the same: compared as normalised clauses.
 
 Normalised, places have their own names instead of aliases, defaults are written out, boxes that

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The maps of a suite: found, loaded, and their places read; and what its checks refer to."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The figures of a run over a suite: as tables, Markdown, JSON and CSV rows, and their limits.
 
 Thresholds for continuous integration are written [SOURCE[/STYLE]:]METRIC=LIMIT, such as

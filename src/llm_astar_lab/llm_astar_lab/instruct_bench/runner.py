@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs the instructions of a suite: understood by a source, planned, checked, and judged."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Suites of route instructions with their truth and machine checks: the format, read and checked.
 
 A suite is a JSON object; lengths are metres and points lie in the map's frame. On a barrier map

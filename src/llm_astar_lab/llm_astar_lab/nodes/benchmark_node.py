@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plan samples through a running graph and write a results folder.
 
 One GetPlan each. The results are those of `llm-astar bench`, plus the round-trip time of every

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Follows a running planner: its map, its paths with their reports, and its state."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Draws a plan of a running graph: its map, its path, and the cells that were expanded for it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Records topics of the live graph into a bag, as serialized messages."""
 
 from __future__ import annotations

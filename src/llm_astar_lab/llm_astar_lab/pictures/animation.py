@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Animations of searches that expand side by side at the same pace, as a GIF."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Pictures of plans: obstacles, waypoints, expanded cells and path on one map."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Draws what became of an instruction: its regions, where the path violates it, what it visited.
 
 The regions and the parts of the path are those that the verification measured.

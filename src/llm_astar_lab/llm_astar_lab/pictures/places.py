@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Draws named places, and texts so that none hides another, a mark or, if it can be, the path."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Maps as images: what each cell shows, which part of a map is drawn, and at which size."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs the searches of a plan again to learn in which order they expanded the cells."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The one style of pictures, animations, reports and the page: colours, markers, names.
 
 Plain constants without matplotlib, for a light background. Blue on amber stays apart for readers

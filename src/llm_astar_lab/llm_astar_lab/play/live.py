@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a running graph shows to the page: its newest map, plan and state."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plans for the page, one request after the other: the chosen plan, and some to compare with."""
 
 from __future__ import annotations

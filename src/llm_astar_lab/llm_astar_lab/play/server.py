@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Serves the page: its routes and their limits, who may ask, the socket, and a clean end.
 
 Pages of its own may ask: browsers say in the headers of a request whose it is.

@@ -1,1 +1,4 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes reports: Markdown, HTML, figures."""

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a comparison of runs found, as text, Markdown, JSON and tables."""
 
 from __future__ import annotations

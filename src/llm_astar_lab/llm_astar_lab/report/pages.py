@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The report as Markdown, as one self-contained HTML page, and as text for a terminal."""
 
 from __future__ import annotations

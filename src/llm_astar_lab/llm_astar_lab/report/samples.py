@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The samples of a run that a report shows: one drawn in pictures, others in the page's browser.
 
 The drawn one is of about median saving, planned again by a few methods. What the browser of

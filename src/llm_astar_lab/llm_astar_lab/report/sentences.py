@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """States the results in sentences: what the waypoints added over none, even if that is nothing."""
 
 from __future__ import annotations

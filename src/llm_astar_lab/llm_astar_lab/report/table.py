@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A table as data, columns and rows of cells, and as Markdown, LaTeX, CSV and text.
 
 Markdown, LaTeX and text show numbers as they are read, CSV has all their digits.

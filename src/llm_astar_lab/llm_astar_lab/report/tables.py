@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The tables of a report as data; `table.py` writes them as Markdown, LaTeX, CSV or text."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Writes everything that is read of a results folder: summary, figures, reports."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The results folder of a run: one CSV row per sample and variant, and the run's metadata.
 
 Rows are appended to `results.csv` as samples finish, failures included, so an interrupted run

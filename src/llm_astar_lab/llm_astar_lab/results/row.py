@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The record of one sample planned with one variant, and how its columns are written."""
 
 from __future__ import annotations

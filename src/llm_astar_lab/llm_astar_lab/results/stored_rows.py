@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The rows of a run in a temporary DuckDB database: read from CSV and Parquet files, and queried.
 
 The database takes MEMORY at most and keeps the rest in a folder in TMPDIR. It loads no extension,

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What one run covers, and how it is started, resumed, spread, shown and written to its folder."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Runs methods with waypoint sources over samples.
 
 A task is one sample at one scale with all its variants. Each source is asked once per task and

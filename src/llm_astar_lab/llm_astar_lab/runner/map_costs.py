@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a map costs before its queries, as in the Grid-Based Path Planning Competition (GPPC).
 
 The competition reports the time for preprocessing a map, the memory that its planner holds and

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The waypoint sources of a run, and which samples of a dataset its transcripts hold."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Checks a transcript line by line, and says what it holds of a dataset."""
 
 from __future__ import annotations

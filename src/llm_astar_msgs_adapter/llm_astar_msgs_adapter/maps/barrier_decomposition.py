@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Approximates the blocked cells of a grid by at most N straight barriers (greedy cover).
 
 Exact on grids made from barrier maps: the barriers found block the same cells. An approximation

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Barrier maps, the paper's dataset format: loaded, validated, saved, scaled and rasterised.
 
 A dataset is a JSON list of `{id, range_x, range_y, horizontal_barriers [y, x0, x1],

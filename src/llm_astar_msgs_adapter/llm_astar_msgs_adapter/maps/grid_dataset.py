@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start-goal pairs on a grid map: the counterpart of BarrierMap for maps without barriers."""
 
 from __future__ import annotations

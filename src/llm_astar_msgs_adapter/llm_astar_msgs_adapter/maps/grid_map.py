@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """An occupancy grid as plain values: cells, resolution, and its pose in the world."""
 
 from __future__ import annotations

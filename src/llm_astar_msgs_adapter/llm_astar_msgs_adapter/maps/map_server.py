@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Maps in nav2_map_server's format: a yaml file and an image (pgm, png, bmp, ...).
 
 A pixel's shade is the mean of its colours, 0 for black to 1 for white. Its occupancy is

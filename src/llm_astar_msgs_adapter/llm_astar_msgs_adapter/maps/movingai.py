@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """MovingAI benchmark files: `.map` grids and `.map.scen` scenarios (movingai.com/benchmarks).
 
 Coordinates are those of the files: x to the right, y down, row 0 is the first line.

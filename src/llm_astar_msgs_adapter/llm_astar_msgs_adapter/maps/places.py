@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Places on a map: named areas and objects, read from GeoJSON in the map's frame.
 
 A file is drawn in QGIS, written by hand, or has the nodes of a nav2_route graph. Coordinates are

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Loads maps with start-goal pairs: barrier maps, MovingAI's `.map.scen`, map_server's yaml."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plain values of ROS messages by their fields, for live messages and those decoded from bags.
 
 Nothing here imports ROS: a message is any object with the fields of its type.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Markers for RViz and Foxglove: plans with their expanded cells, named places, and zones."""
 
 from __future__ import annotations

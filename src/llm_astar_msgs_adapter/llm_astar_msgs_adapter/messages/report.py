@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The fields of plan reports and of exchanges with a waypoint source, as plain values."""
 
 from __future__ import annotations

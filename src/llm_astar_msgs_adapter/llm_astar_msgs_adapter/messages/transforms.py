@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The newest transforms between frames, and poses in the plane transformed by them.
 
 Nothing here imports tf2: a transform is any object with the fields of geometry_msgs/Transform.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plain values as live ROS messages: maps, paths, poses, reports; `fields` reads them back."""
 
 from __future__ import annotations

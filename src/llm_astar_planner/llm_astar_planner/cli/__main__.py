@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start `llm-astar`, or `python -m llm_astar_planner.cli`."""
 
 import signal

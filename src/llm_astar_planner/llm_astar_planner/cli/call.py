@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Ask a running planner_node for a plan, as another stack would, or what an instruction means.
 
 examples:

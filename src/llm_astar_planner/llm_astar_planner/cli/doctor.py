@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Check everything that the planner uses, and say how to install what is missing.
 
 The exit code is 1 if something required is missing.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """LLM-A*: plan with the waypoints of a language model, and measure what they add.
 
 first steps:

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The map, the places and the unit of points that a command works with, by its options."""
 
 from __future__ import annotations

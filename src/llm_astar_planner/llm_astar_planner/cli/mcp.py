@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 r"""Serve route planning to agents over MCP, the Model Context Protocol.
 
 The server speaks on standard input and output. Its tools are list_places, interpret, plan_route

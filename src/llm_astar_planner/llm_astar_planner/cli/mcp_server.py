@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The MCP server of `llm-astar mcp`: the route tools with their schemas. Needs the extra `mcp`."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Check the named places of a map, list them and draw them.
 
 The file is GeoJSON in metres of the map's frame: drawn in QGIS, written by hand, or the graph of

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plan from start to goal on a map, without ROS.
 
 Without options it plans the first start-goal pair of the demo map. Start and goal are points

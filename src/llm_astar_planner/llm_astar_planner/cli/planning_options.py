@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The options of the commands that plan on a map file, and the problem that they pose."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What an agent may ask about routes on one map: the tools of `llm-astar mcp`, without MCP.
 
 Points are [x, y] in metres of the map's frame. All input is checked; what cannot be used raises

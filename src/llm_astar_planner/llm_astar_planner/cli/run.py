@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Run map_node, llm_client_node and planner_node until Ctrl-C.
 
 What `ros2 launch llm_astar_planner planner.launch.py` does, without ROS 2's launch.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Print a line for each plan of a running planner_node.
 
 It prints one for each exchange of its llm_client_node with its source and for each change of

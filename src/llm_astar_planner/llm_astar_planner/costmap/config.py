@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The rules that turn an occupancy grid into a costmap."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What the values of Nav2's costmap filter masks cost: keepout areas and speed limits.
 
 The rules are those of nav2_costmap_2d's KeepoutFilter and SpeedFilter. A speed limit becomes a

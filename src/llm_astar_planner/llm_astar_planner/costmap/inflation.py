@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The robot's body on a map: which cells its centre must not be in, and what the others cost.
 
 As in Nav2's InflationLayer, with d the distance in metres from a cell's centre to that of the

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Zones as GeoJSON: a FeatureCollection of polygons in metres of the map's frame.
 
 A feature's properties are `cost` (1 to 100, 100 by default), `name`, `seconds` (until it expires)

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Zones: areas that are closed to the robot, or that cost more, set while the planner runs."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a clause asks of the search: closed cells, visits, automata over regions, goals."""
 
 from __future__ import annotations

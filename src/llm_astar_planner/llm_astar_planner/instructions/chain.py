@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Interpreters in a chain, with a memory of what was understood."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Questions about instructions that a person has answered, remembered for each map."""
 
 from __future__ import annotations

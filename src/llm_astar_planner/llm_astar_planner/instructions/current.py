@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The instruction that is set: understood once, by the grammar at once and then by a model."""
 
 from __future__ import annotations

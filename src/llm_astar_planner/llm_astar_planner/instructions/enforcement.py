@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A specification as a search problem: blocked cells, prices, and automata over regions.
 
 Strictly, what a `must` clause forbids is blocked. Where no path keeps them all, it has a price

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Fields of specifications in JSON: read with errors that name the clause and the field."""
 
 from __future__ import annotations

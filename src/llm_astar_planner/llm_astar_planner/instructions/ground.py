@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The map under a route, as clauses ask about it: cells of regions, of distances and of sides.
 
 Verification has its own reading of the same definitions.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Questions about instructions and their answers, as the JSON texts that nodes exchange.
 
 Whatever a peer sends is bounded in size, and never evaluated.

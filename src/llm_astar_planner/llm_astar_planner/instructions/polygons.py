@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Regions of a specification as polygons in metres, as enforcement sees them.
 
 Verification has its own reading of the same definitions.

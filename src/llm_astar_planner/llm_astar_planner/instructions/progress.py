@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The way that a robot has driven under an instruction, from where it plans again."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Regions: the parts of a map that clauses are about, with their JSON form and their words.
 
 Lengths are metres and points lie in the map's frame. Where a region lies is found twice: in

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What an instruction is about: a route on a map, and the places that names mean."""
 
 from __future__ import annotations

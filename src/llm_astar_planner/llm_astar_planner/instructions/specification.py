@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The route specification: what an instruction asks of a path, as clauses, with its JSON form.
 
 Lengths are metres and points lie in the map's frame. The JSON form is published in

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The text of an instruction, and what to do where it cannot be met: what parameters have of it.
 
 Imported with the parameters, so without what takes long to import.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Transcripts of instructions: what a model was asked and replied, as JSON Lines.
 
 A line holds `text, places` (their digest), `model, reply, interpretation, seconds,

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The ROS nodes: they translate and schedule, and leave the planning to the core."""
 
 # Where each node's `main` is, below this package.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Start a node: `planner_node`, or `python -m llm_astar_planner.nodes planner_node`.
 
 What takes long is imported last: before that, Ctrl-C ends the process without a traceback,

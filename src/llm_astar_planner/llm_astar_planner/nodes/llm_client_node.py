@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """llm_client_node: returns waypoints between a start and a goal on the latest map."""
 
 from __future__ import annotations

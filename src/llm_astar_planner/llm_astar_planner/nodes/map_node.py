@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """map_node: publishes a barrier map or a map_server map as an occupancy grid, latched."""
 
 from __future__ import annotations

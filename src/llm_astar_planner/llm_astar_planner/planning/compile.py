@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiles the kernels ahead of plans, or loads them from numba's cache: on small maps of its own.
 
 A `Planner` compiles what a request takes before the time of the request begins. Nodes do so for

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The ends of a path: between which cells it is searched, and where in them it begins and ends.
 
 An unreachable goal or via point is replaced by the nearest cell that the start reaches, by the

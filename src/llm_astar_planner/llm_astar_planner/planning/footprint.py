@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The robot's polygon: its text, what is wrong with it, its radii.
 
 Imported with the parameters, so without what takes long to import.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Makes paths ones that the robot's polygon passes: checks them, and searches again by heading.
 
 The robot moves straight ahead and turns on the spot, so a pose is free, or not, by its heading.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plans with an instruction: the search keeps to it, and the path is held against it."""
 
 from __future__ import annotations

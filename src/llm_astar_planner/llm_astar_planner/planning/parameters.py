@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The one table of parameters: nodes, command line, config/ and docs/reference.md are made of it.
 
 `docs/make_reference.py` prints the tables of docs/reference.md and the file config/planner.yaml.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plans paths on one costmap: endpoints, segments, the check, and the plan made of them."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The last check before a path leaves. It shares no code with the searches or the inflation."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What of an earlier plan still holds on a changed map: its path, its waypoints."""
 
 from __future__ import annotations

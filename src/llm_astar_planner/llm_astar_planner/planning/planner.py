@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Planner: a request in, a plan out. Nodes, benchmark, bag evaluation and users share it."""
 
 from __future__ import annotations

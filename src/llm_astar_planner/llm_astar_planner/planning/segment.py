@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Plans one segment: queries waypoints, checks them, and searches from one cell to another.
 
 Of checked waypoints the paper's target list T is built. It asks that T holds start and goal and

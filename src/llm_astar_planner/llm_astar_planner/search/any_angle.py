@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """String pulling: straighten a grid path into segments at any angle, on the same grid rules."""
 
 from __future__ import annotations

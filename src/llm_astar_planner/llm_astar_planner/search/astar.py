@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact A* on a grid: octile or landmark estimate, ties to larger g, a queue of buckets."""
 
 from __future__ import annotations

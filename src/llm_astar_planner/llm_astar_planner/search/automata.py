@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Small automata over the regions that a path is in: what a clause asks of the order of cells."""
 
 from __future__ import annotations

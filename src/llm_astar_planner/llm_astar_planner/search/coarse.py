@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A cheapest route over the tiles of a grid, as the few cells at which it turns.
 
 The nodes are the connected parts of each tile, so a door of one cell is never lost: where cells

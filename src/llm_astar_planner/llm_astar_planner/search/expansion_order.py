@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Records in which order searches expand cells, for animations.
 
 The kernels keep no order. A recorder lets a search expand a few cells at a time and looks after

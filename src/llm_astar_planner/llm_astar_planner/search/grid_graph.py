@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Occupancy grids prepared for fast repeated search.
 
 A grid is prepared once per map (one byte of legal moves per cell) and then searched many times.

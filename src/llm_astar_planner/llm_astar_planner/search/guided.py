@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Guided search: waypoints steer it, plain A* limits its work, and its path carries a bound.
 
 docs/guided-search.md describes the algorithm and proves its bounds. In short: one search follows

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A* over cells and headings: the cheapest path of a robot that is no circle.
 
 The robot moves ahead, straight or diagonally, and turns on the spot. Every motion is held

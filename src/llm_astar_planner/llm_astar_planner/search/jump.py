@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Jump point search on uniform costs: exact, by scans of 64 cells at a time.
 
 Harabor and Grastien, "Improving jump point search", ICAPS 2014, for grids without corner cutting:

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Where numba keeps the compiled kernels: in a folder that this process can write.
 
 numba writes next to the modules, else below the user's cache folder, and refuses to work where it

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Landmarks: exact distances from a few far cells, which prove how long a path must be.
 
 For a landmark l the triangle inequality gives d(n, goal) >= |d(l, n) - d(l, goal)|, since a

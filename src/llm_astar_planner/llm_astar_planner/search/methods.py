@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The search methods by name: the package's own, and those of other packages."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a search method gets and what it may say about itself: the protocol of all methods."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Exact search for paths that automata over regions accept.
 
 An A* over pairs of a cell and a product state, the tuple of the automata's states. What the search

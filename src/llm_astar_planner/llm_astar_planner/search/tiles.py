@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Connected free cells of a grid, by tiles: cheap to update where few cells change.
 
 The grid is divided into square tiles. The connected free cells of a tile form a local component,

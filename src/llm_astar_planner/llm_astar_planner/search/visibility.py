@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Lines of sight on a grid: which straight lines between cell centres touch an obstacle.
 
 Blocked cells that share a side form a wall without thickness through their centres, like the

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Query waypoint sources on threads of their own, so that nothing they do can stop a plan.
 
 The threads are bounded: what waits for one is answered newest first, and what nobody waits for

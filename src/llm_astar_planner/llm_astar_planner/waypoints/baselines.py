@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Baseline sources: waypoints computed without a language model, to compare a model's with.
 
 `coarse` is the turns of a cheapest route on tiles of 4 to 16 cells a side, in which parts that do

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The settings of a waypoint source, the same for nodes and command line, and what it makes."""
 
 from __future__ import annotations

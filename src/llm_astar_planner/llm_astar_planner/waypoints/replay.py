@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Sources that ask no model: none at all, one given reply, and a recorded transcript.
 
 The recording is made here too; samples of a dataset are recognised by the cells of their map.

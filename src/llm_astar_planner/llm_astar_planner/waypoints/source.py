@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The WaypointSource protocol, and the plain values that sources receive and return."""
 
 from __future__ import annotations

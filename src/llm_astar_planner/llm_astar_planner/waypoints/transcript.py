@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Transcripts: exchanges with a model as JSON Lines, read and written.
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops that find where two maps differ, and whether costs are graded."""
 
 from __future__ import annotations

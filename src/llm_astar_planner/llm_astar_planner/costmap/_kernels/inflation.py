@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The compiled loop that inflates the lethal cells of a map."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """count: a region is entered at least or at most so many times."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """never_after: who has entered one region never enters another one again."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """visit: the path enters regions, in any order; visits follow each other."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Route instructions understood without a model: words, clauses, meaning.
 
 `lexer` turns the words of an instruction into lexemes with the help of a vocabulary (one table a

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Understands route instructions by a grammar, without a model, in a millisecond."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Lexemes: the words of an instruction with their meaning, numbers and points put together."""
 
 from __future__ import annotations

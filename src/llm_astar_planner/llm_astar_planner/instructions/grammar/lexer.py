@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """From text to lexemes: places, nouns, vocabulary and numbers, the longest phrase first."""
 
 from __future__ import annotations

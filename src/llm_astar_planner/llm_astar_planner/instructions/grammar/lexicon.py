@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The words for a map's places: names, aliases, their translations, kinds and tags."""
 
 from __future__ import annotations

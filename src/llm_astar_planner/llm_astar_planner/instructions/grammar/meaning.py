@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """From the parts of a parsed clause to the clauses of a specification."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The parser of one clause: lark's LALR(1), linear in the number of lexemes.
 
 Written for what lark 1.x and lark-parser 0.12, which the ROS wheels install, have in common.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Where one clause of an instruction ends and another begins.
 
 One pass over the lexemes: a comma or an 'and' before a region goes on with a list, before

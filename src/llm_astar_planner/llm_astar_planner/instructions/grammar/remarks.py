@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What an instruction says beside its clauses: reasons, remarks, and what pronouns stand for.
 
 'They are mopping the ward, so not through there': the first part is a reason, 'there' is the

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Places told by where they lie: 'the room in the top left', 'the vertical wall'."""
 
 from __future__ import annotations

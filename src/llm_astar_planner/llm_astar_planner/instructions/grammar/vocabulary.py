@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The words of each language, read from the tables in `vocabulary/`."""
 
 from __future__ import annotations

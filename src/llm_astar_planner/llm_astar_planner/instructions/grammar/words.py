@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Text as words that can be compared: without case, accents, hyphens and apostrophes."""
 
 from __future__ import annotations

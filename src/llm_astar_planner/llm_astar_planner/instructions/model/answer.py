@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The form in which a model answers, and how it becomes clauses.
 
 It is smaller than the published one, so that small models fill it in: one object a clause, all

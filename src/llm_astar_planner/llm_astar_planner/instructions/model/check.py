@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Holds a model's clauses against the sentence, by the grammar and without any model.
 
 What the grammar reads for certain holds, whatever the model says. Of the other parts of the

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Asks a language model what an instruction means, and trusts nothing that it answers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The prompt: rules, worked examples and places, then the instruction as quoted data.
 
 What never changes comes first and the instruction last, so that a server that keeps the read

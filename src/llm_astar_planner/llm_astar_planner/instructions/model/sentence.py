@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a sentence mentions, found by the lexer of the grammar: for prompts and schemas."""
 
 from __future__ import annotations

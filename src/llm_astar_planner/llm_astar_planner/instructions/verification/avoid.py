@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """avoid: the metres of the path in a region and its margin."""
 
 from __future__ import annotations

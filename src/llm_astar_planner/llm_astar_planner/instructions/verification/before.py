@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """before: the path enters the second region only after it has visited the first."""
 
 from __future__ import annotations

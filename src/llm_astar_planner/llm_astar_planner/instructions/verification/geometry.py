@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Paths and parts of the plane as the verification measures them.
 
 A path is a polyline, an area a polygon with exact discs beside it.

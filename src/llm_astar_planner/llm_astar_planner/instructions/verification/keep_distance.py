@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """keep_distance: how near the path comes to a region, or to the walls."""
 
 from __future__ import annotations

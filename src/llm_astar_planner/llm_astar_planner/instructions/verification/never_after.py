@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """never_after: no part of the path is in the second region once it has entered the first."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """pass: where the path crosses the rays from an object to its sides."""
 
 from __future__ import annotations

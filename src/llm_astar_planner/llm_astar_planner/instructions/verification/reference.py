@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Reference searches: what the best path could do about one clause, whatever the others ask.
 
 They see the costmap's cells as a graph of their own and weigh each move by the metres of it that

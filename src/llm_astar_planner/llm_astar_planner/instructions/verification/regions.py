@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Where the regions of a specification lie, for the verification alone."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """then: whenever the path is in the first region it visits the second one later, or there."""
 
 from __future__ import annotations

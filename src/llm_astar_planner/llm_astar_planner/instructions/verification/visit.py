@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """visit: the places of the path at which it visits regions, in their turn."""
 
 from __future__ import annotations

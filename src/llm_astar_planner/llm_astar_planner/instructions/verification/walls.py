@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The walls of a map as the verification measures them: the squares of its lethal cells."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A node's bond with Nav2's lifecycle manager: heartbeats from which it learns that a node died.
 
 The protocol is that of ROS's package bond, of which only the message is needed: both ends publish

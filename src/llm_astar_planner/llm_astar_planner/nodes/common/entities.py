@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The publishers, subscriptions and services of one part of a node, closed together."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """A node's parameters, declared from the table: typed, described, ranged and checked when set."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What a node asks of the kernel and of the C library: to end with its parent, to keep little.
 
 glibc has up to eight heaps a core, one for each thread, and keeps in them what was freed. Arrays

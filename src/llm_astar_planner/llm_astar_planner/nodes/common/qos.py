@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The quality of service of each topic, in one place (see docs/reference.md)."""
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy

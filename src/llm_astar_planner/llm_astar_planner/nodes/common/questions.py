@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The topics on which a node is asked what an instruction means, and who answers them."""
 
 from __future__ import annotations

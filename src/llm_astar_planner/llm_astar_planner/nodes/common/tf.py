@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Transforms poses into the map's frame, with tf2 if it is installed."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Goals, and what takes them: `~/get_plan`, and Nav2's two path actions if nav2_msgs is installed.
 
 The conversions work on any object with the messages' fields, so they are tested without nav2_msgs.

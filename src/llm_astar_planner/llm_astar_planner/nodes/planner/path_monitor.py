@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Owns the last published path; checks it when the map changes and replans a broken one."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Nav2's `is_path_valid`: whether a path can still be followed, on the newest map."""
 
 from __future__ import annotations

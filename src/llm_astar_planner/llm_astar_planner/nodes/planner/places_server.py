@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The named places of the map: their file, their markers, and which goal a name means."""
 
 from __future__ import annotations

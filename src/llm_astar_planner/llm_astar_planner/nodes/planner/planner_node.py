@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """planner_node: plans on the newest map, for services, actions and RViz's buttons."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The parts of planner_node that plan, and the topics that go with them.
 
 Importing them takes a second, so planner_node does it after its first services are there.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Answers goals: from poses to a PlanRequest, its plans, and what is published of them."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The robot's polygon as the node knows it: its parameter, or the topic that Nav2 publishes."""
 
 from __future__ import annotations

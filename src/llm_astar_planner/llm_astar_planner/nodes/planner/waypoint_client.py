@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The planner's waypoint source: llm_client_node, queried over its service."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The zones and filter masks of planner_node, and every map with them."""
 
 from __future__ import annotations

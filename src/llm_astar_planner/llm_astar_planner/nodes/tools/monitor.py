@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Collects what a running planner and its waypoint client publish about themselves."""
 
 from __future__ import annotations

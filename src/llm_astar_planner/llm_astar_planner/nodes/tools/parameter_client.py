@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Reads and sets the parameters of running nodes, of this package or of others."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Calls a running planner_node: for a plan, for its state, for what a text means to it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops that hold a polygon against the cells of a map.
 
 Coordinates are those of the grid: cell centres are whole numbers and cells reach half a cell to

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops over paths: they hold them against the cells of a map, and find places on them.
 
 A cell is lethal from `threshold` up. `reach` is the greatest squared distance, in cells, to a

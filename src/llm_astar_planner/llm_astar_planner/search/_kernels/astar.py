@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops that searches share: legal moves, queues of buckets, heaps; and exact A*.
 
 Cells are numbered row by row, `index = y * width + x`. A legal move is a bit of `moves[index]`:

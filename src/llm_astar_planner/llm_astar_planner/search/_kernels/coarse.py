@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of the coarse route: A* over the components of tiles, and taut waypoints.
 
 A node is a local component of a tile (`_kernels.tiles`), at the free cell nearest to its centroid.

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of the landmarks: distances from one cell to all others, and their repair.
 
 See `_kernels/astar` for the layout of cells and moves. A landmark's distances are one contiguous

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loop of the search that follows waypoints.
 
 Cells, moves, units and records are those of `_kernels/astar`; the tag also holds the index of

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of the search over cells and headings.
 
 A state is a cell and one of eight headings, `cell * 8 + heading`; heading h looks h * 45 degrees

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of the jump point search: packed lines, scans by words, the search, its path.
 
 Cells, moves and generations are those of `_kernels/astar`. `words` holds the map as bits, 64

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of lines of sight: what a line costs, string pulling, walls without thickness."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The compiled search loop of the paper's methods, exact to its published code.
 
 One loop serves A*, weighted A*, dynamic weighted A* and LLM-A*: f = g + (w h(goal) + h(target)).

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of the product search: an exact A* over pairs of a cell and a product state.
 
 See `_kernels/astar` for the layout of cells and moves. A product state is a tuple of the states of

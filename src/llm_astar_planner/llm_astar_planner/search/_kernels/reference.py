@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops of reference searches: the least sum of weights, and what can be reached."""
 
 from __future__ import annotations

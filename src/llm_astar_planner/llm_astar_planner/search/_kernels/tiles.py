@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Compiled loops over square tiles of a grid: connected cells in a tile, and between tiles.
 
 A tile has 2^shift cells a side, fewer at the right and lower edge of the grid; tiles are numbered

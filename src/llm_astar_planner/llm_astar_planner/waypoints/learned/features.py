@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The inputs of the embedded waypoint model: features of barriers, start and goal.
 
 A problem with B barriers has N = 2 + 2 B nodes: the start, the goal, and for each barrier the

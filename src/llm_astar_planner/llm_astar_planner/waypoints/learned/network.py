@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The embedded waypoint network's forward pass in numpy, float32, and its weights file.
 
 The arithmetic is that of `training/llm_astar_training/network.py` in torch; a test compares the

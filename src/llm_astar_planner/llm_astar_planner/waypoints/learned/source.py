@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The embedded waypoint model: waypoints from a learned network, offline; it is not an LLM.
 
 The network gets what a prompt tells an LLM: the map's size, its barriers, start and goal, but no

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Ask an OpenAI-compatible endpoint for a completion, with retries, breaker and limits.
 
 Each HTTP request ends by its deadline in every case. The timeouts of HTTP libraries start again at

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The endpoint of requests, its key, and what keeps the key out of texts that a server wrote.
 
 The key is read from the environment when a request is made, and is not stored. A server may echo

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Completions, of a chat or a text: the request, how it adapts to an endpoint, the response."""
 
 from __future__ import annotations

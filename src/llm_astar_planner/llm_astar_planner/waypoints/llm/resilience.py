@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """What limits and protects requests to an endpoint: failures, retries, breaker, call budget."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Find what is wrong with a model's route, and tell the model, so that it can correct it."""
 
 from __future__ import annotations

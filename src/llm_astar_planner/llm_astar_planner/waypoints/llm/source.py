@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """The source that asks a language model behind an OpenAI-compatible endpoint, with a cache."""
 
 from __future__ import annotations

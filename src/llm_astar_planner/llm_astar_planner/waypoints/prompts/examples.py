@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Prompts as they are sent, with solved samples of a dataset that are most similar to a query."""
 
 from __future__ import annotations

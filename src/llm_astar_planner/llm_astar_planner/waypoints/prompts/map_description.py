@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Parse a sentence that asks for a path (the paper's parse step), in the form of the dataset."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Parse the list of points in a model's reply, in any of the forms that models use.
 
 Nothing is evaluated: numbers are recognised as text, everything else is skipped. The last list

@@ -1,3 +1,6 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Prompt templates: text files with placeholders in braces, shipped ones or the user's own.
 
 A template is an instruction, solved examples and a question. It is put to a model in one of three
