@@ -1,0 +1,208 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lifting: slots in a sentence for what the map and numbers say, so that the rest is language.
+
+'avoid the loading dock by 2 m' becomes `avoid the @R1 by @L1`. Names, kinds and tags, also as
+descriptions ('the second aisle from the west'), are matched by the words of the grammar.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.places import Place, Places
+
+from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
+from llm_astar_planner.instructions.grammar.lexemes import LENGTH, POINT, TIMES, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG
+from llm_astar_planner.instructions.grammar.selection import (
+    Modifier,
+    Selection,
+    Unclear,
+    select_group,
+)
+from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
+from llm_astar_planner.instructions.regions import AnyOf, Disc, NamedPlace, Region, Tagged
+
+SIDE = 'SIDE'
+# How many slots of a kind a sentence may have.
+SLOTS = {'R': 9, 'L': 4, 'S': 4, 'K': 4}
+# What may stand between a noun and where it lies: 'the room in the top left corner'.
+WHERE = frozenset({'IN', 'UPON', 'TO', 'SIDENOUN', 'CORNER', SIDE, 'CENTER', 'FROM'})
+SHORTEST_PART = 3
+# Words in names that tell nothing.
+VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala'})
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What one slot stands for.
+
+    - `kind`: R a region, L metres, S a side, K how often (least, most, turned round by 'not').
+    - `shown`: R one place, O an object, G several, Y any one of several.
+    - `members`: the regions of a group. `doubts`: words that may mean something else.
+    """
+
+    kind: str
+    value: Any
+    shown: str = ''
+    members: tuple[Region, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What makes two slots the same."""
+        value = self.value.to_json() if isinstance(self.value, Region) else self.value
+        return json.dumps([self.kind, self.shown, value], sort_keys=True)
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """A sentence with slots: tokens, what the slots stand for by name ('R1'), and the lexemes."""
+
+    tokens: tuple[str, ...] = ()
+    slots: dict[str, Slot] = field(default_factory=dict)
+    lexemes: tuple[Lexeme, ...] = ()
+    words: tuple[Word, ...] = ()
+    language: str = 'en'
+
+
+def lifted(text: str, places: Places) -> Lifted:
+    """Return a clean text with slots, in the language that most of its words are of."""
+    read = read_words(text)
+    language = next(iter(languages_of(read)))
+    lexer = lexer_for(places, language)
+    words, _ = lexer.corrected(read)
+    lexemes = lexer.lexemes(words)
+    tokens: list[str] = []
+    names: dict[str, str] = {}
+    slots: dict[str, Slot] = {}
+    found = sorted(slots_in(lexemes, places), key=lambda one: one[0])
+    at = 0
+    for start, end, slot in found:
+        tokens += [word.text for word in read if at <= word.start < start]
+        kind = slot.kind
+        if slot.key not in names and sum(name[0] == kind for name in slots) < SLOTS[kind]:
+            name = f'{kind}{sum(name[0] == kind for name in slots) + 1}'
+            names[slot.key], slots[name] = name, slot
+        if slot.key in names:
+            tokens.append(f'@{slot.shown or kind}{names[slot.key][1:]}')
+        at = max(at, end)
+    tokens += [word.text for word in read if word.start >= at]
+    return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)
+
+
+def slots_in(lexemes: Sequence[Lexeme], places: Places) -> Iterator[tuple[int, int, Slot]]:
+    """Yield the slots of a sentence, each with where it stands."""
+    taken = 0
+    for at, lexeme in enumerate(lexemes):
+        if at < taken:
+            continue
+        start, end, slot = lexeme.start, lexeme.end, simple_slot(lexeme, places)
+        if lexeme.kind == NOUN or (lexeme.kind in ADJECTIVES and noun_after(lexemes, at)):
+            noun = noun_after(lexemes, at)
+            for last in reversed(range(noun, where_end(lexemes, noun))):
+                slot = described(lexemes[at : last + 1], noun - at)
+                if slot is not None:
+                    end, taken = lexemes[last].end, last + 1
+                    break
+        if slot is not None:
+            yield start, end, slot
+
+
+def noun_after(lexemes: Sequence[Lexeme], at: int) -> int:
+    """Return where the noun stands that adjectives from a lexeme on belong to, 0 for none."""
+    while at < len(lexemes) and lexemes[at].kind in ADJECTIVES:
+        at += 1
+    return at if at < len(lexemes) and lexemes[at].kind == NOUN else 0
+
+
+def where_end(lexemes: Sequence[Lexeme], noun: int) -> int:
+    """Return where the words after a noun end that may say where it lies."""
+    end = noun + 1
+    while end < min(len(lexemes), noun + 5) and lexemes[end].kind in WHERE | {TAG}:
+        end += 1
+    return end
+
+
+def described(lexemes: Sequence[Lexeme], noun: int) -> Slot | None:
+    """Return the slot of a noun with adjectives and words for where it lies; None if unclear."""
+    after = [one for one in lexemes[noun + 1 :] if one.kind in (SIDE, 'CENTER', TAG)]
+    if len(lexemes) > noun + 1 and (not after or lexemes[-1].kind in ('IN', 'UPON', 'TO', 'FROM')):
+        return None
+    parts = [Modifier(one.kind, one.value) for one in lexemes[:noun]]
+    parts += [Modifier(one.kind, one.value) for one in after if one.kind == TAG]
+    where = [Modifier(one.kind, one.value) for one in after if one.kind != TAG]
+    try:
+        selection = select_group(lexemes[noun].value, parts, where)
+    except Unclear:
+        return None
+    doubts = tuple(said for one in lexemes for said, _ in one.doubts)
+    return group_slot(selection, doubts)
+
+
+def group_slot(selection: Selection, doubts: tuple[str, ...]) -> Slot | None:
+    """Return the slot of places that were selected; the walls are no slot."""
+    if selection.is_walls:
+        return None
+    if len(selection.places) == 1:
+        return place_slot(selection.places[0], doubts)
+    region = selection.together or AnyOf(selection.regions[:16])
+    shown = 'Y' if selection.any_one else 'G'
+    return Slot('R', region, shown, selection.regions, doubts)
+
+
+def place_slot(place: Place, doubts: tuple[str, ...]) -> Slot:
+    """Return the slot of one place."""
+    return Slot('R', NamedPlace(place.name), 'O' if place.is_object else 'R', (), doubts)
+
+
+def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
+    """Return the slot of one lexeme, None of one that is language."""
+    doubts = tuple(said for said, _ in lexeme.doubts)
+    value = lexeme.value
+    if lexeme.kind == PLACE:
+        return place_slot(value, doubts)
+    if lexeme.kind == LENGTH:
+        return Slot('L', float(value), doubts=doubts)
+    if lexeme.kind == SIDE:
+        return Slot('S', str(value), doubts=doubts)
+    if lexeme.kind == POINT:
+        return Slot('R', Disc(*value), 'R')
+    if lexeme.kind == TIMES:
+        return Slot('K', value, doubts=doubts) if isinstance(value, tuple) else None
+    if lexeme.kind == TAG:
+        found = places.with_tag(str(value))
+        if len(found) == 1:
+            return place_slot(found[0], doubts)
+        return Slot('R', Tagged(value), 'G', tuple(NamedPlace(one.name) for one in found), doubts)
+    if lexeme.kind == UNKNOWN and len(str(value)) >= SHORTEST_PART:
+        return named_in_part(str(value), places)
+    return None
+
+
+def named_in_part(word: str, places: Places) -> Slot | None:
+    """Return the place that alone has a word in its names, with a doubt: 'packing' station."""
+    if word in VAGUE:
+        return None
+    found = name_parts(places).get(word) or name_parts(places).get(word.removesuffix('s')) or ()
+    return place_slot(found[0], (word,)) if len(found) == 1 else None
+
+
+@lru_cache(maxsize=16)
+def name_parts(places: Places) -> dict[str, tuple[Place, ...]]:
+    """Return the places by the words of their names and aliases."""
+    found: dict[str, tuple[Place, ...]] = {}
+    for place in places:
+        for name in (place.name, *place.aliases):
+            for word in phrase_words(name):
+                if place not in found.get(word, ()):
+                    found[word] = (*found.get(word, ()), place)
+    return found
+
+
