@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from llm_astar_planner.instructions.grammar.words import comparable
-from llm_astar_planner.instructions.reader.meaning import ARITY, VARIADIC
+from llm_astar_planner.instructions.reader.meaning import CLAUSES, LISTS
 
 FOLDER = Path(__file__).with_name('phrases')
 LANGUAGES = ('en', 'en', 'en', 'de', 'fr', 'es')
@@ -205,7 +205,7 @@ class Sentence:
 
 def visits(meaning):
     """Return whether a meaning has visits, and nothing else."""
-    return {token for token in meaning if token in ARITY or token in VARIADIC} <= {'V', 'OR'}
+    return {token for token in meaning if token in CLAUSES} <= {'V', 'OR', 'EA'}
 
 
 def made(draw):
@@ -259,16 +259,14 @@ def wished(meaning):
 
 
 def clause_end(meaning, at):
-    """Return where the clause that begins at a token ends."""
-    if meaning[at] == 'W':
-        return clause_end(meaning, at + 1)
-    if meaning[at] in VARIADIC:
+    """Return where the part of a meaning ends that begins at a token."""
+    if meaning[at] in LISTS:
         at += 1
         while meaning[at] != ')':
             at = clause_end(meaning, at)
         return at + 1
     end = at + 1
-    for _ in range(ARITY.get(meaning[at], 0)):
+    for _ in CLAUSES.get(meaning[at], ''):
         end = clause_end(meaning, end)
     return end
 
@@ -298,8 +296,8 @@ def misspelt(word, draw):
     )
 
 
-def vocabulary():
-    """Return all words of the phrases."""
+def vocabulary(with_nouns=True):
+    """Return all words of the phrases, those that stand for unknown places too or not."""
     found = set()
 
     def walk(tree):
@@ -312,7 +310,7 @@ def vocabulary():
 
     for language in set(LANGUAGES):
         table = phrases(language)
-        found |= set(table.nouns)
+        found |= set(table.nouns) if with_nouns else set()
         for group in (table.sections, table.regions, table.words):
             for lines in group.values():
                 for line in lines:

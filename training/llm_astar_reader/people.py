@@ -7,7 +7,6 @@ folder of LLM_ASTAR_INSTRUCTIONS where it is set.
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.regions import NamedPlace, Tagged
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test'))
-from language import corpora, ltlf, written  # noqa: E402
+from language import corpora, written  # noqa: E402
 
 
 class Unsayable(Exception):
@@ -102,7 +101,9 @@ class Writer:
 
     def slot(self, kind, value):
         """Return the name of a slot with a value, '' for none."""
-        return next((n for n, slot in self.slots.items() if n[0] == kind and slot.value == value), '')
+        return next(
+            (n for n, slot in self.slots.items() if n[0] == kind and slot.value == value), ''
+        )
 
     def visited(self, regions):
         """Return the tokens of regions to visit, a group once."""
@@ -130,7 +131,11 @@ class Writer:
             side = self.slot('S', region['half'])
             if not side:
                 raise Unsayable
-            return ['HO', side, *self.region({'place': region['of']})] if region.get('of') else ['HF', side]
+            return (
+                ['HO', side, *self.region({'place': region['of']})]
+                if region.get('of')
+                else ['HF', side]
+            )
         if 'along' in region:
             return ['AL', *self.region({'place': region['along']})]
         if 'between' in region:
@@ -204,6 +209,7 @@ def corpus_pair(name, text, truth, places):
 
 def clauses_of(formula, regions):
     """Return clauses in JSON of a formula. Raises Unsayable."""
+
     def region(part):
         if isinstance(part, tuple) and part[0] == '|':
             return {'any_of': [region(one) for one in part[1:]]}
@@ -223,7 +229,9 @@ def clauses_of(formula, regions):
         elif head == 'G' and part[1][0] == '!':
             found.append({'kind': 'avoid', 'region': region(part[1][1])})
         elif head == 'W' and part[1][0] == '!' and isinstance(part[2], str):
-            found.append({'kind': 'before', 'first': region(part[2]), 'second': region(part[1][1])})
+            found.append(
+                {'kind': 'before', 'first': region(part[2]), 'second': region(part[1][1])}
+            )
         elif head == 'G' and part[1][0] in ('i', '>'):
             found.append(reaction(part[1], region))
         else:
@@ -264,4 +272,14 @@ def reaction(part, region):
     raise Unsayable
 
 
-_ = json, ltlf
+def known_words():
+    """Return the words that the network has seen often enough: no place may be among them."""
+    maps = {}
+    for sentence in written.sentences(written.TRAINING):
+        for token in lifted(sentence.text, written.worlds()[sentence.map].places).tokens:
+            maps.setdefault(token, set()).add(sentence.map)
+    return {word for word, seen in maps.items() if len(seen) >= MAPS and word.isalpha()}
+
+
+# On so many maps a word has been said that is no name of a place.
+MAPS = 3

@@ -13,6 +13,7 @@ import random
 import sys
 import time
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import torch
@@ -20,9 +21,9 @@ from llm_astar_planner.instructions.reader.lifting import SLOTS
 from llm_astar_planner.instructions.reader.meaning import TOKENS
 from torch.nn import functional
 
-from llm_astar_reader.generate import made, noisy
+from llm_astar_reader.generate import made, noisy, vocabulary
 from llm_astar_reader.network import Reader, exported
-from llm_astar_reader.people import people
+from llm_astar_reader.people import known_words, people
 
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
 BEGIN, PAD = len(TOKENS), -100
@@ -127,7 +128,10 @@ def main():
         optimizer.load_state_dict(saved['optimizer'])
         state = saved['state']
     human = people()
-    say(f'{len(human)} sentences of people, {sum(p.numel() for p in network.parameters())} weights')
+    say(
+        f'{len(human)} sentences of people, {sum(p.numel() for p in network.parameters())} weights'
+    )
+    words = sorted(crc32(word.encode()) for word in vocabulary(with_nouns=False) | known_words())
     total = args.minutes * 60
     while state['seconds'] < total:
         began = time.process_time()
@@ -141,7 +145,7 @@ def main():
             before, wanted = targets([meaning for _, meaning in batch])
             logits = network([tokens for tokens, _ in batch], before)
             loss = functional.cross_entropy(
-                logits.flatten(0, 1), wanted.flatten(), ignore_index=PAD, label_smoothing=0.01
+                logits.flatten(0, 1), wanted.flatten(), ignore_index=PAD
             )
             optimizer.zero_grad()
             loss.backward()
@@ -157,7 +161,7 @@ def main():
         }  # fmt: skip
         torch.save(saved, path.with_suffix('.new'))
         path.with_suffix('.new').replace(path)
-        np.savez(args.out / 'reader.npz', **exported(network))
+        np.savez(args.out / 'reader.npz', words=np.array(words, np.uint32), **exported(network))
         say(
             f'round {state["round"]}: loss {np.mean(losses):.4f}, '
             f'{state["seconds"] / 60:.1f} of {args.minutes:g} minutes'

@@ -9,8 +9,7 @@ descriptions ('the second aisle from the west'), are matched by the words of the
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -55,10 +54,9 @@ class Slot:
     doubts: tuple[str, ...] = ()
 
     @property
-    def key(self) -> str:
-        """What makes two slots the same."""
-        value = self.value.to_json() if isinstance(self.value, Region) else self.value
-        return json.dumps([self.kind, self.shown, value], sort_keys=True)
+    def in_json(self) -> Any:  # noqa: ANN401 - JSON
+        """The value in JSON."""
+        return self.value.to_json() if isinstance(self.value, Region) else self.value
 
 
 @dataclass(frozen=True)
@@ -80,21 +78,25 @@ def lifted(text: str, places: Places) -> Lifted:
     words, _ = lexer.corrected(read)
     lexemes = lexer.lexemes(words)
     tokens: list[str] = []
-    names: dict[str, str] = {}
     slots: dict[str, Slot] = {}
-    found = sorted(slots_in(lexemes, places), key=lambda one: one[0])
     at = 0
-    for start, end, slot in found:
+    for start, end, slot in sorted(slots_in(lexemes, places), key=lambda one: one[0]):
         tokens += [word.text for word in read if at <= word.start < start]
-        kind = slot.kind
-        if slot.key not in names and sum(name[0] == kind for name in slots) < SLOTS[kind]:
-            name = f'{kind}{sum(name[0] == kind for name in slots) + 1}'
-            names[slot.key], slots[name] = name, slot
-        if slot.key in names:
-            tokens.append(f'@{slot.shown or kind}{names[slot.key][1:]}')
+        name = named(slot, slots)
+        if name:
+            slots.setdefault(name, slot)
+            tokens.append(f'@{slot.shown or slot.kind}{name[1:]}')
         at = max(at, end)
     tokens += [word.text for word in read if word.start >= at]
     return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)
+
+
+def named(slot: Slot, slots: Mapping[str, Slot]) -> str:
+    """Return the name of a slot, that of the same one before; '' where there are too many."""
+    mine = {name: one for name, one in slots.items() if name[0] == slot.kind}
+    same = (n for n, one in mine.items() if (one.value, one.shown) == (slot.value, slot.shown))
+    new = f'{slot.kind}{len(mine) + 1}' if len(mine) < SLOTS[slot.kind] else ''
+    return next(same, new)
 
 
 def slots_in(lexemes: Sequence[Lexeme], places: Places) -> Iterator[tuple[int, int, Slot]]:
@@ -204,5 +206,3 @@ def name_parts(places: Places) -> dict[str, tuple[Place, ...]]:
                 if place not in found.get(word, ()):
                     found[word] = (*found.get(word, ()), place)
     return found
-
-

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The language of meanings that the model writes, and the clauses that they stand for.
+"""The language of meanings that the network writes, and the clauses that they stand for.
 
 A meaning is a row of tokens, clauses in prefix form: `A R1` avoids the first region of the
 sentence, `V R1 R2 ) V R3 )` visits two in any order and then a third, `W` makes a wish of what
@@ -10,188 +10,159 @@ follows. Slots are regions R, lengths L, sides S and counts K, numbered as in th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
-from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.clauses.before import Before, OfTwo
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
-from llm_astar_planner.instructions.clauses.count import Count
-from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.clauses.never_after import NeverAfter
-from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.clauses.stay_in import OfOne, StayIn
-from llm_astar_planner.instructions.clauses.then import Then
-from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
-from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import DRAWN
 from llm_astar_planner.instructions.reader.lifting import SLOTS, Slot
-from llm_astar_planner.instructions.regions import (
-    NEAR_WIDTH,
-    Along,
-    AnyOf,
-    Between,
-    End,
-    Except,
-    Half,
-    NamedPlace,
-    Region,
-)
+from llm_astar_planner.instructions.regions import NEAR_WIDTH
 
-# Tokens with a fixed number of parts, and those that end with ')'.
-ARITY = {
-    'A': 1, 'B': 2, 'T': 2, 'N': 2, 'S': 1, 'P': 2, 'K': 2, 'E': 1, 'C': 2, 'CN': 2,
-    'HF': 1, 'HO': 2, 'AL': 1, 'BW': 2, 'W': 1, 'EA': 1,
+END, CLOSE, UNKNOWN, WISH, EACH = '<end>', ')', '?', 'W', 'EA'
+# The parts of each clause: c a clause, r a region, p a place, s a side, l a length, k how often,
+# w a region or the walls, f the first of regions to visit; a star ends a list of any length.
+CLAUSES = {
+    'A': 'r', 'B': 'rr', 'T': 'rr', 'N': 'rr', 'S': 'r', 'P': 'rs', 'K': 'wl', 'E': 'r',
+    'C': 'rk', 'CN': 'rk', 'HF': 's', 'HO': 'sp', 'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
+    'V': 'fv', 'OR': 'rrm', 'EX': 'rrm',
 }  # fmt: skip
-VARIADIC = ('V', 'OR', 'EX')
-END, CLOSE, UNKNOWN = '<end>', ')', '?'
-REGIONS = ('START', 'GOAL', 'WALLS', UNKNOWN)
+LISTS = ('V', 'OR', 'EX')
+REGIONS = ('HF', 'HO', 'AL', 'BW', 'EA', 'OR', 'EX')
 # All tokens in the order of the network's outputs.
 TOKENS = (
-    END, CLOSE, *ARITY, *VARIADIC, *REGIONS, 'D', *(f'U_{about}' for about in ABOUT),
+    END, CLOSE, *CLAUSES, 'START', 'GOAL', 'WALLS', UNKNOWN, 'D', *(f'U_{one}' for one in ABOUT),
     *(f'{kind}{number}' for kind, most in SLOTS.items() for number in range(1, most + 1)),
 )  # fmt: skip
+# The fields in JSON of each kind of clause.
+FIELDS = {
+    'A': ('avoid', 'region'), 'S': ('stay_in', 'region'), 'E': ('end_at', 'region'),
+    'B': ('before', 'first', 'second'), 'T': ('then', 'first', 'second'),
+    'N': ('never_after', 'first', 'second'), 'P': ('pass', 'region', 'side'),
+    'K': ('keep_distance', 'from', 'metres'),
+}  # fmt: skip
+Parts = tuple[Any, ...]
 
 
 class Unreadable(LlmAstarError):  # noqa: N818 (no error of the program: the meaning is none)
-    """A meaning that makes no clauses, or that names what the sentence has not."""
+    """A meaning that makes no clauses."""
+
+
+def parsed(tokens: Iterator[str]) -> Iterator[Parts]:
+    """Yield the clauses of a meaning as trees (token, part, ...). Raises Unreadable."""
+    for token in tokens:
+        yield tree(token, tokens)
+
+
+def tree(token: str, tokens: Iterator[str]) -> Parts:
+    """Return a token with its parts. Raises Unreadable where some are missing."""
+    if token in LISTS:
+        return token, *(tree(part, tokens) for part in iter(lambda: following(tokens), CLOSE))
+    return token, *(tree(following(tokens), tokens) for _ in CLAUSES.get(token, ''))
+
+
+def following(tokens: Iterator[str]) -> str:
+    """Return the next token. Raises Unreadable where there is none."""
+    for token in tokens:
+        return token
+    raise Unreadable('it ends too soon')
+
+
+def ordered(tokens: Sequence[str]) -> tuple[Parts, ...]:
+    """Return the clauses of a meaning in one order of all that mean the same."""
+    found = [sorted_parts(part) for part in parsed(iter(tokens))]
+    visits = [part for part in found if is_visit(part)]
+    return (*visits, *sorted({part for part in found if not is_visit(part)}, key=str))
+
+
+def is_visit(part: Parts) -> bool:
+    """Whether a clause is a visit, or the wish for one."""
+    return part[0] == 'V' or (part[0] == WISH and part[1][0] == 'V')
+
+
+def sorted_parts(part: Parts) -> Parts:
+    """Return a clause with what is in any order in one order."""
+    inner = [sorted_parts(one) for one in part[1:]]
+    return part[0], *(sorted(inner, key=str) if part[0] in ('V', 'OR') else inner)
 
 
 @dataclass
-class Meaning:
-    """Makes clauses of the tokens of a meaning, with the slots of its sentence.
+class Writer:
+    """Writes the clauses of a meaning in JSON, with the slots of its sentence.
 
-    `used` are the slots that it names; `about` the words for what a path does not have.
+    `about` are the words for what a path does not have, '' for others; `used` the slots named.
     """
 
-    tokens: Sequence[str]
     slots: Mapping[str, Slot]
     about: Mapping[str, str]
-    at: int = 0
     used: set[str] = field(default_factory=set)
 
-    def clauses(self) -> tuple[Clause, ...]:
-        """Return the clauses. Raises Unreadable."""
-        found: list[Clause] = []
-        while self.at < len(self.tokens):
-            is_wish = self.tokens[self.at] == 'W'
-            self.at += is_wish
-            clauses = self.clause(self.next())
-            found += [replace(one, strength=SHOULD) if is_wish else one for one in clauses]
-        return tuple(found)
-
-    def next(self) -> str:
-        """Return the next token. Raises Unreadable where there is none."""
-        if self.at >= len(self.tokens):
-            raise Unreadable('it ends too soon')
-        self.at += 1
-        return self.tokens[self.at - 1]
-
-    def clause(self, kind: str) -> list[Clause]:
-        """Return the clauses of one kind. Raises Unreadable."""
+    def clause(self, part: Parts) -> dict[str, Any]:
+        """Return a clause. Raises Unreadable."""
+        kind, *inner = part
+        if kind == WISH:
+            return {'strength': 'should', **self.clause(inner[0])}
+        if UNKNOWN in str(part):
+            return {'kind': 'unknown', 'text': self.about['']}
         if kind.startswith('U_'):
             about = kind[2:]
-            return [Unsupported(text=self.about.get(about, self.about['']), about=about)]
+            text = self.about.get(about, self.about[''])
+            return {'kind': 'unsupported', 'text': text, 'about': about}
+        values = [self.value(one) for one in inner]
         if kind == 'V':
-            regions = [one for part in self.until_close(True) for one in part]
-            return [Visit(regions=tuple(regions))]
-        if kind == 'E' and self.tokens[self.at : self.at + 1] == ['START']:
-            self.at += 1
-            return [EndAt(region=End('start'))]
-        if kind not in CLAUSES:
+            return {'kind': 'visit', 'regions': [one for some in values for one in as_list(some)]}
+        if kind in ('C', 'CN'):
+            return count(*values, is_refused=kind == 'CN')
+        if kind not in FIELDS:
             raise Unreadable(f'{kind} is no clause')
-        if kind == 'K' and self.tokens[self.at : self.at + 1] == ['WALLS']:
-            self.at += 1
-            return [KeepDistance(metres=self.metres())]
-        region = self.region()
-        if kind == 'A':
-            return [Avoid(region=region)]
-        if kind in TWO:
-            return [TWO[kind](first=region, second=self.region())]
-        if kind in ONE:
-            return [ONE[kind](region=region)]
-        if kind == 'P':
-            return [Pass(region=region, side=str(self.slot('S').value))]
-        if kind == 'K':
-            return [KeepDistance(metres=self.metres(), region=region)]
-        return [self.count(region, kind == 'CN')]
+        name, *fields = FIELDS[kind]
+        return {'kind': name, **dict(zip(fields, values))}
 
-    def count(self, region: Region, is_refused: bool) -> Count:
-        """Return how often a region is entered. Raises Unreadable."""
-        least, most, turns = self.slot('K').value
-        if is_refused != bool(turns):
-            raise Unreadable('not so often, or how often')
-        if is_refused:
-            least, most = (0, least - 1) if least else (int(most) + 1, None)
-        return Count(region=region, at_least=int(least), at_most=None if most is None else int(most))
-
-    def metres(self) -> float:
-        """Return a length; the usual one where the sentence has no number."""
-        if self.tokens[self.at : self.at + 1] == ['D']:
-            self.at += 1
-            return CLEAR
-        length = float(self.slot('L').value)
-        if length <= 0.0:
-            raise Unreadable('no distance')
-        return length
-
-    def slot(self, kind: str) -> Slot:
-        """Return the next slot, which is of a kind. Raises Unreadable."""
-        name = self.next()
-        if name not in self.slots or name[0] != kind:
-            raise Unreadable(f'{name} is no {kind}')
-        self.used.add(name)
-        return self.slots[name]
-
-    def until_close(self, each: bool = False) -> list[tuple[Region, ...]]:
-        """Return regions up to the closing sign; of a group with EA `each` of them."""
-        found: list[tuple[Region, ...]] = []
-        while (token := self.tokens[self.at : self.at + 1]) != [CLOSE]:
-            if each and token == ['EA']:
-                self.at += 1
-                slot = self.slot('R')
-                found.append(slot.members or (slot.value,))
-            else:
-                found.append((self.region(),))
-        self.at += 1
-        if not found:
-            raise Unreadable('nothing to visit')
-        return found
-
-    def region(self) -> Region:
-        """Return the next region. Raises Unreadable."""
-        kind = self.next()
-        if kind in ('START', 'GOAL'):
-            return End(kind.lower())
-        if kind in ('OR', 'EX'):
-            first, *others = [one for part in self.until_close() for one in part]
-            if not others:
-                raise Unreadable('one of one')
-            return AnyOf((first, *others)) if kind == 'OR' else Except(first, tuple(others))
-        if kind == 'HF':
-            return Half(str(self.slot('S').value))
-        if kind == 'HO':
-            side = DRAWN.get(side := str(self.slot('S').value), side)
-            return Half(side, self.name())
-        if kind == 'AL':
-            return Along(self.name(), NEAR_WIDTH)
-        if kind == 'BW':
-            return Between(self.name(), self.name())
-        self.at -= 1
-        return self.slot('R').value  # type: ignore[no-any-return]
-
-    def name(self) -> str:
-        """Return the name of the next region, which is one place. Raises Unreadable."""
-        region = self.region()
-        if not isinstance(region, NamedPlace):
-            raise Unreadable('no single place')
-        return region.place
+    def value(self, part: Parts) -> Any:  # noqa: ANN401 - a region, a number, a side
+        """Return a part of a clause in JSON. Raises Unreadable."""
+        kind, *inner = part
+        if kind in self.slots:
+            self.used.add(kind)
+            return self.slots[kind].in_json
+        if kind == EACH:
+            self.used.add(inner[0][0])
+            slot = self.slots[inner[0][0]]
+            return [one.to_json() for one in slot.members] or slot.in_json
+        values = [self.value(one) for one in inner]
+        match kind:
+            case 'START' | 'GOAL':
+                return {'end': kind.lower()}
+            case 'WALLS' | 'D':
+                return 'walls' if kind == 'WALLS' else CLEAR
+            case 'OR':
+                return {'any_of': values}
+            case 'EX':
+                return {'region': values[0], 'except': values[1:]}
+            case 'HF':
+                return {'half': values[0]}
+            case 'HO':
+                return {'half': DRAWN.get(values[0], values[0]), 'of': values[1].get('place')}
+            case 'AL':
+                return {'along': values[0].get('place'), 'width': NEAR_WIDTH}
+            case 'BW':
+                return {'between': [one.get('place') for one in values]}
+        raise Unreadable(f'{kind} is nothing of the sentence')
 
 
-TWO: dict[str, type[OfTwo]] = {'B': Before, 'T': Then, 'N': NeverAfter}
-ONE: dict[str, type[OfOne]] = {'S': StayIn, 'E': EndAt}
-CLAUSES = frozenset({'A', 'P', 'K', 'C', 'CN', *TWO, *ONE})
+def as_list(value: Any) -> list[Any]:  # noqa: ANN401 - JSON
+    """Return what is no list as one."""
+    return value if isinstance(value, list) else [value]
+
+
+def count(region: object, times: Sequence[Any], *, is_refused: bool) -> dict[str, Any]:
+    """Return how often a region is entered. Raises Unreadable for 'not twice'."""
+    least, most, turns = times
+    if is_refused != bool(turns):
+        raise Unreadable('not so often, or how often')
+    if is_refused:
+        least, most = (0, least - 1) if least else (int(most) + 1, None)
+    most = None if most is None else int(most)
+    return {'kind': 'count', 'region': region, 'at_least': int(least), 'at_most': most}

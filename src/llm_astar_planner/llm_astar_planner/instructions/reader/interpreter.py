@@ -1,0 +1,147 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Understands instructions by the small network, and is sure only where everything agrees."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.fields import (
+    MAX_NAME_CHARS,
+    MAX_QUESTION_CHARS,
+    SpecificationError,
+)
+from llm_astar_planner.instructions.grammar.interpreter import asked
+from llm_astar_planner.instructions.grammar.lexemes import UNSUPPORTED
+from llm_astar_planner.instructions.grammar.selection import Unclear
+from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Understanding,
+    not_understood,
+    status_of,
+)
+from llm_astar_planner.instructions.reader.claims import doubt
+from llm_astar_planner.instructions.reader.lifting import SLOTS, Lifted, lifted
+from llm_astar_planner.instructions.reader.meaning import Parts, Unreadable, Writer, ordered
+from llm_astar_planner.instructions.reader.network import meanings
+from llm_astar_planner.instructions.specification import Specification, from_json
+from llm_astar_planner.instructions.text import InstructionError, clean_instruction
+
+NAME = 'reader'
+# Readings of one sentence with its slots numbered anew.
+RENUMBERED = 5
+# The least log probability of a claim, calibrated on sentences that were locked; that of a
+# reading at all, and the share of the readings that have to agree on it.
+CLAIMED, READ, AGREED = -0.1, -4.0, 0.5
+LONGEST = 64
+Names = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Vote:
+    """What most variants of a sentence mean: clauses, the share of them, the least score."""
+
+    clauses: tuple[Parts, ...]
+    share: float
+    score: float
+
+
+def vote(one: Lifted) -> Vote:
+    """Return what most variants of a sentence mean."""
+    found: list[tuple[tuple[Parts, ...], float]] = []
+    variants = sorted(variants_of(one), key=lambda pair: len(pair[0]))
+    for _, group in groupby(variants, key=lambda pair: len(pair[0])):
+        sentences, names = zip(*group)
+        for mine, (tokens, score) in zip(names, meanings(sentences, names)):
+            back = {shown: name for name, shown in mine.items()}
+            found.append((ordered([back.get(token, token) for token in tokens]), score))
+    (best, count), *_ = Counter(clauses for clauses, _ in found).most_common(1)
+    return Vote(best, count / len(found), min(score for one, score in found if one == best))
+
+
+def variants_of(one: Lifted) -> Iterator[tuple[Sequence[str], Names]]:
+    """Yield the tokens of a sentence in several ways, each with the names of its slots."""
+    tokens, same = one.tokens, {name: name for name in one.slots}
+    yield tokens, same
+    yield ('please', ',', *tokens), same
+    yield tuple(token for token in tokens if token != ',') or tokens, same
+    yield tokens[:-1] if tokens[-1] in '.!' and tokens[1:] else (*tokens, '.'), same
+    draw = random.Random(0)  # noqa: S311 - no secret
+    for _ in range(RENUMBERED if one.slots else 0):
+        names: dict[str, str] = {}
+        for kind, most in SLOTS.items():
+            mine = [name for name in one.slots if name[0] == kind]
+            numbers = draw.sample(range(1, most + 1), len(mine))
+            names |= {name: f'{kind}{n}' for name, n in zip(mine, numbers)}
+        yield tuple(shown(token, names) for token in tokens), names
+
+
+def shown(token: str, names: Names) -> str:
+    """Return a token with the number of its slot by other names."""
+    if token[0] != '@':
+        return token
+    kind = token[1] if token[1] in SLOTS else 'R'
+    return token[:2] + names[f'{kind}{token[2:]}'][1:]
+
+
+class ReaderInterpreter:
+    """Understands instructions by a small network: an Interpreter.
+
+    WHOLE only where all variants of the sentence are read alike, the network is sure and the
+    rules of `claims` find no doubt; else UNSURE, with a question, or NONE.
+    """
+
+    name = NAME
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
+        """Say what was understood of a text; takes some milliseconds. Never raises."""
+        began = time.perf_counter()
+        try:
+            clean = clean_instruction(text)
+        except InstructionError as error:
+            return not_understood(text[:80], str(error), NAME)
+        if not clean:
+            return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
+        try:
+            found = read(clean, places)
+        except (Unreadable, SpecificationError, Unclear) as error:
+            found = not_understood(clean, str(error), NAME)
+        return replace(found, seconds=time.perf_counter() - began)
+
+
+def read(text: str, places: Places) -> Interpretation:
+    """Return what the network reads in a clean text. Raises Unreadable or SpecificationError."""
+    one = lifted(text, places)
+    if not 0 < len(one.tokens) <= LONGEST:
+        raise Unreadable(f'more than {LONGEST} words')
+    best = vote(one)
+    if not best.clauses or best.share < AGREED or best.score < READ:
+        raise Unreadable('nothing that is read for certain')
+    writer = Writer(one.slots, words_about(one, text))
+    found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in best.clauses]})
+    reason = '' if best.share == 1.0 and best.score >= CLAIMED else 'not all readings agree'
+    reason = reason or doubt(one, best.clauses, writer.used)
+    if reason:
+        question = vocabulary(one.language).questions['model']
+        said = text[: MAX_QUESTION_CHARS // 3]
+        found = Specification(asked(found.clauses, question.replace('{said}', said)))
+    return Interpretation(text, found, NAME, status_of(found), reason)
+
+
+def words_about(one: Lifted, text: str) -> Names:
+    """Return the words for what a path does not have, by what they are about; '' for others."""
+    found = {
+        str(lexeme.value): text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
+        for lexeme in one.lexemes
+        if lexeme.kind == UNSUPPORTED
+    }
+    return {'': text[:MAX_NAME_CHARS], **found}
