@@ -10,10 +10,16 @@ import random
 import re
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader.meaning import CLAUSES, LISTS
 
+Random = random.Random
+Words = list[str]
+# Words, and lists of alternatives which are trees themselves.
+Tree = list[Any]
+Filled = tuple[Words, Words]
 FOLDER = Path(__file__).with_name('phrases')
 LANGUAGES = ('en', 'en', 'en', 'de', 'fr', 'es')
 TOKEN = re.compile(r'\{\w\}|[^\W\d_]+|\d+|[^\w\s]')
@@ -33,10 +39,13 @@ WISHED = ('A', 'V', 'S', 'K', 'P', 'B')
 class Phrases:
     """The phrases of one language: sections of lines, and the lists of words in them."""
 
-    def __init__(self, language):
-        self.lists, self.sections, self.regions = {}, {}, {}
-        self.words = {}
-        table = None
+    def __init__(self, language: str) -> None:
+        """Read them."""
+        self.sections: dict[str, list[Tree]] = {}
+        self.regions: dict[str, list[Tree]] = {}
+        self.words: dict[str, list[Tree]] = {}
+        lists: dict[str, str] = {}
+        table: list[Tree] | None = None
         for line in (FOLDER / f'{language}.txt').read_text(encoding='utf-8').splitlines():
             if line.startswith('['):
                 name = line[1:-1]
@@ -48,18 +57,18 @@ class Phrases:
                     table = self.sections.setdefault(name, [])
             elif table is None and ' = ' in line and not line.startswith('#'):
                 name, _, words = line.partition(' = ')
-                self.lists[name] = words
-            elif line and not line.startswith('#'):
-                table.append(parsed(MACRO.sub(lambda m: self.lists.get(m[1], m[0]), line)))
+                lists[name] = words
+            elif table is not None and line:
+                table.append(parsed(MACRO.sub(lambda m: lists.get(m[1], m[0]), line)))
         self.nouns = [word for words in self.words.pop('nouns') for word in words]
         self.names = list(self.sections)
         self.weights = [WEIGHTS.get(name, 1) for name in self.names]
 
 
-def parsed(line):
+def parsed(line: str) -> Tree:
     """Return a line as a tree: a list of words and of lists of alternatives."""
-    words = []
-    stack = [[words]]
+    words: Tree = []
+    stack: list[list[Tree]] = [[words]]
     current = words
     for part in re.findall(r'[(|)]|[^(|)]+', line):
         if part == '(':
@@ -81,9 +90,9 @@ def parsed(line):
     return words
 
 
-def expanded(tree, draw):
+def expanded(tree: Tree, draw: Random) -> Words:
     """Return the words of a tree with alternatives drawn."""
-    found = []
+    found: Words = []
     for part in tree:
         if isinstance(part, str):
             found.append(part)
@@ -93,7 +102,7 @@ def expanded(tree, draw):
 
 
 @cache
-def phrases(language):
+def phrases(language: str) -> Phrases:
     """Return the phrases of a language, read once."""
     return Phrases(language)
 
@@ -101,17 +110,18 @@ def phrases(language):
 class Sentence:
     """A sentence under construction: its regions and other slots, numbered as they come."""
 
-    def __init__(self, language, draw):
+    def __init__(self, language: str, draw: Random) -> None:
+        """Begin one in a language."""
         self.phrases, self.draw = phrases(language), draw
         self.count = {'R': 0, 'L': 0, 'S': 0, 'K': 0}
-        self.known = []
+        self.known: list[Filled] = []
 
-    def slot(self, kind, shown):
+    def slot(self, kind: str, shown: str) -> tuple[str, str]:
         """Return (token, its name in the meaning) of a new slot."""
         self.count[kind] = number = self.count[kind] % 9 + 1
         return f'{shown}{number}', f'{kind}{number}'
 
-    def region(self, name, is_visit=False):
+    def region(self, name: str, is_visit: bool = False) -> Filled:
         """Return the words of a region, and its meaning."""
         draw = self.draw
         chance = draw.random()
@@ -135,7 +145,7 @@ class Sentence:
         self.known.append(found)
         return found
 
-    def group(self, token, meant, is_visit):
+    def group(self, token: str, meant: str, is_visit: bool) -> Filled:
         """Return the words for several places, all of them or any one, and the meaning."""
         draw, words = self.draw, self.phrases.words
         if not is_visit:
@@ -146,24 +156,24 @@ class Sentence:
             return [*self.article(), token.replace('@G', '@Y')], [meant]
         return [*expanded(draw.choice(words['any']), draw), token], [meant]
 
-    def composed(self):
+    def composed(self) -> Filled:
         """Return the words and meaning of a region put together of others."""
         draw, table = self.draw, self.phrases.regions
         name = draw.choice(list(table))
         words = expanded(draw.choice(table[name]), draw)
         return self.filled(words, name.split())
 
-    def article(self):
+    def article(self) -> Words:
         """Return an article or none."""
         if self.draw.random() < 0.2:
             return []
         return expanded(self.draw.choice(self.phrases.words['article']), self.draw)
 
-    def filled(self, words, meaning):
+    def filled(self, words: Words, meaning: Words) -> Filled:
         """Return words and meaning with slots put in for their variables."""
-        values = {}
+        values: dict[str, Filled] = {}
         is_visit = meaning[:1] == ['V']
-        result = []
+        result: Words = []
         for word in words:
             if word[0] != '{':
                 result.append(word)
@@ -172,7 +182,7 @@ class Sentence:
             if name not in values:
                 values[name] = self.value(name, meaning, is_visit)
             result += values[name][0]
-        meant = []
+        meant: Words = []
         for token in meaning:
             if len(token) == 1 and token.islower():
                 if token not in values:
@@ -182,7 +192,7 @@ class Sentence:
                 meant.append(token)
         return result, meant
 
-    def value(self, name, meaning, is_visit):
+    def value(self, name: str, meaning: Words, is_visit: bool) -> Filled:
         """Return words and meaning of one variable."""
         if name in 'nks':
             kind = {'n': 'L', 'k': 'K', 's': 'S'}[name]
@@ -193,27 +203,26 @@ class Sentence:
             return [*self.article(), token], [meant]
         return self.region(name, is_visit)
 
-    def clause(self, name=None):
+    def clause(self) -> tuple[Words, Words, str]:
         """Return the words and meaning of one section's line."""
         table = self.phrases
-        if name is None:
-            name = self.draw.choices(table.names, table.weights)[0]
+        name = self.draw.choices(table.names, table.weights)[0]
         words = expanded(self.draw.choice(table.sections[name]), self.draw)
         meaning = [f'U_{name[2:]}'] if name.startswith('U ') else name.split()
         return (*self.filled(words, meaning), name)
 
 
-def visits(meaning):
+def visits(meaning: Words) -> bool:
     """Return whether a meaning has visits, and nothing else."""
     return {token for token in meaning if token in CLAUSES} <= {'V', 'OR', 'EA'}
 
 
-def made(draw):
+def made(draw: Random) -> Filled:
     """Return (tokens, meaning) of a random sentence."""
     sentence = Sentence(draw.choice(LANGUAGES), draw)
     words_of = sentence.phrases.words
 
-    def some(name):
+    def some(name: str) -> Words:
         return expanded(draw.choice(words_of[name]), draw)
 
     words, meaning, name = sentence.clause()
@@ -247,9 +256,9 @@ def made(draw):
     return noisy(words, draw), meaning
 
 
-def wished(meaning):
+def wished(meaning: Words) -> Words:
     """Return a meaning with each clause as a wish."""
-    found = []
+    found: Words = []
     at = 0
     while at < len(meaning):
         end = clause_end(meaning, at)
@@ -258,7 +267,7 @@ def wished(meaning):
     return found
 
 
-def clause_end(meaning, at):
+def clause_end(meaning: Words, at: int) -> int:
     """Return where the part of a meaning ends that begins at a token."""
     if meaning[at] in LISTS:
         at += 1
@@ -271,20 +280,21 @@ def clause_end(meaning, at):
     return end
 
 
-def noisy(words, draw):
+def noisy(words: Words, draw: Random) -> Words:
     """Return words with some commas dropped, words misspelt, and sometimes one left out."""
+    found: Words = []
     drops = draw.random() < 0.2
-    found = []
     for word in words:
         if drops and word == ',':
             continue
         if word.isalpha() and len(word) > 3 and draw.random() < 0.015:
-            word = misspelt(word, draw)
-        found.append(word)
+            found.append(misspelt(word, draw))
+        else:
+            found.append(word)
     return found
 
 
-def misspelt(word, draw):
+def misspelt(word: str, draw: Random) -> str:
     """Return a word with one letter left out, doubled or exchanged."""
     at = draw.randrange(1, len(word) - 1)
     return draw.choice(
@@ -296,11 +306,11 @@ def misspelt(word, draw):
     )
 
 
-def vocabulary(with_nouns=True):
+def vocabulary(with_nouns: bool = True) -> set[str]:
     """Return all words of the phrases, those that stand for unknown places too or not."""
-    found = set()
+    found: set[str] = set()
 
-    def walk(tree):
+    def walk(tree: Tree) -> None:
         for part in tree:
             if isinstance(part, str):
                 found.add(part)
@@ -316,11 +326,3 @@ def vocabulary(with_nouns=True):
                 for line in lines:
                     walk(line)
     return {word for word in found if word.isalpha()}
-
-
-if __name__ == '__main__':
-    source = random.Random(1)
-    for _ in range(40):
-        tokens, meant = made(source)
-        print(' '.join(tokens), ' => ', ' '.join(meant))
-    print(len(vocabulary()), 'words')

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import torch
 from llm_astar_planner.instructions.reader.features import BUCKETS, features
 from llm_astar_planner.instructions.reader.meaning import TOKENS
 from torch import nn
+
+Sentences = Sequence[Sequence[str]]
 
 WORD, ENCODER, DECODER, TOKEN = 64, 96, 160, 48
 
@@ -14,7 +19,8 @@ WORD, ENCODER, DECODER, TOKEN = 64, 96, 160, 48
 class Reader(nn.Module):
     """Encodes a lifted sentence by a bidirectional GRU; writes its meaning by another."""
 
-    def __init__(self):
+    def __init__(self) -> None:
+        """Begin with random weights."""
         super().__init__()
         self.words = nn.EmbeddingBag(BUCKETS, WORD, mode='sum')
         nn.init.normal_(self.words.weight, std=0.3)
@@ -29,7 +35,7 @@ class Reader(nn.Module):
         self.out = nn.Linear(DECODER, len(TOKENS))
         self.drop = nn.Dropout(0.15)
 
-    def forward(self, sentences, previous):
+    def forward(self, sentences: Sentences, previous: torch.Tensor) -> torch.Tensor:
         """Return logits [n, steps, tokens] for sentences of one length and the tokens before."""
         encoded, _ = self.encoder(self.drop(self.embedded(sentences)))
         encoded = self.drop(encoded)
@@ -39,7 +45,7 @@ class Reader(nn.Module):
         context = torch.softmax(scores, -1) @ encoded
         return self.out(self.drop(torch.tanh(self.mix(torch.cat((states, context), -1)))))
 
-    def embedded(self, sentences):
+    def embedded(self, sentences: Sentences) -> torch.Tensor:
         """Return the embeddings [n, length, WORD] of sentences of one length."""
         kinds = list({token for sentence in sentences for token in sentence})
         rows = [features(kind) for kind in kinds]
@@ -52,7 +58,7 @@ class Reader(nn.Module):
         return table[torch.tensor(index)]
 
 
-def exported(network):
+def exported(network: Reader) -> dict[str, Any]:
     """Return the arrays of a network, float16, by the names that inference knows."""
     return {
         name: value.detach().numpy().astype(np.float16)

@@ -8,22 +8,29 @@ folder of LLM_ASTAR_INSTRUCTIONS where it is set.
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from llm_astar_planner.instructions.reader.lifting import lifted
+from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_planner.instructions.reader.lifting import Slot, lifted
 from llm_astar_planner.instructions.regions import NamedPlace, Tagged
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test'))
-from language import corpora, written  # noqa: E402
+from language import corpora, written
+
+Pair = tuple[list[str], list[str]]
+Clause = Mapping[str, Any]
+Region = Mapping[str, Any]
 
 
-class Unsayable(Exception):
+class Unsayable(Exception):  # noqa: N818
     """A meaning that slots of the sentence cannot say."""
 
 
-def people():
+def people() -> list[Pair]:
     """Return (tokens, meaning) of all sentences that may be trained with, some several times."""
-    found = []
+    found: list[Pair] = []
     for sentence in written.sentences(written.TRAINING):
         places = written.worlds()[sentence.map].places
         clauses = sentence.truths[0].clauses if sentence.truths else ()
@@ -31,7 +38,7 @@ def people():
     return found + corpus_pairs()
 
 
-def paired(text, places, clauses):
+def paired(text: str, places: Places, clauses: Sequence[Clause]) -> list[Pair]:
     """Return the pair of a sentence in a list, which is empty where slots cannot say it."""
     one = lifted(text, places)
     try:
@@ -43,12 +50,13 @@ def paired(text, places, clauses):
 class Writer:
     """Writes clauses in JSON as tokens, with the slots of a sentence."""
 
-    def __init__(self, slots):
+    def __init__(self, slots: Mapping[str, Slot]) -> None:
+        """Take the slots by name."""
         self.slots = slots
 
-    def meaning(self, clauses):
+    def meaning(self, clauses: Sequence[Clause]) -> list[str]:
         """Return the tokens of clauses, each once. Raises Unsayable."""
-        found = []
+        found: list[list[str]] = []
         for clause in clauses:
             wish = ['W'] if clause.get('strength') == 'should' else []
             tokens = wish + self.clause(clause)
@@ -56,7 +64,7 @@ class Writer:
                 found.append(tokens)
         return [token for tokens in found for token in tokens]
 
-    def clause(self, clause):
+    def clause(self, clause: Clause) -> list[str]:
         """Return the tokens of one clause. Raises Unsayable."""
         kind = clause['kind']
         if kind == 'unsupported':
@@ -81,7 +89,7 @@ class Writer:
             return ['P', *region, side]
         return [{'avoid': 'A', 'stay_in': 'S', 'end_at': 'E'}[kind], *region]
 
-    def count(self, clause, region):
+    def count(self, clause: Clause, region: list[str]) -> list[str]:
         """Return the tokens of a number of entries. Raises Unsayable."""
         wanted = (clause.get('at_least') or 0, clause.get('at_most'))
         for name, slot in self.slots.items():
@@ -93,21 +101,22 @@ class Writer:
                     return ['CN' if turns else 'C', *region, name]
         raise Unsayable
 
-    def usual(self, metres):
+    def usual(self, metres: float) -> str:
         """Return the token of the usual distance. Raises Unsayable for any other."""
         if metres != 1:
             raise Unsayable
         return 'D'
 
-    def slot(self, kind, value):
+    def slot(self, kind: str, value: object) -> str:
         """Return the name of a slot with a value, '' for none."""
         return next(
             (n for n, slot in self.slots.items() if n[0] == kind and slot.value == value), ''
         )
 
-    def visited(self, regions):
+    def visited(self, regions: Sequence[Region]) -> list[str]:
         """Return the tokens of regions to visit, a group once."""
-        found, left = [], list(regions)
+        found: list[str] = []
+        left = list(regions)
         for name, slot in self.slots.items():
             members = [one.to_json() for one in slot.members]
             if members and all(one in left for one in members) and not self.are_named(members):
@@ -115,12 +124,12 @@ class Writer:
                 left = [one for one in left if one not in members]
         return [*[t for one in left for t in self.region(one)], *found]
 
-    def are_named(self, regions):
+    def are_named(self, regions: Sequence[Region]) -> bool:
         """Whether all of some regions have slots of their own."""
         known = [slot.value.to_json() for name, slot in self.slots.items() if name[0] == 'R']
         return all(one in known for one in regions)
 
-    def region(self, region):
+    def region(self, region: Region) -> list[str]:
         """Return the tokens of a region; '?' for a place that the sentence does not name."""
         if 'any_of' in region:
             return ['OR', *(t for one in region['any_of'] for t in self.region(one)), ')']
@@ -144,7 +153,7 @@ class Writer:
             return [region['end'].upper()]
         return [self.place(region)]
 
-    def place(self, region):
+    def place(self, region: Region) -> str:
         """Return the slot of a place or tag: of its own, or of a group that it is one of."""
         wanted = NamedPlace(region['place']) if 'place' in region else Tagged(region['tag'])
         exact = [n for n, slot in self.slots.items() if n[0] == 'R' and slot.value == wanted]
@@ -152,7 +161,7 @@ class Writer:
         return (exact or among or ['?'])[0]
 
 
-def about(text):
+def about(text: str) -> str:
     """Return what words that a path does not have are about, by their first letters."""
     words = text.lower()
     for name, parts in ABOUT.items():
@@ -164,8 +173,8 @@ def about(text):
 ABOUT = {
     'speed': ('slow', 'fast', 'quick', 'speed', 'langsam', 'schnell', 'lent', 'vite', 'despacio',
               'rápido', 'hurry', 'pace', 'rush', 'tempo', 'douc', 'race', 'beeil', 'prisa'),
-    'waiting': ('wait', 'warte', 'attend', 'esper', 'pause', 'stop for', 'minute', 'hold', 'linger',
-                'second', 'sekunde'),
+    'waiting': ('wait', 'warte', 'attend', 'esper', 'pause', 'stop for', 'minute', 'hold',
+                'linger', 'second', 'sekunde'),
     'time': ('before', 'after', 'o\'clock', 'noon', 'uhr', 'heure', 'hora', 'by ', 'am', 'pm',
              'tonight', 'morning', 'lunch', 'midi', 'until'),
     'following': ('follow', 'behind', 'folg', 'suis', 'sigue', 'escort', 'accompan', 'begleit'),
@@ -174,11 +183,11 @@ ABOUT = {
 }  # fmt: skip
 
 
-def corpus_pairs():
+def corpus_pairs() -> list[Pair]:
     """Return the pairs of the public corpora, of the patterns that clauses can say."""
     if corpora.folder() is None:
         return []
-    found = []
+    found: list[Pair] = []
     for world, sentences in (
         (corpora.rooms_world(), corpora.lang2ltl()),
         (corpora.cleanup_world(), corpora.cleanup()),
@@ -189,8 +198,8 @@ def corpus_pairs():
     return found
 
 
-def corpus_pair(name, text, truth, places):
-    """Return the pair of a sentence with a formula in a list, empty where clauses cannot say it."""
+def corpus_pair(name: str, text: str, truth: Any, places: Places) -> list[Pair]:
+    """Return the pair of a sentence with a formula in a list; none where clauses cannot say it."""
     if not truth.says:
         one = lifted(text, places)
         return [(list(one.tokens), [])]
@@ -207,17 +216,18 @@ def corpus_pair(name, text, truth, places):
         return []
 
 
-def clauses_of(formula, regions):
+def clauses_of(formula: Any, regions: Mapping[str, Region]) -> list[Clause]:
     """Return clauses in JSON of a formula. Raises Unsayable."""
 
-    def region(part):
+    def region(part: Any) -> Region:
         if isinstance(part, tuple) and part[0] == '|':
             return {'any_of': [region(one) for one in part[1:]]}
         if not isinstance(part, str):
             raise Unsayable
         return regions[part]
 
-    found, free = [], []
+    found: list[Clause] = []
+    free: list[Region] = []
     for part in corpora.conjuncts(formula):
         head = part[0] if isinstance(part, tuple) else ''
         if head == 'F':
@@ -242,7 +252,7 @@ def clauses_of(formula, regions):
     return found
 
 
-def merged(free, found, befores):
+def merged(free: list[Region], found: list[Clause], befores: list[Clause]) -> list[Clause]:
     """Return clauses with free visits: after those before which another region must come."""
     if len(befores) == 1 and len(free) == 1 and befores[0]['second'] == free[0]:
         visits = [{'kind': 'visit', 'regions': [befores[0]['first']]}]
@@ -252,7 +262,7 @@ def merged(free, found, befores):
     return [*found, {'kind': 'visit', 'regions': free}]
 
 
-def chain(part, region):
+def chain(part: Any, region: Callable[[Any], Region]) -> list[Region]:
     """Return the regions of 'F & a F & b F c'. Raises Unsayable."""
     inner = part[1]
     if part[0] != 'F':
@@ -262,7 +272,7 @@ def chain(part, region):
     return [region(inner)]
 
 
-def reaction(part, region):
+def reaction(part: Any, region: Callable[[Any], Region]) -> Clause:
     """Return the clause of 'a implies F b' or 'a implies X G ! b'. Raises Unsayable."""
     first, later = region(part[1]), part[2]
     if later[0] == 'F':
@@ -272,9 +282,9 @@ def reaction(part, region):
     raise Unsayable
 
 
-def known_words():
+def known_words() -> set[str]:
     """Return the words that the network has seen often enough: no place may be among them."""
-    maps = {}
+    maps: dict[str, set[str]] = {}
     for sentence in written.sentences(written.TRAINING):
         for token in lifted(sentence.text, written.worlds()[sentence.map].places).tokens:
             maps.setdefault(token, set()).add(sentence.map)

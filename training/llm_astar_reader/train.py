@@ -12,6 +12,7 @@ import math
 import random
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from zlib import crc32
 
@@ -25,31 +26,33 @@ from llm_astar_reader.generate import made, noisy, vocabulary
 from llm_astar_reader.network import Reader, exported
 from llm_astar_reader.people import known_words, people
 
+Words = list[str]
+Pair = tuple[Words, Words]
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
 BEGIN, PAD = len(TOKENS), -100
-BATCH, ROUND, LONGEST, MOST_TOKENS = 64, 12_800, 64, 28
+BATCH, ROUND, LONGEST, MOST_TOKENS = 96, 9_600, 40, 24
 RATE = 2e-3
 
 
-def renumbered(tokens, meaning, draw):
+def renumbered(tokens: Words, meaning: Words, draw: random.Random) -> Pair | None:
     """Return a pair with its slots numbered anew; None where it has too many of them."""
-    names = {}
+    names: dict[str, str] = {}
     for token in tokens:
         if token[0] == '@':
             kind = 'R' if token[1] in 'ROGYX' else token[1]
             names.setdefault(f'{kind}{token[2:]}', kind)
-    table = {}
+    table: dict[str, str] = {}
     for kind, most in SLOTS.items():
         mine = [name for name, one in names.items() if one == kind]
         if len(mine) > most:
             return None
         # In order of mention, as they come in use, or in any order.
-        numbers = draw.sample(range(1, most + 1), len(mine))
+        numbers: Sequence[int] = draw.sample(range(1, most + 1), len(mine))
         if draw.random() < 0.4:
             numbers = range(1, len(mine) + 1)
         table |= {name: f'{kind}{n}' for name, n in zip(mine, numbers)}
 
-    def shown(token):
+    def shown(token: str) -> str:
         if token[0] != '@':
             return token
         kind = 'R' if token[1] in 'ROGYX' else token[1]
@@ -61,7 +64,7 @@ def renumbered(tokens, meaning, draw):
         return None
 
 
-def sample(draw, human, share):
+def sample(draw: random.Random, human: list[Pair], share: float) -> Pair | None:
     """Return a pair for training: made, or a sentence of a person with noise."""
     if human and draw.random() < share:
         tokens, meaning = draw.choice(human)
@@ -80,11 +83,11 @@ def sample(draw, human, share):
     return pair
 
 
-def batches(draw, human, share):
-    """Yield batches of sentences of one length each."""
+def batches(draw: random.Random, human: list[Pair], share: float) -> list[list[Pair]]:
+    """Return batches of sentences of one length each."""
     pairs = [pair for _ in range(ROUND) if (pair := sample(draw, human, share))]
     pairs.sort(key=lambda pair: len(pair[0]))
-    found = []
+    found: list[list[Pair]] = []
     for _, group in itertools.groupby(pairs, key=lambda pair: len(pair[0])):
         some = list(group)
         draw.shuffle(some)
@@ -93,7 +96,7 @@ def batches(draw, human, share):
     return found
 
 
-def targets(meanings):
+def targets(meanings: Sequence[Words]) -> tuple[torch.Tensor, torch.Tensor]:
     """Return the tokens before and the tokens to write, int64 [n, steps]."""
     steps = max(map(len, meanings)) + 1
     before = torch.zeros(len(meanings), steps, dtype=torch.long)
@@ -106,7 +109,7 @@ def targets(meanings):
     return before, wanted
 
 
-def main():
+def main() -> None:
     """Train for some minutes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--out', type=Path, required=True)
@@ -168,7 +171,7 @@ def main():
         )
 
 
-def say(text):
+def say(text: str) -> None:
     """Print progress at once."""
     sys.stdout.write(f'{text}\n')
     sys.stdout.flush()

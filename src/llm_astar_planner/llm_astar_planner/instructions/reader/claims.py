@@ -15,7 +15,7 @@ from collections.abc import Callable, Collection, Sequence
 from zlib import crc32
 
 from llm_astar_planner.instructions.grammar.vocabulary import nouns
-from llm_astar_planner.instructions.grammar.words import word_set
+from llm_astar_planner.instructions.grammar.words import comparable, word_set
 from llm_astar_planner.instructions.reader.lifting import Lifted
 from llm_astar_planner.instructions.reader.meaning import Parts
 from llm_astar_planner.instructions.reader.network import known_words
@@ -46,17 +46,23 @@ def slots(one: Lifted, used: Collection[str]) -> str:
     return f'{left[0]} is left' if left else f'"{doubts[0]}" is doubtful' if doubts else ''
 
 
+def strange(one: Lifted) -> list[int]:
+    """Return which tokens could name a place that is not on the map, or that nobody knows."""
+    called, known = nouns().everywhere.words, known_words()
+    return [
+        at
+        for at, token in enumerate(one.tokens)
+        if token.isalpha() and (token in called or crc32(token.encode()) not in known)
+    ]
+
+
 def leftover(one: Lifted) -> str:
-    """Return a word outside of slots that could name a place, or that nobody knows."""
-    called, language = nouns().everywhere.words, set(one.tokens)
+    """Return a word outside of slots that was misspelt, or that is a number."""
+    language = set(one.tokens)
     for word in one.words:
         said = word.said or word.text
-        if not language & {word.text, said.lower()}:
-            continue
-        is_known = crc32(word.text.encode()) in known_words()
-        if word.is_letters and (word.text in called or not is_known):
-            return f'"{said}" is left'
-        if word.is_corrected or (not word.is_letters and word.text[-1].isdigit()):
+        is_number = not word.is_letters and word.text[-1].isdigit()
+        if comparable(said) in language and (is_number or word.is_corrected):
             return f'"{said}" is left'
     return ''
 

@@ -14,6 +14,7 @@ from itertools import groupby
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.fields import (
     MAX_NAME_CHARS,
     MAX_QUESTION_CHARS,
@@ -29,9 +30,15 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.reader.claims import doubt
+from llm_astar_planner.instructions.reader.claims import doubt, strange
 from llm_astar_planner.instructions.reader.lifting import SLOTS, Lifted, lifted
-from llm_astar_planner.instructions.reader.meaning import Parts, Unreadable, Writer, ordered
+from llm_astar_planner.instructions.reader.meaning import (
+    TOKENS,
+    Parts,
+    Unreadable,
+    Writer,
+    ordered,
+)
 from llm_astar_planner.instructions.reader.network import meanings
 from llm_astar_planner.instructions.specification import Specification, from_json
 from llm_astar_planner.instructions.text import InstructionError, clean_instruction
@@ -43,6 +50,8 @@ RENUMBERED = 5
 # reading at all, and the share of the readings that have to agree on it.
 CLAIMED, READ, AGREED = -0.1, -4.0, 0.5
 LONGEST = 64
+# Words that may name a place the map does not have; each is tried as one.
+MOST_STRANGE = 8
 Names = Mapping[str, str]
 
 
@@ -73,7 +82,7 @@ def variants_of(one: Lifted) -> Iterator[tuple[Sequence[str], Names]]:
     tokens, same = one.tokens, {name: name for name in one.slots}
     yield tokens, same
     yield ('please', ',', *tokens), same
-    yield tuple(token for token in tokens if token != ',') or tokens, same
+    yield tuple(word for word in tokens if word != ',') or tokens, same
     yield tokens[:-1] if tokens[-1] in '.!' and tokens[1:] else (*tokens, '.'), same
     draw = random.Random(0)  # noqa: S311 - no secret
     for _ in range(RENUMBERED if one.slots else 0):
@@ -129,12 +138,27 @@ def read(text: str, places: Places) -> Interpretation:
     writer = Writer(one.slots, words_about(one, text))
     found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in best.clauses]})
     reason = '' if best.share == 1.0 and best.score >= CLAIMED else 'not all readings agree'
-    reason = reason or doubt(one, best.clauses, writer.used)
+    reason = reason or doubt(one, best.clauses, writer.used) or unnamed(one)
     if reason:
         question = vocabulary(one.language).questions['model']
         said = text[: MAX_QUESTION_CHARS // 3]
+        if all(isinstance(clause, Unknown) for clause in found.clauses):
+            raise Unreadable(reason)
         found = Specification(asked(found.clauses, question.replace('{said}', said)))
     return Interpretation(text, found, NAME, status_of(found), reason)
+
+
+def unnamed(one: Lifted) -> str:
+    """Return a word that would be read as a place if the map had it, '' for none."""
+    found = strange(one)
+    new = f'R{sum(name[0] == "R" for name in one.slots) + 1}'
+    if new not in TOKENS or len(found) > MOST_STRANGE:
+        return 'too many words that nobody knows'
+    probes = [(*one.tokens[:at], f'@{new}', *one.tokens[at + 1 :]) for at in found]
+    names = {name: name for name in (*one.slots, new)}
+    read_as = meanings(probes, [names] * len(probes)) if probes else []
+    named = (one.tokens[at] for at, (tokens, _) in zip(found, read_as) if new in tokens)
+    return next((f'"{word}" is not on the map' for word in named), '')
 
 
 def words_about(one: Lifted, text: str) -> Names:

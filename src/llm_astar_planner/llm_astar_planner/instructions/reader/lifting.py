@@ -9,6 +9,7 @@ descriptions ('the second aisle from the west'), are matched by the words of the
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,20 +20,28 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
 from llm_astar_planner.instructions.grammar.lexemes import LENGTH, POINT, TIMES, UNKNOWN, Lexeme
 from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG
-from llm_astar_planner.instructions.grammar.selection import (
-    Modifier,
-    Selection,
-    Unclear,
-    select_group,
-)
+from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
-from llm_astar_planner.instructions.regions import AnyOf, Disc, NamedPlace, Region, Tagged
+from llm_astar_planner.instructions.regions import (
+    MAX_JOINED,
+    AnyOf,
+    Disc,
+    NamedPlace,
+    Region,
+    Tagged,
+)
 
 SIDE = 'SIDE'
+# What slots begin with.
+SIGN = '@'
 # How many slots of a kind a sentence may have.
 SLOTS = {'R': 9, 'L': 4, 'S': 4, 'K': 4}
-# What may stand between a noun and where it lies: 'the room in the top left corner'.
-WHERE = frozenset({'IN', 'UPON', 'TO', 'SIDENOUN', 'CORNER', SIDE, 'CENTER', 'FROM'})
+# A noun with its adjectives, and with what may follow them, by the kinds of lexemes.
+DESCRIBED = re.compile(
+    f'((?:(?:{"|".join(sorted(ADJECTIVES))}) )*NOUN )(?:TAG )*'
+    '(?:(?:IN |UPON |TO |FROM )?(?:SIDE |CENTER )+(?:SIDENOUN |CORNER )?)?'
+)
+MOST_DESCRIBED = 12
 SHORTEST_PART = 3
 # Words in names that tell nothing.
 VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala'})
@@ -72,7 +81,7 @@ class Lifted:
 
 def lifted(text: str, places: Places) -> Lifted:
     """Return a clean text with slots, in the language that most of its words are of."""
-    read = read_words(text)
+    read = [word for word in read_words(text) if word.text != SIGN]
     language = next(iter(languages_of(read)))
     lexer = lexer_for(places, language)
     words, _ = lexer.corrected(read)
@@ -85,7 +94,7 @@ def lifted(text: str, places: Places) -> Lifted:
         name = named(slot, slots)
         if name:
             slots.setdefault(name, slot)
-            tokens.append(f'@{slot.shown or slot.kind}{name[1:]}')
+            tokens.append(f'{SIGN}{slot.shown or slot.kind}{name[1:]}')
         at = max(at, end)
     tokens += [word.text for word in read if word.start >= at]
     return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)
@@ -101,62 +110,46 @@ def named(slot: Slot, slots: Mapping[str, Slot]) -> str:
 
 def slots_in(lexemes: Sequence[Lexeme], places: Places) -> Iterator[tuple[int, int, Slot]]:
     """Yield the slots of a sentence, each with where it stands."""
-    taken = 0
-    for at, lexeme in enumerate(lexemes):
-        if at < taken:
-            continue
-        start, end, slot = lexeme.start, lexeme.end, simple_slot(lexeme, places)
-        if lexeme.kind == NOUN or (lexeme.kind in ADJECTIVES and noun_after(lexemes, at)):
-            noun = noun_after(lexemes, at)
-            for last in reversed(range(noun, where_end(lexemes, noun))):
-                slot = described(lexemes[at : last + 1], noun - at)
-                if slot is not None:
-                    end, taken = lexemes[last].end, last + 1
-                    break
+    at = 0
+    while at < len(lexemes):
+        count, slot = noun_phrase(lexemes[at:])
+        if slot is None:
+            count, slot = 1, simple_slot(lexemes[at], places)
         if slot is not None:
-            yield start, end, slot
+            yield lexemes[at].start, lexemes[at + count - 1].end, slot
+        at += count
 
 
-def noun_after(lexemes: Sequence[Lexeme], at: int) -> int:
-    """Return where the noun stands that adjectives from a lexeme on belong to, 0 for none."""
-    while at < len(lexemes) and lexemes[at].kind in ADJECTIVES:
-        at += 1
-    return at if at < len(lexemes) and lexemes[at].kind == NOUN else 0
+def noun_phrase(lexemes: Sequence[Lexeme]) -> tuple[int, Slot | None]:
+    """Return how many lexemes a noun takes with what describes it, and its slot, None if unclear.
+
+    Words after the noun count where they tell the place: 'the room in the top left corner'.
+    """
+    match = DESCRIBED.match(''.join(f'{one.kind} ' for one in lexemes[:MOST_DESCRIBED]))
+    for count in (match[0].count(' '), match[1].count(' ')) if match else ():
+        slot = described(lexemes[:count])
+        if slot is not None:
+            return count, slot
+    return 0, None
 
 
-def where_end(lexemes: Sequence[Lexeme], noun: int) -> int:
-    """Return where the words after a noun end that may say where it lies."""
-    end = noun + 1
-    while end < min(len(lexemes), noun + 5) and lexemes[end].kind in WHERE | {TAG}:
-        end += 1
-    return end
-
-
-def described(lexemes: Sequence[Lexeme], noun: int) -> Slot | None:
+def described(lexemes: Sequence[Lexeme]) -> Slot | None:
     """Return the slot of a noun with adjectives and words for where it lies; None if unclear."""
-    after = [one for one in lexemes[noun + 1 :] if one.kind in (SIDE, 'CENTER', TAG)]
-    if len(lexemes) > noun + 1 and (not after or lexemes[-1].kind in ('IN', 'UPON', 'TO', 'FROM')):
-        return None
-    parts = [Modifier(one.kind, one.value) for one in lexemes[:noun]]
-    parts += [Modifier(one.kind, one.value) for one in after if one.kind == TAG]
-    where = [Modifier(one.kind, one.value) for one in after if one.kind != TAG]
+    noun = [one.kind for one in lexemes].index(NOUN)
+    before = [Modifier(one.kind, one.value) for one in lexemes[:noun]]
+    after = [Modifier(one.kind, one.value) for one in lexemes[noun + 1 :]]
+    tags = [one for one in after if one.kind == TAG]
+    where = [one for one in after if one.kind in (SIDE, 'CENTER')]
     try:
-        selection = select_group(lexemes[noun].value, parts, where)
+        found = select_group(lexemes[noun].value, [*before, *tags], where)
     except Unclear:
         return None
     doubts = tuple(said for one in lexemes for said, _ in one.doubts)
-    return group_slot(selection, doubts)
-
-
-def group_slot(selection: Selection, doubts: tuple[str, ...]) -> Slot | None:
-    """Return the slot of places that were selected; the walls are no slot."""
-    if selection.is_walls:
-        return None
-    if len(selection.places) == 1:
-        return place_slot(selection.places[0], doubts)
-    region = selection.together or AnyOf(selection.regions[:16])
-    shown = 'Y' if selection.any_one else 'G'
-    return Slot('R', region, shown, selection.regions, doubts)
+    if len(found.places) == 1 and not found.is_walls:
+        return place_slot(found.places[0], doubts)
+    region = found.together or AnyOf(found.regions[:MAX_JOINED])
+    shown = 'Y' if found.any_one else 'G'
+    return None if found.is_walls else Slot('R', region, shown, found.regions, doubts)
 
 
 def place_slot(place: Place, doubts: tuple[str, ...]) -> Slot:
@@ -197,12 +190,11 @@ def named_in_part(word: str, places: Places) -> Slot | None:
 
 
 @lru_cache(maxsize=16)
-def name_parts(places: Places) -> dict[str, tuple[Place, ...]]:
+def name_parts(places: Places) -> dict[str, list[Place]]:
     """Return the places by the words of their names and aliases."""
-    found: dict[str, tuple[Place, ...]] = {}
+    found: dict[str, list[Place]] = {}
     for place in places:
-        for name in (place.name, *place.aliases):
-            for word in phrase_words(name):
-                if place not in found.get(word, ()):
-                    found[word] = (*found.get(word, ()), place)
+        names = (place.name, *place.aliases)
+        for word in {word for name in names for word in phrase_words(name)}:
+            found.setdefault(word, []).append(place)
     return found

@@ -80,7 +80,7 @@ def ordered(tokens: Sequence[str]) -> tuple[Parts, ...]:
 
 def is_visit(part: Parts) -> bool:
     """Whether a clause is a visit, or the wish for one."""
-    return part[0] == 'V' or (part[0] == WISH and part[1][0] == 'V')
+    return 'V' in (part[0], part[-1][0] if part[0] == WISH else '')
 
 
 def sorted_parts(part: Parts) -> Parts:

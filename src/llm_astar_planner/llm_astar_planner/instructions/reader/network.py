@@ -93,7 +93,7 @@ def gru(inputs: Array, name: str, state: Array) -> Array:
 
 def sigmoid(values: Array) -> Array:
     """Return the logistic function."""
-    return 0.5 + 0.5 * np.tanh(0.5 * values)
+    return np.asarray(0.5 + 0.5 * np.tanh(0.5 * values))
 
 
 def encoded(sentences: Sequence[Sequence[str]]) -> Array:
@@ -117,7 +117,7 @@ def encoded(sentences: Sequence[Sequence[str]]) -> Array:
 def meanings(
     sentences: Sequence[Sequence[str]], names: Sequence[Mapping[str, str]]
 ) -> list[tuple[list[str], float]]:
-    """Return the meaning of each of some sentences of one length, with its log probability.
+    """Return the meanings of sentences of one length, each with its log probability.
 
     The values of `names` are the slots that each of the sentences has.
     """
@@ -143,9 +143,10 @@ def meanings(
                 written[n] += [TOKENS[token]] if TOKENS[token] != END else []
         if not any(stacks):
             break
+    is_whole = np.isfinite(scores) & ~np.array(list(map(bool, stacks)))
     return [
-        (tokens, float(score) if not stack else -np.inf)
-        for tokens, score, stack in zip(written, scores, stacks)
+        (tokens if whole else [], float(score))
+        for tokens, whole, score in zip(written, is_whole, scores)
     ]
 
 
