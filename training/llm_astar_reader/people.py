@@ -1,4 +1,4 @@
-"""Sentences of people for the training: those written for this, and halves of public corpora.
+"""Free sentences for the training: those written for this, and halves of public corpora.
 
 The written ones are `test/language/written.json`; by a hash of a map's name half of the maps are
 for training, the others are locked: they calibrate and report. The corpora are read from the

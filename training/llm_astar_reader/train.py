@@ -113,8 +113,8 @@ def main() -> None:
     """Train for some minutes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--out', type=Path, required=True)
-    parser.add_argument('--minutes', type=float, default=35.0, help='of computing, in all')
-    parser.add_argument('--people', type=float, default=0.3, help='share of their sentences')
+    parser.add_argument('--minutes', type=float, default=20.0, help='of computing, in all')
+    parser.add_argument('--people', type=float, default=0.45, help='share of their sentences')
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--threads', type=int, default=1)
     args = parser.parse_args()

@@ -52,33 +52,12 @@ def test_what_is_in_any_order_is_the_same_meaning():
     assert ordered(['B', 'R1', 'R2']) != ordered(['B', 'R2', 'R1'])
 
 
+MEANING = 'V R1 R2 ) W A OR R1 R2 R3 ) B HO S1 R1 R2 K WALLS L1 C R1 K1 <end>'
+
+
 def test_each_token_of_a_meaning_is_one_that_is_expected_there():
     stack = 't'
-    for token in [
-        'V',
-        'R1',
-        'R2',
-        ')',
-        'W',
-        'A',
-        'OR',
-        'R1',
-        'R2',
-        'R3',
-        ')',
-        'B',
-        'HO',
-        'S1',
-        'R1',
-        'R2',
-        'K',
-        'WALLS',
-        'L1',
-        'C',
-        'R1',
-        'K1',
-        '<end>',
-    ]:
+    for token in MEANING.split():
         assert token in KINDS[stack[0]]
         stack = after(stack, token)
     assert 'L1' not in KINDS['r']
