@@ -6,10 +6,9 @@
 from __future__ import annotations
 
 import random
-import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import groupby
 
 from llm_astar_msgs_adapter.maps.places import Places
@@ -26,7 +25,7 @@ from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
-    Understanding,
+    interpreted,
     not_understood,
     status_of,
 )
@@ -41,7 +40,6 @@ from llm_astar_planner.instructions.reader.meaning import (
 )
 from llm_astar_planner.instructions.reader.network import meanings
 from llm_astar_planner.instructions.specification import Specification, from_json
-from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'reader'
 # Readings of one sentence with its slots numbered anew.
@@ -113,18 +111,15 @@ class ReaderInterpreter:
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
         """Say what was understood of a text; takes some milliseconds. Never raises."""
-        began = time.perf_counter()
-        try:
-            clean = clean_instruction(text)
-        except InstructionError as error:
-            return not_understood(text[:80], str(error), NAME)
-        if not clean:
-            return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
-        try:
-            found = read(clean, places)
-        except (Unreadable, SpecificationError, Unclear) as error:
-            found = not_understood(clean, str(error), NAME)
-        return replace(found, seconds=time.perf_counter() - began)
+        return interpreted(text, NAME, lambda one: read_or_not(one, places))
+
+
+def read_or_not(text: str, places: Places) -> Interpretation:
+    """Return what is read in a clean text, with the reason where nothing is."""
+    try:
+        return read(text, places)
+    except (Unreadable, SpecificationError, Unclear) as error:
+        return not_understood(text, str(error), NAME)
 
 
 def read(text: str, places: Places) -> Interpretation:
@@ -135,7 +130,12 @@ def read(text: str, places: Places) -> Interpretation:
     best = vote(one)
     if not best.clauses or best.share < AGREED or best.score < READ:
         raise Unreadable('nothing that is read for certain')
-    writer = Writer(one.slots, words_about(one, text))
+    about = {
+        str(lexeme.value): text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
+        for lexeme in one.lexemes
+        if lexeme.kind == UNSUPPORTED
+    }
+    writer = Writer(one.slots, {'': text[:MAX_NAME_CHARS], **about})
     found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in best.clauses]})
     reason = '' if best.share == 1.0 and best.score >= CLAIMED else 'not all readings agree'
     reason = reason or doubt(one, best.clauses, writer.used) or unnamed(one)
@@ -159,13 +159,3 @@ def unnamed(one: Lifted) -> str:
     read_as = meanings(probes, [names] * len(probes)) if probes else []
     named = (one.tokens[at] for at, (tokens, _) in zip(found, read_as) if new in tokens)
     return next((f'"{word}" is not on the map' for word in named), '')
-
-
-def words_about(one: Lifted, text: str) -> Names:
-    """Return the words for what a path does not have, by what they are about; '' for others."""
-    found = {
-        str(lexeme.value): text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
-        for lexeme in one.lexemes
-        if lexeme.kind == UNSUPPORTED
-    }
-    return {'': text[:MAX_NAME_CHARS], **found}
