@@ -19,6 +19,7 @@ from llm_astar_planner.instructions.grammar.words import comparable, word_set
 from llm_astar_planner.instructions.reader.lifting import Lifted
 from llm_astar_planner.instructions.reader.meaning import Parts
 from llm_astar_planner.instructions.reader.network import known_words
+from llm_astar_planner.instructions.regions import ROUTE_SIDES
 
 # Kinds of words that refuse, those that turn a refusal round, and those that nobody can weigh.
 REFUSALS = word_set('NEG AVOID SKIP FORBIDDEN ALONE AROUND_VERB')
@@ -26,6 +27,7 @@ TURNING = word_set('AVOID SKIP MISS WITHOUT')
 UNCLEAR = word_set('POISON UNREAD INSTEAD EXCEPTNOT LONGWAY OVERLAP')
 ORDERING = word_set('THEN FIRST LAST BEFORE AFTER INORDER ONLYAFTER UNTIL AFTERYOU')
 LIMITS = word_set('CONDITION ONCE UNTIL ONLYAFTER')
+LIMITING = word_set('TIMES TIMESWORD NUMBER ATLEAST ATMOST EXACTLY MORETHAN LESSTHAN ORMORE')
 # The tokens that say a refusal, those that say an order, and those that say a condition.
 REFUSING, ORDERED, LIMITED = word_set('A N B K S CN EX'), word_set('B T N E'), word_set('B T N')
 Counts = Counter[str]
@@ -43,7 +45,11 @@ def slots(one: Lifted, used: Collection[str]) -> str:
     """Return a slot that the meaning does not name, or one that is doubtful."""
     left = [name for name in one.slots if name not in used]
     doubts = [said for name in used for said in one.slots[name].doubts]
-    return f'{left[0]} is left' if left else f'"{doubts[0]}" is doubtful' if doubts else ''
+    if left or doubts:
+        return f'{left[0]} is left' if left else f'"{doubts[0]}" is doubtful'
+    # 'on your left': that of the robot or of the thing, which nobody can tell by the words.
+    sides = {one.slots[name].value for name in used if name[0] == 'S'}
+    return 'left and right of what' if sides & set(ROUTE_SIDES) else ''
 
 
 def strange(one: Lifted) -> list[int]:
@@ -107,6 +113,12 @@ def limits(kinds: Counts, heads: Counts) -> str:
     return 'or what' if kinds['OR'] and not (heads['OR'] or heads['A'] > 1) else ''
 
 
+def numbers(kinds: Counts, heads: Counts) -> str:
+    """Return what is wrong with how often: a word that limits it has its clause."""
+    is_told, is_read = some(kinds, LIMITING), some(heads, ('C', 'CN', 'K'))
+    return 'a number that is not read' if is_told and not is_read else ''
+
+
 def wishes(kinds: Counts, heads: Counts) -> str:
     """Return what is wrong with wishes: a word says each."""
     return '' if bool(kinds['SHOULD']) == bool(heads['W']) else 'a wish or a demand'
@@ -118,4 +130,6 @@ def ends(kinds: Counts, heads: Counts) -> str:
     return '' if is_told == bool(heads['E']) and not kinds['STOP'] else 'the end, or a visit'
 
 
-RULES: tuple[Callable[[Counts, Counts], str], ...] = (refusals, orders, limits, wishes, ends)
+RULES: tuple[Callable[[Counts, Counts], str], ...] = (
+    refusals, orders, limits, numbers, wishes, ends,
+)  # fmt: skip

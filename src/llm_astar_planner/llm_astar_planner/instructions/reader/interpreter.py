@@ -46,7 +46,7 @@ NAME = 'reader'
 RENUMBERED = 5
 # The least log probability of a claim, calibrated on sentences that were locked; that of a
 # reading at all, and the share of the readings that have to agree on it.
-CLAIMED, READ, AGREED = -0.1, -4.0, 0.5
+CLAIMED, READ, AGREED = -0.4, -2.0, 0.5
 LONGEST = 64
 # Words that may name a place the map does not have; each is tried as one.
 MOST_STRANGE = 8
