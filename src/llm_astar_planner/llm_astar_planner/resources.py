@@ -36,14 +36,16 @@ def state_file(name: str) -> Path:
 def find_file(name: str, folder: str) -> Path:
     """Return the path of a file: `name` if it exists, else the file of that name in `folder`.
 
-    Raises FileNotFoundError naming the files that the folder holds.
+    Its ending `.yaml` may be left out there: `depot` is the map of maps/depot.yaml. Raises
+    FileNotFoundError naming the files that the folder holds.
     """
     path = Path(name).expanduser()
     if path.is_file():
         return path
     for share in share_folders():
-        if (share / folder / name).is_file():
-            return share / folder / name
+        for shipped in (share / folder / name, share / folder / f'{name}.yaml'):
+            if shipped.is_file():
+                return shipped
     known = sorted({file.name for share in share_folders() for file in (share / folder).glob('*')})
     raise FileNotFoundError(
         f'{name!r} is not a file, and {folder}/ holds {", ".join(known) or "nothing"}'

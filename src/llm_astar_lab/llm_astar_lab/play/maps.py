@@ -110,6 +110,7 @@ class Maps:
 def read_maps(file: str) -> Iterator[PlayMap]:
     """Yield the first maps of a file, a path or a name in maps/; raises as `Maps` does."""
     path = find_file(file, 'maps')
+    file = file if Path(file).suffix else path.name  # a shipped map by its short name
     scenarios = Path(f'{path}.scen')
     if path.suffix.lower() in BARE_MAP and scenarios.is_file():
         file, path = f'{file}.scen', scenarios
