@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-OWN = ('llm_astar', 'llm_astar_lab', 'llm_astar_msgs_adapter', 'llm_astar_planner')
+OWN = ('llm_astar_lab', 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_ros')
 COPIED = ('Makefile', 'LICENSE', 'config', 'maps', 'packaging', 'src')
 
 
@@ -51,7 +51,7 @@ def test_there_are_a_wheel_and_a_source_archive_of_each(dist):
     version = versions()['llm_astar_planner']
     assert {f'{name}-{version}-py3-none-any.whl' for name in OWN} < names
     # Newer setuptools write '_' for '-' in the names of archives, too.
-    archives = {name.replace('llm-astar', 'llm_astar') for name in names}
+    archives = {name.replace('llm-astar-ros', 'llm_astar_ros') for name in names}
     assert {f'{name}-{version}.tar.gz' for name in OWN} < archives
 
 
@@ -128,7 +128,7 @@ def user(dist, tmp_path_factory):
     environment |= {'NUMBA_CACHE_DIR': str(home / 'compiled')}
     python = home / 'venv' / 'bin' / 'python'
     install = [sys.executable, '-m', 'pip', '--python', python, 'install', '--quiet']
-    install += ['--find-links', dist, 'llm-astar']
+    install += [*dist.glob('*.whl')]
     done = subprocess.run(install, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     (home / 'work').mkdir()
@@ -149,7 +149,7 @@ def test_there_is_no_ros_where_the_wheels_are_installed(user):
 
 
 def test_one_name_installs_all_three_packages(user):
-    names = 'llm-astar', 'llm-astar-planner', 'llm-astar-msgs-adapter', 'llm-astar-lab'
+    names = 'llm-astar-ros', 'llm-astar-planner', 'llm-astar-msgs-adapter', 'llm-astar-lab'
     code = f'from importlib.metadata import version; print(*map(version, {names!r}))'
     assert set(user('python', '-c', code).stdout.split()) == {*versions().values()}
 
