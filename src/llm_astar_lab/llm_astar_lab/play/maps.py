@@ -25,6 +25,8 @@ MAX_PAIRS = 10
 # The files in maps/ that the page offers, those of robots first.
 SHIPPED = (
     'demo.json',
+    'depot.yaml',
+    'hospital.yaml',
     *(
         f'instructions/{name}.yaml'
         for name in ('house', 'office', 'warehouse', 'museum', 'market', 'ward', 'workshop')
