@@ -155,7 +155,8 @@ def test_one_name_installs_all_three_packages(user):
 
 
 def test_the_wheels_plan_keep_an_instruction_and_draw_it(user):
-    words = ('--instruction', 'avoid 12, 4 by 2 m', '--png', 'plan.png', '--json')
+    words = ('--map', 'house', '--robot-radius', '0.2', '--from', 'bedroom', '--to', 'sofa')
+    words += ('--instruction', 'stay out of the dining room', '--png', 'plan.png', '--json')
     done = user('llm-astar', 'plan', *words)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)

@@ -1,6 +1,7 @@
 """The command line as a user types it, without ROS."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -541,6 +542,15 @@ def test_a_robot_without_a_radius_is_named_where_its_path_is_close_to_an_obstacl
     assert said not in run(capsys, *office, '--robot-radius', '0.3')[1]
     # Cells of a map without metres have no size to compare with.
     assert said not in run(capsys, 'plan')[1]
+
+
+def test_a_shipped_map_is_found_by_its_short_name_with_its_places_and_metres(capsys):
+    ends = '--robot-radius', '0.3', '--from', 'bathroom', '--to', 'kitchen'
+    code, text, errors = run(capsys, 'plan', '--map', 'house', *ends)
+    assert (code, errors) == (0, '')
+    assert re.search(r'start +\(.* m, cell \(.*, bathroom\n', text)
+    # Where a file is missing, the names are listed.
+    assert 'depot.yaml' in run(capsys, 'plan', '--map', 'garage', *ends)[2]
 
 
 def test_waypoints_that_the_checks_let_through_are_called_accepted(capsys):
