@@ -12,6 +12,7 @@ import venv
 import zipfile
 from pathlib import Path
 
+import httpx
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -139,7 +140,7 @@ def user(dist, tmp_path_factory):
             command, env=environment, cwd=home / 'work', capture_output=True, text=True
         )
 
-    run.folder = home / 'work'
+    run.folder, run.environment, run.bin = home / 'work', environment, home / 'venv' / 'bin'
     return run
 
 
@@ -163,6 +164,17 @@ def test_the_wheels_plan_keep_an_instruction_and_draw_it(user):
     assert found['code'] == 0
     assert found['instruction_report']['clauses'][0]['status'] == 'kept'
     assert (user.folder / 'plan.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_wheels_open_the_page(user):
+    words = ('play', '--no-browser', '--port', '0')
+    command, pipe = [user.bin / 'llm-astar', *words], subprocess.PIPE
+    with subprocess.Popen(command, env=user.environment, stdout=pipe, text=True) as page:
+        try:
+            address = re.search(r'http://\S+', page.stdout.readline())[0]
+            assert '<html' in httpx.get(address, timeout=60.0).text
+        finally:
+            page.terminate()
 
 
 @pytest.mark.slow

@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from llm_astar_msgs_adapter.errors import nearest_name
+
 PACKAGE = 'llm_astar_planner'
 # Our 1000 samples on 100 maps.
 SAMPLES_FILE = 'samples_1000.json'
@@ -47,6 +49,6 @@ def find_file(name: str, folder: str) -> Path:
             if shipped.is_file():
                 return shipped
     known = sorted({file.name for share in share_folders() for file in (share / folder).glob('*')})
-    raise FileNotFoundError(
-        f'{name!r} is not a file, and {folder}/ holds {", ".join(known) or "nothing"}'
-    )
+    stems = [Path(file).stem for file in known]
+    holds = f'{", ".join(known) or "nothing"}{nearest_name(name, stems)}'
+    raise FileNotFoundError(f'{name!r} is not a file, and {folder}/ holds {holds}')

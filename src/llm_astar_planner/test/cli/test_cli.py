@@ -550,7 +550,9 @@ def test_a_shipped_map_is_found_by_its_short_name_with_its_places_and_metres(cap
     assert (code, errors) == (0, '')
     assert re.search(r'start +\(.* m, cell \(.*, bathroom\n', text)
     # Where a file is missing, the names are listed.
-    assert 'depot.yaml' in run(capsys, 'plan', '--map', 'garage', *ends)[2]
+    missing = run(capsys, 'plan', '--map', 'depto', *ends)[2]
+    assert 'office.yaml' in missing
+    assert missing.endswith('did you mean depot?\n')
 
 
 def test_waypoints_that_the_checks_let_through_are_called_accepted(capsys):
