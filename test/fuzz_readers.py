@@ -65,7 +65,7 @@ from llm_astar_planner.waypoints.llm.credentials import redact
 from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
-from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.prompts.map_description import parse_query
 from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import load_template, template_path
 from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript

@@ -31,8 +31,8 @@ from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOU
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
-from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
+from llm_astar_planner.waypoints.source import SOURCES
 from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds

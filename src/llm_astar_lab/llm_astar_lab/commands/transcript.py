@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     # These import numpy and the search, which `--help` should not wait for.
     from llm_astar_msgs_adapter.maps.problem_maps import load_maps  # noqa: PLC0415
 
-    from llm_astar_lab.datasets.samples import select_samples  # noqa: PLC0415
+    from llm_astar_lab.datasets.named import select_samples  # noqa: PLC0415
     from llm_astar_lab.runner.transcript_check import check_transcript  # noqa: PLC0415
 
     path = find_file(args.file, 'maps')

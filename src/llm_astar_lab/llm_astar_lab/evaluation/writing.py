@@ -28,7 +28,7 @@ from llm_astar_lab.bags.messages import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSE
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.types import GET_PLAN_EVENT_TYPE, define
 from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
-from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.evaluation.topics import TopicSelection, topic_roles
 
 GRID = 'nav_msgs/msg/OccupancyGrid'

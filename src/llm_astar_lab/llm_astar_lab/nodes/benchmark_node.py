@@ -42,7 +42,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_lab.datasets.samples import BenchmarkSample, SelectionError, select_samples
+from llm_astar_lab.datasets.named import BenchmarkSample, SelectionError, select_samples
 from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run

@@ -35,7 +35,7 @@ from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file, state_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.prompts.map_description import parse_query
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 

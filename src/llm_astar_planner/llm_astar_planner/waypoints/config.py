@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
-from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.source import (
     FORMS,
     KEY_NAMES,
     MESSAGE,
     RESPONSE_FORMATS,
+    SOURCES,
     WaypointSource,
     name_problem,
 )

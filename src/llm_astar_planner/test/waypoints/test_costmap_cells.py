@@ -13,7 +13,7 @@ from llm_astar_planner.waypoints.baselines import (
 )
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
-from llm_astar_planner.waypoints.llm.route_feedback import find_faults
+from llm_astar_planner.waypoints.prompts.examples import find_faults
 from llm_astar_planner.waypoints.prompts.map_description import Lattice, describe
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 

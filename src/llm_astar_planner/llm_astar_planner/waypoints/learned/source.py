@@ -20,14 +20,15 @@ from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.config import SourceContext
-from llm_astar_planner.waypoints.learned.features import (
+from llm_astar_planner.waypoints.learned.network import (
     GOAL,
     START,
     Floats,
     featurise,
+    hop_logits,
+    packaged_weights,
     place_nodes,
 )
-from llm_astar_planner.waypoints.learned.network import hop_logits, packaged_weights
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 # A route is a list of node numbers, START first and GOAL last.

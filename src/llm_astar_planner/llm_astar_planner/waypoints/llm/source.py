@@ -19,8 +19,13 @@ from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, So
 from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
-from llm_astar_planner.waypoints.llm.route_feedback import ASK_FOR_A_LIST, find_faults, follow_up
-from llm_astar_planner.waypoints.prompts.examples import Prompt, load_example_library
+from llm_astar_planner.waypoints.prompts.examples import (
+    ASK_FOR_A_LIST,
+    Prompt,
+    find_faults,
+    follow_up,
+    load_example_library,
+)
 from llm_astar_planner.waypoints.prompts.map_description import (
     Description,
     Lattice,

@@ -3,7 +3,7 @@
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.llm.route_feedback import MAX_FAULTS_NAMED, find_faults, follow_up
+from llm_astar_planner.waypoints.prompts.examples import MAX_FAULTS_NAMED, find_faults, follow_up
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
 
 
