@@ -94,7 +94,7 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
-    flags.option(group, '--plan-window SECONDS', text, default=10.0)
+    flags.option(group, '--plan-window SECONDS', text, default=10.0, type=flags.at_least(0))
     flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
@@ -171,8 +171,6 @@ def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[L
     requests = args.requests
     if requests not in REQUEST_KINDS:
         listed, requests = load_requests(requests), 'list'
-    if not args.plan_window >= 0.0:
-        raise ValueError(f'--plan-window {args.plan_window} is not 0 seconds or more')
     namespace = args.namespace.strip('/')
     topics = (args.map_topic, args.plan_topic, args.odom_topic)
     return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed

@@ -39,12 +39,9 @@ from llm_astar_planner.cli import map_files, planning_options
 from llm_astar_planner.cli.flags import add_graph_options, option
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions, settled
+from llm_astar_planner.instructions import interpretation as readings
 from llm_astar_planner.instructions.ground import goal_cell
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Interpreter,
-    RouteInstruction,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.instructions.text import POLICIES, clean_instruction
@@ -73,7 +70,7 @@ class RouteTools:
 
     planner: Planner
     places: Places
-    interpreter: Interpreter
+    interpreter: readings.Interpreter
     options: PlanningOptions
 
     def list_places(self) -> dict[str, Any]:
@@ -107,7 +104,7 @@ class RouteTools:
         if policy not in POLICIES:
             raise RouteToolError(f'policy: {policy!r} is not one of {", ".join(POLICIES)}')
         interpretation = self.interpretation(instruction, is_meant=confirm)
-        asked = RouteInstruction(interpretation, self.places, policy)
+        asked = readings.RouteInstruction(interpretation, self.places, policy)
         request = PlanRequest(
             self.cell_of('start', start),
             self.cell_of('goal', goal),

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prompts as they are sent: with solved samples that are most similar, and about a faulty route."""
+"""Prompts as they are sent: with the most similar solved samples, and about a faulty route."""
 
 from __future__ import annotations
 
