@@ -60,16 +60,8 @@ from llm_astar_planner.resources import find_file
 
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.instruct_bench import report
-from llm_astar_lab.instruct_bench.runner import (
-    NO_INSTRUCTION,
-    NO_SOURCE,
-    TRUE_SOURCE,
-    TRUTH,
-    InstructionResult,
-    Source,
-    SuiteRunner,
-    interpreter_source,
-)
+from llm_astar_lab.instruct_bench import runner as running
+from llm_astar_lab.instruct_bench.runner import InstructionResult, Source
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
@@ -77,7 +69,7 @@ from llm_astar_lab.runner.config import progress
 
 OWN_SUITE = 'instructions/suite.json'
 GRAMMAR, ENDPOINT, REPLAY = 'grammar', 'endpoint', 'replay'
-SOURCES = (TRUTH, GRAMMAR, ENDPOINT, REPLAY, NO_INSTRUCTION)
+SOURCES = (running.TRUTH, GRAMMAR, ENDPOINT, REPLAY, running.NO_INSTRUCTION)
 # The parameters of llm_client_node that matter to a model that understands instructions.
 MODEL = flags.named(
     SOURCE, 'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature',
@@ -133,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     suite = load_suite(find_file(args.suite, 'maps'), args.map_folder)
     sources = make_sources(chosen, model_values(args))
     compile_instruction_kernels()
-    runner = SuiteRunner(common_request(args))
+    runner = running.SuiteRunner(common_request(args))
     if args.show:
         return show(args, suite.find(args.show), sources, runner)
     folder = ResultsFolder(args.out) if args.out else None
@@ -182,10 +174,12 @@ def model_values(args: argparse.Namespace) -> dict[str, Any]:
 
 def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
     """Return the sources by name; raises what the interpreters raise for their settings."""
-    made = {TRUTH: TRUE_SOURCE, NO_INSTRUCTION: NO_SOURCE}
+    made = {running.TRUTH: running.TRUE_SOURCE, running.NO_INSTRUCTION: running.NO_SOURCE}
     for name in (name for name in chosen if name not in made):
-        settings = values | {'source': NO_INSTRUCTION if name == GRAMMAR else name}
-        made[name] = interpreter_source(name, make_interpreter(settings), values['timeout_s'])
+        settings = values | {'source': running.NO_INSTRUCTION if name == GRAMMAR else name}
+        made[name] = running.interpreter_source(
+            name, make_interpreter(settings), values['timeout_s']
+        )
     return [made[name] for name in chosen]
 
 
@@ -203,7 +197,10 @@ def common_request(args: argparse.Namespace) -> PlanRequest:
 
 
 def run_suite(
-    args: argparse.Namespace, suite: Suite, sources: Sequence[Source], runner: SuiteRunner
+    args: argparse.Namespace,
+    suite: Suite,
+    sources: Sequence[Source],
+    runner: running.SuiteRunner,
 ) -> tuple[int, list[InstructionResult]]:
     """Run all instructions; return the exit code and the results, those so far if interrupted."""
     results: list[InstructionResult] = []
@@ -237,7 +234,7 @@ def show(
     args: argparse.Namespace,
     instruction: SuiteInstruction,
     sources: Sequence[Source],
-    runner: SuiteRunner,
+    runner: running.SuiteRunner,
 ) -> int:
     """Print one instruction in full for each source, and draw it; return the exit code."""
     results = list(runner.run([instruction], sources))
