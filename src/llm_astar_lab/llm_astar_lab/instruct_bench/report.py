@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, PackageLoader, select_autoescape
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
@@ -28,6 +27,7 @@ from llm_astar_lab.instruct_bench.runner import (
 )
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
+from llm_astar_lab.templates import render
 
 # The figures in the columns of the tables.
 SHARE_COLUMNS = {
@@ -280,7 +280,7 @@ def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str
         return markdown_table(*table_of(results, columns, group))
 
     return render(
-        'report.md.j2',
+        'instruct_bench/report.md.j2',
         metadata=metadata,
         tables=[table(SHARE_COLUMNS), table(DETAIL_COLUMNS)],
         groups={title: table(SHARE_COLUMNS, group) for group, (title, _) in GROUPS.items()},
@@ -288,16 +288,6 @@ def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str
         lists=LISTS,
         one_line=one_line,
     )
-
-
-def render(template: str, **values: object) -> str:
-    """Return the text that a template of this folder makes of values."""
-    loader = PackageLoader('llm_astar_lab', 'instruct_bench')
-    texts = Environment(
-        loader=loader, trim_blocks=True, lstrip_blocks=True, autoescape=select_autoescape()
-    )
-    rendered: str = texts.get_template(template).render(values)
-    return rendered
 
 
 def table_of(
@@ -397,7 +387,7 @@ def chain_text(result: InstructionResult) -> str:
     """Return one instruction in full: text, what was understood, clauses, checks, path."""
     clauses = result.outcome.to_json()['clauses'] if result.outcome else ()
     return render(
-        'chain.txt.j2',
+        'instruct_bench/chain.txt.j2',
         result=result,
         clauses=map(clause_line, clauses),
         checks=check_lines(result),
