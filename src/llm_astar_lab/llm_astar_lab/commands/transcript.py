@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps(values))
     else:
-        held = list(zip(values['models'], found.coverage))
+        held = zip(values['models'], found.coverage)
         text = render('commands/transcript.txt.j2', **values, held=held, dataset=args.map)
         for line in text.splitlines():
             print(('  ' if line.startswith(' ') else '') + printable(line))

@@ -16,7 +16,7 @@ from mcp.types import ToolAnnotations
 from pydantic import Field
 
 from llm_astar_planner import __version__
-from llm_astar_planner.cli.mcp import MAX_POINTS, RouteTools
+from llm_astar_planner.cli.route_tools import MAX_POINTS, RouteTools
 from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS, POLICIES
 
 ABOUT = """\
