@@ -154,9 +154,7 @@ class ReplaySource:
             answer = replace(answer, status=status, detail=detail)
         return replace(
             answer,
-            waypoints=lattice.coarsened(exchange.unit).to_cells(
-                answer.waypoints, query.costmap, (query.start, query.goal)
-            ),
+            waypoints=lattice.coarsened(exchange.unit).to_cells(answer.waypoints, query),
             label=f'replay:{self.model}',
             provenance=exchange.provenance,
             **{name: getattr(exchange, name) for name in SHARED},

@@ -99,16 +99,14 @@ class EndpointSource:
         """Ask; if that is too long, once more with a coarser map and half of the examples."""
         _, lattice = self._resolver.resolve(query)
         most = self.settings.max_prompt_tokens
-        description = maps.describe(
-            query.costmap, query.start, query.goal, lattice=lattice, max_tokens=most
-        )
+        description = maps.describe(query, lattice=lattice, max_tokens=most)
         examples = self.prompt.examples(query, description, most)
         try:
             conversation.ask(description, examples)
         except EndpointFailure as failure:
             if not (failure.http == 413 or is_context_too_long(failure.body)):
                 raise
-            coarser = maps.describe_coarser(description, query.costmap, query.start, query.goal)
+            coarser = maps.describe_coarser(description, query)
             # The most similar examples come last.
             conversation.ask(coarser, examples and examples[(len(examples) + 1) // 2 :])
 
@@ -187,8 +185,7 @@ class Conversation:
         return time.monotonic() + self.last_seconds < self.deadline
 
     def _faults(self) -> list[str]:
-        query, points = self.query, self.turn.waypoints
-        return prompts.find_faults(query.costmap, query.start, query.goal, points, self.lattice)
+        return prompts.find_faults(self.query, self.turn.waypoints, self.lattice)
 
     def _follow_up(self, question: str) -> None:
         """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
@@ -207,8 +204,7 @@ class Conversation:
         self.prompt_tokens += completion.prompt_tokens
         self.completion_tokens += completion.completion_tokens
         answer = answer_of(completion)
-        endpoints = self.query.start, self.query.goal
-        waypoints = self.lattice.to_cells(answer.waypoints, self.query.costmap, endpoints)
+        waypoints = self.lattice.to_cells(answer.waypoints, self.query)
         provenance = Provenance(
             finish_reason=completion.finish_reason[:MAX_NAME],
             model_digest=completion.fingerprint,

@@ -153,7 +153,7 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     if not np.isfinite(length):
         return None
     lattice = Lattice(*barrier_map.offset)
-    description = describe(costmap, start, goal, lattice=lattice)
+    description = describe(WaypointQuery(costmap, start, goal), lattice=lattice)
     cells = (start, *((round(x), round(y)) for x, y in corners), goal)
     path = tuple(description.lattice.to_lattice(cell) for cell in cells)
     (x_min, x_max), (y_min, y_max) = description.x_bounds, description.y_bounds
@@ -257,19 +257,19 @@ _DOES_NOT_WORK = 'This route does not work:'
 
 
 def find_faults(
-    costmap: Costmap, start: Cell, goal: Cell, waypoints: Sequence[Waypoint], lattice: Lattice
+    query: WaypointQuery, waypoints: Sequence[Waypoint], lattice: Lattice
 ) -> list[str]:
     """Return a sentence for each fault of a route from start to goal, given in grid coordinates.
 
     These are points off the map or on a blocked cell, and straight segments between the others
     that meet one. The sentences are in the coordinates of `lattice`.
     """
-    blocked = costmap.blocked
+    blocked, goal = query.costmap.blocked, query.goal
     faults: list[str] = []
-    good: list[Waypoint] = [(float(start[0]), float(start[1]))]
+    good: list[Waypoint] = [(float(query.start[0]), float(query.start[1]))]
     for point in waypoints:
         cell = round(point[0]), round(point[1])
-        if not costmap.grid_map.contains(cell):
+        if not query.grid_map.contains(cell):
             faults.append(f'- The point {point_name(point, lattice)} lies off the map.')
         elif blocked[cell[1], cell[0]]:
             faults.append(f'- The point {point_name(point, lattice)} lies on a barrier.')
