@@ -18,13 +18,8 @@ from typing import Any, NamedTuple
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
-from llm_astar_lab.instruct_bench.runner import (
-    NO_INSTRUCTION,
-    NOT_UNDERSTOOD,
-    RECOGNISED,
-    VIOLATED,
-    InstructionResult,
-)
+from llm_astar_lab.instruct_bench import runner
+from llm_astar_lab.instruct_bench.runner import InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
 from llm_astar_lab.templates import render
@@ -127,9 +122,9 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
         'false_claims': share(result.false_claim for result in results),
         'false_clauses': Share(sum(len(result.false_clauses) for result in results), claimed),
         'unasked_clauses': Share(sum(len(result.unasked_clauses) for result in results), claimed),
-        'recognised': share(how in (RECOGNISED, NOT_UNDERSTOOD) for how in hopeless),
-        'said_not_understood': share(how == NOT_UNDERSTOOD for how in hopeless),
-        'said_violated': share(how == VIOLATED for how in hopeless),
+        'recognised': share(how in (runner.RECOGNISED, runner.NOT_UNDERSTOOD) for how in hopeless),
+        'said_not_understood': share(how == runner.NOT_UNDERSTOOD for how in hopeless),
+        'said_violated': share(how == runner.VIOLATED for how in hopeless),
         'unanswered': share(result.unanswered for result in results),
         'seconds': statistics.median(result.seconds for result in results),
         'longest': max(result.seconds for result in results),
@@ -227,7 +222,7 @@ def missed_suite_thresholds(
     sources = by_source(results)
     for threshold in thresholds:
         source, metric = threshold.source, threshold.metric
-        names = [source] if source else [name for name in sources if name != NO_INSTRUCTION]
+        names = [source] if source else [name for name in sources if name != runner.NO_INSTRUCTION]
         if not names or names[0] not in sources:
             known = ', '.join(sources)
             lines.append(f'{source or metric}: was not run; available are {known}')

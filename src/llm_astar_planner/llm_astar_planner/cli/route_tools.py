@@ -149,7 +149,7 @@ class RouteTools:
         return self.planner.grid_map.world_to_cell(x, y)
 
     def checked_points(self, points: Sequence[Sequence[float]]) -> NDArray[np.float64]:
-        """Return points of the map as an array [n, 2], n > 0. Raises RouteToolError or SpecificationError."""
+        """Return points of the map as an array [n, 2], n > 0. Raises as `plan_route`."""
         if not 1 <= len(points) <= MAX_POINTS:
             raise RouteToolError(f'points: {len(points)} are not 1 to {MAX_POINTS}')
         found = [as_numbers(point, f'points[{i}]', 2) for i, point in enumerate(points)]

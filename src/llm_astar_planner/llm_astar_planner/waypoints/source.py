@@ -283,7 +283,7 @@ SOURCES = Plugins(
     'source',
     GROUP,
     {
-        'none': f'{HERE}.replay:make_none',
+        'none': f'{HERE}.replay:NoSource',
         'embedded': f'{HERE}.learned.source:make_embedded',
         'replay': f'{HERE}.replay:make_replay',
         'endpoint': f'{HERE}.llm.source:make_endpoint',

@@ -21,13 +21,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
-from llm_astar_planner.waypoints.prompts.map_description import (
-    CHARS_PER_TOKEN,
-    MAX_BARRIERS,
-    Description,
-    Lattice,
-    describe,
-)
+from llm_astar_planner.waypoints.prompts import map_description as descriptions
 from llm_astar_planner.waypoints.prompts.template import Example, Template, prompt_name
 from llm_astar_planner.waypoints.source import MESSAGE, Waypoint, WaypointQuery
 
@@ -47,7 +41,7 @@ class ExamplesError(LlmAstarError, ValueError):
 class SolvedSample(NamedTuple):
     """A sample's description, and its shortest path: start, corners and goal, lattice points."""
 
-    description: Description
+    description: descriptions.Description
     path: tuple[Cell, ...]
 
 
@@ -136,8 +130,8 @@ def problem_of_maps(maps: Sequence[BarrierMap], at_least: int) -> str | None:
         barriers = len(item.horizontal_barriers) + len(item.vertical_barriers)
         if size > MAX_CELLS:
             return f'map {item.id}: {size} cells are more than {MAX_CELLS}; choose smaller maps'
-        if barriers > MAX_BARRIERS:
-            return f'map {item.id}: {barriers} barriers are more than {MAX_BARRIERS}'
+        if barriers > descriptions.MAX_BARRIERS:
+            return f'map {item.id}: {barriers} barriers are more than {descriptions.MAX_BARRIERS}'
     return None
 
 
@@ -152,8 +146,8 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     corners, length = shortest_route(costmap, start, goal)
     if not np.isfinite(length):
         return None
-    lattice = Lattice(*barrier_map.offset)
-    description = describe(WaypointQuery(costmap, start, goal), lattice=lattice)
+    lattice = descriptions.Lattice(*barrier_map.offset)
+    description = descriptions.describe(WaypointQuery(costmap, start, goal), lattice=lattice)
     cells = (start, *((round(x), round(y)) for x, y in corners), goal)
     path = tuple(description.lattice.to_lattice(cell) for cell in cells)
     (x_min, x_max), (y_min, y_max) = description.x_bounds, description.y_bounds
@@ -227,7 +221,7 @@ class Prompt:
         return hashlib.sha256(self.template.text.encode()).hexdigest()
 
     def examples(
-        self, query: WaypointQuery, description: Description, max_tokens: int
+        self, query: WaypointQuery, description: descriptions.Description, max_tokens: int
     ) -> tuple[Example, ...] | None:
         """Return the retrieved examples, the most similar last; None for the template's own.
 
@@ -236,7 +230,8 @@ class Prompt:
         """
         if self.library is None:
             return None
-        left = int(max_tokens * CHARS_PER_TOKEN) - sum(map(len, description.values().values()))
+        left = int(max_tokens * descriptions.CHARS_PER_TOKEN)
+        left -= sum(map(len, description.values().values()))
         found: list[Example] = []
         for solved in islice(self.library.nearest(query), self.retrieved):
             example = self.template.example(*solved)
@@ -257,7 +252,7 @@ _DOES_NOT_WORK = 'This route does not work:'
 
 
 def find_faults(
-    query: WaypointQuery, waypoints: Sequence[Waypoint], lattice: Lattice
+    query: WaypointQuery, waypoints: Sequence[Waypoint], lattice: descriptions.Lattice
 ) -> list[str]:
     """Return a sentence for each fault of a route from start to goal, given in grid coordinates.
 
@@ -303,7 +298,7 @@ def is_follow_up(text: str) -> bool:
     return text == ASK_FOR_A_LIST or text.startswith(_DOES_NOT_WORK)
 
 
-def point_name(point: Waypoint, lattice: Lattice) -> str:
+def point_name(point: Waypoint, lattice: descriptions.Lattice) -> str:
     """Return a point of the grid as a prompt writes it."""
     return str(list(lattice.to_lattice((round(point[0]), round(point[1])))))
 
