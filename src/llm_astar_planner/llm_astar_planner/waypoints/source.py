@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -238,15 +238,13 @@ def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of 
     problem = name_problem(model) or name_problem(prompt)
     if problem:
         raise PluginError(f'model or prompt: {problem}')
-    points = list(map(checked_point, islice(reply.waypoints, MAX_WAYPOINTS + 1)))
-    detail = printable(str(reply.detail)[:MAX_DETAIL])
-    if len(points) > MAX_WAYPOINTS:
-        detail = '; '.join(filter(None, (detail, f'only its first {MAX_WAYPOINTS} waypoints')))
-    return WaypointReply(
-        tuple(points[:MAX_WAYPOINTS]),
+    # It may yield without end.
+    points = map(checked_point, islice(reply.waypoints, MAX_WAYPOINTS + 1))
+    checked = WaypointReply(
+        tuple(points),
         name,
         SourceStatus(reply.status),
-        detail,
+        printable(str(reply.detail)[:MAX_DETAIL]),
         str(reply.text)[:MAX_TEXT],
         model,
         prompt,
@@ -254,6 +252,15 @@ def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of 
         checked_count(reply.completion_tokens, 'completion_tokens'),
         checked_seconds(reply.seconds),
     )
+    return limit_waypoints(checked)
+
+
+def limit_waypoints(reply: WaypointReply) -> WaypointReply:
+    """Return the reply with at most MAX_WAYPOINTS waypoints; the detail says if some were cut."""
+    if len(reply.waypoints) <= MAX_WAYPOINTS:
+        return reply
+    detail = '; '.join(filter(None, (reply.detail, f'only its first {MAX_WAYPOINTS} waypoints')))
+    return replace(reply, waypoints=reply.waypoints[:MAX_WAYPOINTS], detail=detail)
 
 
 def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code

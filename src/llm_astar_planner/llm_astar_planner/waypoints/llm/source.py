@@ -9,9 +9,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Hashable, Sequence
-from dataclasses import KW_ONLY, InitVar, dataclass, field, replace
-
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
@@ -63,20 +61,16 @@ class EndpointSource:
     A reply without a list of points is asked for once more. With `repair_rounds` in the
     `settings`, the model is asked to correct a route that collides. A request that is running
     when the time is up goes on for `late_s` seconds, for callers that keep a late answer.
-    `dataset` makes prompts use the coordinates of its maps.
+    `resolver` makes prompts use the coordinates of the maps of a dataset.
     """
 
     client: ChatClient
     prompt: prompts.Prompt
     settings: SourceSettings = field(default_factory=SourceSettings)
     late_s: float = 0.0
-    dataset: InitVar[Sequence[BarrierMap] | None] = None
+    resolver: SampleResolver = field(default_factory=SampleResolver)
 
     name = 'endpoint'
-
-    def __post_init__(self, dataset: Sequence[BarrierMap] | None) -> None:
-        """Make what finds a query in the dataset."""
-        self._resolver = SampleResolver(dataset)
 
     @property
     def label(self) -> str:
@@ -97,7 +91,7 @@ class EndpointSource:
 
     def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
         """Ask; if that is too long, once more with a coarser map and half of the examples."""
-        _, lattice = self._resolver.resolve(query)
+        _, lattice = self.resolver.resolve(query)
         most = self.settings.max_prompt_tokens
         description = maps.describe(query, lattice=lattice, max_tokens=most)
         examples = self.prompt.examples(query, description, most)
@@ -302,7 +296,9 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
     library = prompts.load_example_library(settings.examples_file, count) if count else None
     prompt = prompts.Prompt(template, settings.prompt_form, library, count)
     client = make_client(settings, template.stop)
-    source: WaypointSource = EndpointSource(client, prompt, settings, LATE_S, context.dataset)
+    source: WaypointSource = EndpointSource(
+        client, prompt, settings, LATE_S, SampleResolver(context.dataset)
+    )
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
