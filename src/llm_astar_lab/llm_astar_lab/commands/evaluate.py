@@ -41,8 +41,8 @@ from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.types import plan_report
 
-from llm_astar_lab.bags.messages import BARRIER_MAP
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
+from llm_astar_lab.bags.types import BARRIER_MAP
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests

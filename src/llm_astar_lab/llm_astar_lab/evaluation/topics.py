@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from llm_astar_lab.bags.messages import BARRIER_MAP, MAP
 from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.types import BARRIER_MAP, MAP
 from llm_astar_lab.templates import render
 
 GRID, UPDATE = 'nav_msgs/msg/OccupancyGrid', 'map_msgs/msg/OccupancyGridUpdate'
