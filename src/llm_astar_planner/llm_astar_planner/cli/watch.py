@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
 from llm_astar_planner.cli.flags import add_graph_options, at_least, option
+from llm_astar_planner.nodes.common.process import handling
 
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.monitor import Monitor, MonitorEvent
@@ -61,12 +62,11 @@ def run(arguments: argparse.Namespace) -> int:
     stopped = threading.Event()
     # Not an exception: raised while the node is made, it would leave half a node, which aborts
     # the process at exit.
-    before = signal.signal(signal.SIGINT, lambda *_: stopped.set())
-    try:
-        with monitoring(arguments.namespace, arguments.node, arguments.client) as monitor:
-            print_events(monitor, arguments, stopped)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with (
+        handling([signal.SIGINT], lambda *_: stopped.set()),
+        monitoring(arguments.namespace, arguments.node, arguments.client) as monitor,
+    ):
+        print_events(monitor, arguments, stopped)
     return 0
 
 
