@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from base64 import b64decode
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Places
@@ -22,6 +26,9 @@ MAX_CELLS = 4_000_000
 # Maps taken of one file, and start-goal pairs of one map.
 MAX_MAPS = 10
 MAX_PAIRS = 10
+# Maps dropped onto the page that are kept, the newest, and what an image without a yaml is.
+MAX_DROPPED = 10
+BARE_IMAGE = b'{resolution: 0.05, origin: [0, 0, 0], occupied_thresh: 0.65, free_thresh: 0.196}'
 # The files in maps/ that the page offers, those of robots first.
 SHIPPED = (
     'demo.json',
@@ -61,6 +68,7 @@ class PlayMap:
     problem: ProblemMap
     grid_map: GridMap
     places: Places
+    is_dropped: bool = False
 
     @property
     def barriers(self) -> BarrierMap | None:
@@ -96,7 +104,24 @@ class Maps:
 
     def __iter__(self) -> Iterator[PlayMap]:
         """Iterate over the maps."""
-        return iter(self._maps.values())
+        return iter(tuple(self._maps.values()))
+
+    def drop(self, files: object) -> PlayMap:
+        """Take a map that is dropped onto the page, and return it. Raises PlayError.
+
+        `files` are the contents of files by name, in base64.
+        """
+        try:
+            contents = {name: b64decode(text) for name, text in dict(files).items()}  # type: ignore[call-overload]
+        except (TypeError, ValueError):
+            raise PlayError('files are expected: {name: contents in base64}', 'map') from None
+        dropped = dropped_map(contents)
+        self._maps.pop(dropped.id, None)
+        older = [key for key, known in self._maps.items() if known.is_dropped]
+        for key in older[: 1 - MAX_DROPPED]:
+            del self._maps[key]
+        self._maps[dropped.id] = dropped
+        return dropped
 
     def get(self, map_id: str) -> PlayMap:
         """Return the map with an id. Raises PlayError (404) where there is none."""
@@ -105,6 +130,33 @@ class Maps:
             known = ', '.join(list(self._maps)[:20])
             raise PlayError(f'map: there is no map {map_id[:80]!r}; there is {known}', 'map', 404)
         return play_map
+
+
+def dropped_map(files: Mapping[str, bytes]) -> PlayMap:
+    """Return the map of an image, and of its yaml where it is there, by their names.
+
+    The image is the one that was dropped, whatever the yaml calls it. Raises PlayError.
+    """
+    names = sorted(files, key=lambda name: Path(name).suffix.lower() not in YAML)
+    are_yaml = [Path(name).suffix.lower() in YAML for name in names]
+    if are_yaml not in ([False], [True, False]):
+        what = ', '.join(names)[:200] or 'nothing'
+        raise PlayError(f'{what}: drop an image, or a yaml together with its image', 'map')
+    named, image_name = names[0], names[-1]
+    with TemporaryDirectory() as folder:
+        path, image = Path(folder, 'map.yaml'), Path(folder, 'image')
+        image.write_bytes(files[image_name])
+        path.write_bytes(files[named] if are_yaml[0] else BARE_IMAGE)
+        try:
+            fields = read_yaml(path, PlayError)
+            if isinstance(fields, dict):
+                path.write_text(yaml.safe_dump(fields | {'image': image.name}))
+            found = next(read_maps(str(path)))
+        except LlmAstarError as error:
+            problem = str(error).replace(str(path), named).replace(str(image), image_name)
+            raise PlayError(problem, 'map') from None
+    name = Path(named).stem
+    return replace(found, id=f'dropped/{named}', name=name, file=f'{name}.yaml', is_dropped=True)
 
 
 def read_maps(file: str) -> Iterator[PlayMap]:

@@ -1,6 +1,12 @@
 // A running graph: its map, plans and reports, as server-sent events.
 
-import { showInstruction, showReport, showVerdict, showWaypoints } from './results.js';
+import {
+  showInstruction,
+  showReport,
+  showVerdict,
+  showWarnings,
+  showWaypoints,
+} from './results.js';
 import { points, text } from './codec.js';
 import { GridMap } from './gridmap.js';
 import { say } from './toast.js';
@@ -24,6 +30,7 @@ export class Live {
 
   start() {
     showVerdict(WAITING);
+    showWarnings([]);
     this.source = new EventSource('api/live');
     const on = (name, handle) =>
       this.source.addEventListener(name, (event) => this.take(event, handle));
@@ -70,7 +77,8 @@ export class Live {
     };
     this.plan = [plan, ends];
     this.stage.setLivePlan(plan, ends);
-    showVerdict(verdictOf([{ ...plan, role: 'chosen' }]));
+    showVerdict(verdictOf([{ ...plan, role: 'chosen' }], this.map.isMetric));
+    showWarnings(plan.warnings);
     showReport(plan, this.map);
     showInstruction(plan.instruction);
     showWaypoints(

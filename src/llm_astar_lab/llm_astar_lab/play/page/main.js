@@ -4,15 +4,17 @@ import * as api from './api.js';
 import { Board } from './board.js';
 import { bits, number, text } from './codec.js';
 import { Controls } from './controls.js';
+import { EXAMPLES, markExample, showExamples } from './examples.js';
+import { listenToFiles, readFiles } from './files.js';
 import { GridMap } from './gridmap.js';
-import { decodeRuns, defaultSettings, fromFragment, toFragment } from './link.js';
+import { applyDrawn, defaultSettings, fromFragment, toFragment } from './link.js';
 import { listenToModes, Live } from './live.js';
 import { Player } from './player.js';
 import { suggestedReply } from './reply.js';
 import { showReply, showUnordered, showVerdict } from './results.js';
+import { featureOf, freeName, saveFeatures } from './shapes.js';
 import { Stage } from './stage.js';
 import { copy, say } from './toast.js';
-import { MAX_EDITED } from './walls.js';
 
 const $ = (id) => document.getElementById(id);
 const LINK_DELAY_MS = 200;
@@ -47,21 +49,40 @@ class Page {
     return {
       state: () => ({
         map: this.stage.map,
-        walls: this.stage.walls,
+        edits: this.stage.edits,
         ends: this.live ? null : this.stage.ends,
+        lethal: this.stage.lethal,
+        shapes: (cell) => this.stage.shapesAt(cell),
       }),
       moved: (name, cell, isDone) => this.moved(name, cell, isDone),
       painted: (indices, isDone) => this.painted(indices, isDone),
       added: (cell) => this.changeVia((via) => [...via, cell]),
       removed: (index) => this.changeVia((via) => via.filter((_, i) => i !== index)),
+      drafted: (polygon) => this.stage.showDraft(polygon),
+      outlined: (polygon, tool) => this.outlined(polygon, tool),
+      pressed: (point) => this.showRoom(point),
       panned: () => this.stage.draw(),
     };
   }
 
   listen() {
-    $('undo').addEventListener('click', () => this.editWalls(() => this.stage.walls.undo()));
-    $('redo').addEventListener('click', () => this.editWalls(() => this.stage.walls.redo()));
+    $('undo').addEventListener('click', () => this.edit((edits) => edits.undo()));
+    $('redo').addEventListener('click', () => this.edit((edits) => edits.redo()));
     $('clear').addEventListener('click', () => this.clearEdits());
+    $('save').addEventListener('click', () =>
+      saveFeatures(this.stage.map, this.stage.edits.features),
+    );
+    $('room').addEventListener('click', (event) => this.useRoom(event.target.dataset.verb));
+    $('naming').addEventListener('submit', (event) => {
+      event.preventDefault();
+      this.addPlace($('place-name').value.trim());
+    });
+    $('unnamed').addEventListener('click', () => this.addPlace(''));
+    showExamples($('examples'), (view) => {
+      this.board.hideHint();
+      this.openExample(view);
+    });
+    listenToFiles($('main'), $('files'), (files) => this.live || this.openFiles(files));
     $('zoom-in').addEventListener('click', () => this.stage.zoom(1.5));
     $('zoom-out').addEventListener('click', () => this.stage.zoom(1 / 1.5));
     $('zoom-fit').addEventListener('click', () => this.stage.zoom(0));
@@ -78,16 +99,23 @@ class Page {
     new ResizeObserver(() => this.stage.resize()).observe($('main'));
   }
 
-  /** Show what the address says, else the first map. */
+  /** Show what the address says, else the first example. */
   async open() {
-    await this.openLink(fromFragment(location.hash) ?? { map: this.options.maps[0].id });
+    if (fromFragment(location.hash)) await this.openLink(fromFragment(location.hash));
+    else await this.openExample(EXAMPLES[0].view);
     this.board.showHint();
-    if (this.hasPlans && !matchMedia('(prefers-reduced-motion: reduce)').matches)
+    if (this.hasPlans && !this.plans[0]?.instruction && !matchMedia('(prefers-reduced-motion: reduce)').matches)
       this.player.play();
+  }
+
+  async openExample(view) {
+    await this.openLink(fromFragment(view));
+    markExample($('examples'), $('example-about'), view);
   }
 
   async openLink(view) {
     if (!view) return;
+    markExample($('examples'), $('example-about'), null);
     const isKnown = this.options.maps.some((map) => map.id === view.map);
     say(
       isKnown
@@ -118,19 +146,12 @@ class Page {
       goal: cell('goal'),
       via: (view.via ?? []).filter((via) => this.stage.map.has(via)),
     };
-    const size = this.stage.map.cells.length;
-    for (const index of decodeRuns(view.walls ?? '', size, MAX_EDITED))
-      this.stage.walls.edits.set(index, true);
-    for (const index of decodeRuns(
-      view.freed ?? '',
-      size,
-      MAX_EDITED - this.stage.walls.edits.size,
-    ))
-      this.stage.walls.edits.set(index, false);
+    applyDrawn(view, this.stage.edits);
     if (view.settings === undefined) Object.assign(this.settings, OF_THE_MAP);
     if (this.settings.source === 'reply' && !this.settings.reply)
-      this.settings.source = 'embedded';
+      this.settings.source = 'none';
     this.controls.setMap(this.stage.map);
+    this.controls.showPlaces(this.stage.places());
     this.stage.renderBase();
     await this.replan();
   }
@@ -138,6 +159,7 @@ class Page {
   request() {
     const { start, goal, via } = this.stage.ends;
     const { reply, instruction, source, ...settings } = this.settings;
+    const { features } = this.stage.edits;
     const isTyped = source === 'reply' && reply.trim() !== '';
     return {
       map: this.stage.map.id,
@@ -148,7 +170,8 @@ class Page {
       source: isTyped || source !== 'reply' ? source : 'none',
       reply: isTyped ? reply : null,
       instruction: instruction.trim() || null,
-      walls: this.stage.walls.toRequest(),
+      walls: this.stage.edits.toRequest(),
+      drawn: features.length ? JSON.stringify({ type: 'FeatureCollection', features }) : null,
     };
   }
 
@@ -178,7 +201,7 @@ class Page {
     this.hasPlans = true;
     this.controls.showError(null);
     $('main').setAttribute('aria-busy', String(!isNewest));
-    document.querySelector('.panels').classList.remove('stale');
+    $('main').classList.remove('stale');
     showReply({ ...reply, plans: this.plans }, this.stage.map, this.stage.palette);
     showUnordered(this.plans);
     this.stage.setPlans(this.plans, bits(reply.lethal, this.stage.map.cells.length));
@@ -190,7 +213,7 @@ class Page {
   onError(error) {
     $('main').setAttribute('aria-busy', 'false');
     this.controls.showError(error);
-    document.querySelector('.panels').classList.add('stale');
+    $('main').classList.add('stale');
     showVerdict({
       tone: 'fail',
       head: 'This cannot be planned.',
@@ -206,6 +229,7 @@ class Page {
 
   moved(name, cell, isDone) {
     this.board.hideHint();
+    this.hideRoom();
     if (cell) {
       const target = typeof name === 'number' ? this.stage.ends.via : this.stage.ends;
       if (String(target[name]) === String(cell)) return;
@@ -220,15 +244,96 @@ class Page {
     if (isDone) this.replan();
   }
 
-  editWalls(edit) {
-    edit();
+  /** Change what is drawn on the map. */
+  edit(change) {
+    change(this.stage.edits);
+    this.controls.showPlaces(this.stage.places());
     this.stage.renderBase();
     this.replan();
   }
 
   clearEdits() {
     this.stage.ends.via = [];
-    this.editWalls(() => this.stage.walls.clear());
+    this.edit((edits) => edits.clear());
+  }
+
+  /** Take an area that was outlined: a zone, or a place, which needs a name. */
+  outlined(polygon, tool) {
+    const { edits } = this.stage;
+    const name = freeName(tool, edits.features);
+    if (tool === 'zone') {
+      this.addFeature(polygon, { name, cost: Number($('zone-cost').value) });
+      return;
+    }
+    this.unnamed = polygon;
+    this.stage.showDraft(polygon);
+    this.putNear($('naming'), polygon[0]);
+    $('place-name').value = name;
+    $('place-name').select();
+  }
+
+  addPlace(name) {
+    $('naming').hidden = true;
+    this.stage.showDraft([]);
+    if (name && this.unnamed) this.addFeature(this.unnamed, { name });
+    this.unnamed = null;
+  }
+
+  addFeature(polygon, properties) {
+    const feature = featureOf(this.stage.map, polygon, properties);
+    this.edit((edits) => edits.setFeatures([...edits.features, feature]));
+  }
+
+  /** Offer what can be asked of the place that was pressed. */
+  showRoom(point) {
+    this.board.hideHint();
+    const [place] = this.stage.shapesAt(point).filter(({ cost }) => cost === undefined);
+    if (!place || this.live) {
+      this.hideRoom();
+      return;
+    }
+    $('room-name').textContent = place.name;
+    this.putNear($('room'), point);
+  }
+
+  useRoom(verb) {
+    if (!verb) return;
+    this.hideRoom();
+    this.controls.addClause(verb, $('room-name').textContent);
+  }
+
+  hideRoom() {
+    $('room').hidden = true;
+  }
+
+  /** Show an element below a point of the map, within its width. */
+  putNear(bubble, point) {
+    bubble.hidden = false;
+    const { main } = this.stage;
+    const [x, y] = main.view.toPixel(point);
+    const half = bubble.offsetWidth / 2;
+    const room = main.canvas.clientWidth - half;
+    bubble.style.left = `${Math.max(half, Math.min(room, x))}px`;
+    bubble.style.top = `${Math.min(y, main.canvas.clientHeight - 60)}px`;
+  }
+
+  /** Open a map that was dropped, and put the GeoJSON that was dropped onto the map. */
+  async openFiles(files) {
+    try {
+      const { maps, features } = await readFiles(files);
+      if (Object.keys(maps).length) await this.openDropped(await api.addMap(maps));
+      const { edits } = this.stage;
+      if (features.length) this.edit(() => edits.setFeatures([...edits.features, ...features]));
+    } catch (error) {
+      this.controls.showError(new api.ServerError(error.message, 'map'));
+    }
+  }
+
+  async openDropped(id) {
+    this.options.maps = (await api.options()).maps;
+    this.controls.fill();
+    Object.assign(this.settings, defaultSettings());
+    await this.openMap(id);
   }
 
   changeVia(change) {
@@ -238,6 +343,8 @@ class Page {
   }
 
   settingChanged(name) {
+    this.hideRoom();
+    markExample($('examples'), $('example-about'), null);
     if (name === 'source' && this.settings.source === 'reply' && !this.settings.reply) {
       this.settings.reply = suggestedReply(this.stage.main.path, this.stage.map);
       this.controls.show();
@@ -270,10 +377,12 @@ class Page {
     const index = this.pairIndex();
     $('pairs').hidden = pairs.length === 0;
     $('pair-name').textContent =
-      index < 0 ? 'your own start and goal' : `example ${index + 1} of ${pairs.length}`;
-    $('undo').disabled = this.stage.walls.done.length === 0;
-    $('redo').disabled = this.stage.walls.undone.length === 0;
-    $('clear').disabled = !this.stage.walls.isEdited && this.stage.ends.via.length === 0;
+      index < 0 ? 'your own start and goal' : `start and goal ${index + 1} of ${pairs.length}`;
+    const { done, undone, features, isEdited } = this.stage.edits;
+    $('undo').disabled = done.length === 0;
+    $('redo').disabled = undone.length === 0;
+    $('save').disabled = features.length === 0;
+    $('clear').disabled = !isEdited && this.stage.ends.via.length === 0;
   }
 
   onKey(event) {
@@ -287,7 +396,7 @@ class Page {
     )
       return;
     event.preventDefault();
-    this.editWalls(() => (event.shiftKey ? this.stage.walls.redo() : this.stage.walls.undo()));
+    this.edit((edits) => (event.shiftKey ? edits.redo() : edits.undo()));
   }
 
   linkSoon() {
@@ -301,8 +410,7 @@ class Page {
       ...this.stage.ends,
       map: this.stage.map.id,
       settings: this.controls.linkSettings(),
-      blocked: this.stage.walls.indices(true),
-      freed: this.stage.walls.indices(false),
+      edits: this.stage.edits,
     });
     history.replaceState(null, '', `#${fragment}`);
     return fits;
@@ -310,11 +418,12 @@ class Page {
 
   copyLink() {
     const fits = this.writeLink();
+    const isDropped = this.stage.map.id.startsWith('dropped/');
     copy(
       location.href,
       fits
-        ? 'The link is copied.'
-        : 'The link is copied without walls and texts: they are too long for a link.',
+        ? `The link is copied.${isDropped ? ' Whoever opens it has to drop the map first.' : ''}`
+        : 'The link is copied without what is drawn and typed: it is too long for a link.',
     );
   }
 
@@ -328,7 +437,7 @@ class Page {
       this.live?.stop();
       this.live = null;
       $('report-block').hidden = true;
-      this.openLink(fromFragment(location.hash) ?? { map: this.options.maps[0].id });
+      this.openLink(fromFragment(location.hash) ?? fromFragment(EXAMPLES[0].view));
       return;
     }
     this.player.pause();
