@@ -157,9 +157,7 @@ def picture_of(
         guidance = describe_plan(plan)
     outcome = describe_outcome(plan, grid_map.resolution)
     places = NO_PLACES if route is None else route.places
-    path = plan.path
-    if plan.any_angle is not None and len(path):
-        path = plan.any_angle.points
+    path = plan.path if plan.any_angle is None else plan.any_angle.points
     instructed = None if route is None else instructed_path(plan, route)
     inflated = costmap.blocked & ~grid_map.blocked()
     return Picture(

@@ -91,11 +91,7 @@ def map_json(play_map: PlayMap) -> dict[str, Any]:
     """Return a map with its cells, pairs and places."""
     pairs = [{'start': list(start), 'goal': list(goal)} for start, goal in play_map.pairs()]
     shown = grid_json(play_map.grid_map, play_map.places) | named_json(play_map)
-    return shown | {
-        'offset': list(play_map.problem.offset),
-        'pairs': pairs,
-        'geojson': play_map.places.to_geojson(),
-    }
+    return shown | {'offset': list(play_map.problem.offset), 'pairs': pairs}
 
 
 def grid_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
@@ -104,6 +100,7 @@ def grid_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
         'origin': list(grid_map.origin),
         'cells': encoded(grid_map.cells.astype(np.uint8)),
         'places': [place_json(place, grid_map) for place in places],
+        'geojson': places.to_geojson(),
     }
 
 
@@ -111,8 +108,7 @@ def place_json(place: Place, grid_map: GridMap) -> dict[str, Any]:
     """Return a place with its outline, or its point, in cells."""
     geometry = place.geometry
     outline = geometry.exterior if geometry.geom_type == 'Polygon' else geometry
-    points = cells_of(shapely.get_coordinates(outline), grid_map)
-    return {'name': place.name, 'polygon': points}
+    return {'name': place.name, 'polygon': cells_of(shapely.get_coordinates(outline), grid_map)}
 
 
 def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) -> dict[str, Any]:
@@ -168,8 +164,8 @@ def regions_json(path: InstructedPath, grid_map: GridMap) -> dict[str, Any]:
             look = {'is_avoided': outcome.clause.is_closed, 'status': outcome.status.name}
             areas.append(look | {'rings': rings})
         parts += [cells_of(part, grid_map) for part in path.violating_parts(outcome)]
-    visits = cells_of([*path.visited_points()], grid_map)
-    return {'areas': areas, 'violations': parts, 'visits': visits}
+    visits = [*path.visited_points()]
+    return {'areas': areas, 'violations': parts, 'visits': cells_of(visits, grid_map)}
 
 
 def cells_of(points: ArrayLike, grid_map: GridMap) -> list[list[float]]:

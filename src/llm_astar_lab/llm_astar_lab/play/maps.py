@@ -28,6 +28,7 @@ MAX_MAPS = 10
 MAX_PAIRS = 10
 # Maps dropped onto the page that are kept, the newest, and what an image without a yaml is.
 MAX_DROPPED = 10
+DROPPED = 'dropped/'
 BARE_IMAGE = b'{resolution: 0.05, origin: [0, 0, 0], occupied_thresh: 0.65, free_thresh: 0.196}'
 # The files in maps/ that the page offers, those of robots first.
 SHIPPED = (
@@ -68,7 +69,6 @@ class PlayMap:
     problem: ProblemMap
     grid_map: GridMap
     places: Places
-    is_dropped: bool = False
 
     @property
     def barriers(self) -> BarrierMap | None:
@@ -117,7 +117,7 @@ class Maps:
             raise PlayError('files are expected: {name: contents in base64}', 'map') from None
         dropped = dropped_map(contents)
         self._maps.pop(dropped.id, None)
-        older = [key for key, known in self._maps.items() if known.is_dropped]
+        older = [key for key in self._maps if key.startswith(DROPPED)]
         for key in older[: 1 - MAX_DROPPED]:
             del self._maps[key]
         self._maps[dropped.id] = dropped
@@ -156,7 +156,7 @@ def dropped_map(files: Mapping[str, bytes]) -> PlayMap:
             problem = str(error).replace(str(path), named).replace(str(image), image_name)
             raise PlayError(problem, 'map') from None
     name = Path(named).stem
-    return replace(found, id=f'dropped/{named}', name=name, file=f'{name}.yaml', is_dropped=True)
+    return replace(found, id=DROPPED + named, name=name, file=f'{name}.yaml')
 
 
 def read_maps(file: str) -> Iterator[PlayMap]:

@@ -39,10 +39,8 @@ MAX_REPLY = 65_536
 MAX_DRAWN = 500_000
 MAX_VIA = 100
 MAX_EDITED = 60_000
-FIELDS = {
-    *SETTINGS,
-    *['map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'drawn', 'confirm'],
-}
+OTHERS = ('map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'drawn', 'confirm')
+FIELDS = {*SETTINGS, *OTHERS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -73,8 +71,7 @@ class PlayRequest:
     @property
     def is_edited(self) -> bool:
         """Whether something was drawn, which is in no file that a command could name."""
-        is_drawn = self.zones or self.places is not self.play_map.places
-        return bool(len(self.walls) or is_drawn)
+        return bool(len(self.walls) or self.zones or self.places is not self.play_map.places)
 
     def edited_map(self) -> GridMap:
         """Return the map with what was drawn on it."""
@@ -83,9 +80,8 @@ class PlayRequest:
             cells, (x, y, occupancy) = grid_map.cells.copy(), self.walls.T
             cells[y, x] = occupancy
             grid_map = replace(grid_map, cells=cells)
-        return ZoneLayer(grid_map, self.zones, config=costmap_config(self.values)).compose(
-            grid_map
-        )
+        rules = costmap_config(self.values)
+        return ZoneLayer(grid_map, self.zones, config=rules).compose(grid_map)
 
 
 def read_request(body: object, maps: Maps) -> PlayRequest:
@@ -216,10 +212,8 @@ def read_drawn(text: str | None, places: Places) -> tuple[Places, tuple[Zone, ..
         added, zones = ({'type': 'FeatureCollection', 'features': part} for part in parts)
         drawn = places_from_geojson(added, 'drawn')
         kept = [place for place in places if drawn.get(place.name) is None]
-        return (
-            Places([*kept, *drawn]) if len(drawn) else places,
-            zones_from_geojson(zones, 0.0)[0] if parts[1] else (),
-        )
+        merged = Places([*kept, *drawn]) if len(drawn) else places
+        return merged, zones_from_geojson(zones, 0.0)[0] if parts[1] else ()
     except ValueError as error:
         raise PlayError(str(error), 'drawn') from None
 

@@ -248,7 +248,8 @@ export function showReport(plan, map) {
   const warnings = (Array.isArray(plan.warnings) ? plan.warnings : [])
     .slice(0, MAX_ITEMS)
     .map((warning) => ['Warning', warning]);
-  const entries = [['Plan', plan.title], ...figures, ...warnings].filter(([, value]) => value);
+  const title = text(plan.title, 80).replace('waypoints by none', 'no waypoints');
+  const entries = [['Plan', title], ['In short', plan.message], ...figures, ...warnings].filter(([, value]) => value);
   $('report-block').hidden = false;
   $('report').replaceChildren(
     ...entries.flatMap(([name, value]) => [element('dt', name), element('dd', text(value, 400))]),

@@ -23,6 +23,15 @@ function lengthOf({ figures: { length, length_m: metres } = {} }, isMetric) {
   return isMetric ? `${shown(metres, 1)} m` : `${shown(length, 1)} cells`;
 }
 
+/** Return in words how good a path is proven to be, '' where it is not. */
+function proof({ figures: { bound } = {} }) {
+  const factor = number(bound);
+  if (factor === null) return '';
+  return factor < 1.0005
+    ? ', proven the cheapest'
+    : `, proven at most ${shown(100 * (factor - 1), 1)}% over the cheapest`;
+}
+
 const expansionsOf = (plan) => number(plan.figures?.expansions) ?? 0;
 
 function byWaypoints(chosen, plain) {
@@ -125,9 +134,10 @@ export function verdictOf(plans, isMetric = false) {
       chosen,
       plans.find((plan) => plan.found && !plan.instruction),
     );
-  if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${text(chosen.message, 400)}.` };
+  const length = `${lengthOf(chosen, isMetric)}${proof(chosen)}`;
+  if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${length}.` };
   const { tone, head, rest } = plain ? byWaypoints(chosen, plain) : byAstar(chosen, astar);
   const path = plain && astar ? pathBeside(astar, chosen) : '';
   const last = path ? ` A* expands ${shown(expansionsOf(astar))} for ${path}.` : '';
-  return { tone, head: 'Path found:', rest: ` ${lengthOf(chosen, isMetric)}. ${head}${rest}${last}` };
+  return { tone, head: 'Path found:', rest: ` ${length}. ${head}${rest}${last}` };
 }
