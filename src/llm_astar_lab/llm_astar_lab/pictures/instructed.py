@@ -93,5 +93,4 @@ def instructed_path(plan: Plan, route: Route) -> InstructedPath | None:
     points = plan.path if plan.any_angle is None else plan.any_angle.points
     if plan.instruction is None or not len(plan.path):
         return None
-    grid_map = route.costmap.grid_map
-    return InstructedPath(plan.instruction, route, grid_map.grid_to_world(points))
+    return InstructedPath(plan.instruction, route, route.costmap.grid_map.grid_to_world(points))

@@ -16,10 +16,12 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.map_server import FORMATS
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
+from PIL import Image
 
 # What the page can still draw and the server plan on while somebody waits.
 MAX_CELLS = 4_000_000
@@ -117,8 +119,7 @@ class Maps:
             raise PlayError('files are expected: {name: contents in base64}', 'map') from None
         dropped = dropped_map(contents)
         self._maps.pop(dropped.id, None)
-        older = [key for key in self._maps if key.startswith(DROPPED)]
-        for key in older[: 1 - MAX_DROPPED]:
+        for key in [key for key in self._maps if key.startswith(DROPPED)][: 1 - MAX_DROPPED]:
             del self._maps[key]
         self._maps[dropped.id] = dropped
         return dropped
@@ -140,23 +141,32 @@ def dropped_map(files: Mapping[str, bytes]) -> PlayMap:
     names = sorted(files, key=lambda name: Path(name).suffix.lower() not in YAML)
     are_yaml = [Path(name).suffix.lower() in YAML for name in names]
     if are_yaml not in ([False], [True, False]):
-        what = ', '.join(names)[:200] or 'nothing'
-        raise PlayError(f'{what}: drop an image, or a yaml together with its image', 'map')
+        what = 'drop an image, or a yaml together with its image'
+        raise PlayError(f'{what}, not {", ".join(names)[:200] or "nothing"}', 'map')
     named, image_name = names[0], names[-1]
     with TemporaryDirectory() as folder:
         path, image = Path(folder, 'map.yaml'), Path(folder, 'image')
         image.write_bytes(files[image_name])
         path.write_bytes(files[named] if are_yaml[0] else BARE_IMAGE)
         try:
+            with Image.open(image, formats=FORMATS) as picture:
+                check_size(image_name, *picture.size)
             fields = read_yaml(path, PlayError)
             if isinstance(fields, dict):
                 path.write_text(yaml.safe_dump(fields | {'image': image.name}))
             found = next(read_maps(str(path)))
-        except LlmAstarError as error:
+        except (LlmAstarError, OSError, Image.DecompressionBombError) as error:
             problem = str(error).replace(str(path), named).replace(str(image), image_name)
             raise PlayError(problem, 'map') from None
     name = Path(named).stem
     return replace(found, id=DROPPED + named, name=name, file=f'{name}.yaml')
+
+
+def check_size(file: str, width: int, height: int) -> None:
+    """Raise PlayError for a map with more cells than the page can show."""
+    if width * height > MAX_CELLS:
+        what = f'{width} x {height} cells are over the {MAX_CELLS} that the page can show'
+        raise PlayError(f'{file}: {what}; cut out or coarsen the map')
 
 
 def read_maps(file: str) -> Iterator[PlayMap]:
@@ -170,11 +180,7 @@ def read_maps(file: str) -> Iterator[PlayMap]:
     several = len(problems) > 1
     for problem in problems[:MAX_MAPS]:
         grid_map = problem.to_grid()
-        if grid_map.cells.size > MAX_CELLS:
-            raise PlayError(
-                f'{file}: {grid_map.width} x {grid_map.height} cells are over the {MAX_CELLS} '
-                'that the page can show; cut out or coarsen the map'
-            )
+        check_size(file, grid_map.width, grid_map.height)
         key, name, map_id = file, path.name.split('.')[0], None
         if several:
             key, name, map_id = f'{file}:{problem.id}', f'{name}, map {problem.id}', problem.id

@@ -192,8 +192,7 @@ def read_walls(value: object, grid_map: GridMap) -> NDArray[np.int32]:
     for item in items:
         read_cell(item[:2] if isinstance(item, list) else item, 'walls', grid_map)
         if len(item) != 3 or type(item[2]) is not int or not FREE <= item[2] <= OCCUPIED:
-            problem = f'{short_repr(item)} is not [x, y, {FREE} to {OCCUPIED}]'
-            raise PlayError(f'walls: {problem}', 'walls')
+            raise PlayError(f'walls: {short_repr(item)} is not [x, y, 0 to {OCCUPIED}]', 'walls')
     return np.array(items, dtype=np.int32).reshape(-1, 3)
 
 

@@ -211,11 +211,12 @@ def test_a_dropped_map_is_planned_on_with_the_image_that_came_with_it(page):
     ('files', 'words'),
     [
         ({}, 'drop an image'),
-        ({'room_yaml': YAML}, 'room.yaml: drop an image'),
-        ({'a_png': png(ROOM), 'b_png': png(ROOM)}, 'a.png, b.png: drop an image'),
+        ({'room_yaml': YAML}, 'drop an image, or a yaml together with its image, not room.yaml'),
+        ({'a_png': png(ROOM), 'b_png': png(ROOM)}, 'not a.png, b.png'),
         ({'room_yaml': b'resolution: x', 'room_png': png(ROOM)}, 'room.yaml: '),
         ({'room_yaml': b'[', 'room_png': png(ROOM)}, 'room.yaml: not yaml'),
-        ({'room_yaml': YAML, 'room_png': b'no image'}, 'image: room.png is not an image'),
+        ({'room_yaml': YAML, 'room_png': b'no image'}, "cannot identify image file 'room.png'"),
+        ({'room_png': png(np.zeros((3000, 3000)))}, 'room.png: 3000 x 3000 cells are over'),
         ({'room_png': png(np.zeros((9, 9)))}, 'room.png: no two of its free cells'),
     ],
 )

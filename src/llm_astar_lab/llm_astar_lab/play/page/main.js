@@ -4,6 +4,7 @@ import * as api from './api.js';
 import { Board } from './board.js';
 import { bits, number, text } from './codec.js';
 import { Controls } from './controls.js';
+import { FREE, WALL } from './edits.js';
 import { EXAMPLES, markExample, showExamples } from './examples.js';
 import { listenToFiles, readFiles } from './files.js';
 import { GridMap } from './gridmap.js';
@@ -19,6 +20,7 @@ import { copy, say } from './toast.js';
 const $ = (id) => document.getElementById(id);
 const LINK_DELAY_MS = 200;
 const SLOW_MS = 700;
+const COUNTS_COSTS = ['guided', 'exact_astar'];
 // Settings that another map does not keep.
 const OF_THE_MAP = { corner_cutting: null, robot_radius: null, reply: '', instruction: '' };
 
@@ -203,7 +205,7 @@ class Page {
     $('main').setAttribute('aria-busy', String(!isNewest));
     $('main').classList.remove('stale');
     showReply({ ...reply, plans: this.plans }, this.stage.map, this.stage.palette);
-    showUnordered(this.plans);
+    showUnordered(this.plans, this.ignoresCosts(request.method));
     this.stage.setPlans(this.plans, bits(reply.lethal, this.stage.map.cells.length));
     this.player.setTotal(
       Math.max(0, ...this.plans.map((plan) => number(plan.figures?.expansions) ?? 0)),
@@ -385,7 +387,21 @@ class Page {
     $('clear').disabled = !isEdited && this.stage.ends.via.length === 0;
   }
 
+  /** Say that a method counts lengths alone, where costs are drawn. */
+  ignoresCosts(method) {
+    const { edits, main } = this.stage;
+    const isCostly = (cost) => cost > FREE && cost < WALL;
+    const isGraded = edits.levels().some(isCostly) || main.shapes.some((one) => isCostly(one.cost));
+    return isGraded && !COUNTS_COSTS.includes(method)
+      ? `${text(method, 40)} counts lengths alone; guided and exact_astar count what is drawn as cost.`
+      : '';
+  }
+
   onKey(event) {
+    if (event.key === 'Escape') {
+      this.hideRoom();
+      this.addPlace('');
+    }
     const isTyping =
       ['TEXTAREA', 'INPUT'].includes(event.target.tagName) && event.target.type !== 'range';
     if (

@@ -220,8 +220,8 @@ export function showInstruction(instruction) {
   );
 }
 
-/** Say of which searches the order of expansion is not known, so that the animation has none. */
-export function showUnordered(plans) {
+/** Say of which searches the animation has no order, or not all, and a note on the plans. */
+export function showUnordered(plans, note) {
   const names = (isMeant) =>
     plans
       .filter((plan) => plan.figures?.expansions && isMeant(plan))
@@ -229,8 +229,9 @@ export function showUnordered(plans) {
       .join(', ');
   const unordered = names((plan) => plan.order_is_known === false);
   const cut = names((plan) => plan.figures.expansions > MAX_ORDER);
-  $('order-note').hidden = !unordered && !cut;
+  $('order-note').hidden = !unordered && !cut && !note;
   $('order-note').textContent = [
+    note,
     unordered &&
       `The order of expansion is not known for: ${unordered}. The animation shows all these cells at once.`,
     cut && `Only the first ${shown(MAX_ORDER)} expansions are drawn for: ${cut}.`,
