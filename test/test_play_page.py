@@ -156,7 +156,8 @@ def keep_out_of_a_room(person):
 def see_why_not(person):
     person.write('avoid the hall')
     expect(person.page.locator('#verdict')).to_contain_text('The instruction is impossible:')
-    expect(person.page.locator('#verdict')).to_contain_text('no path of cells keeps every clause')
+    expect(person.page.locator('#clauses .status')).to_have_text('impossible')
+    expect(person.page.locator('#clauses .detail')).to_contain_text('m inside')
 
 
 def draw_a_wall(person):

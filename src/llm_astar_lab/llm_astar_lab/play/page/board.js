@@ -139,14 +139,14 @@ export class Board {
     else this.pan(event);
   }
 
-  /** Follow the pointer on an element until it is let go. */
+  /** Follow the pointer on an element until it is let go, or taken away, as by scrolling. */
   follow(target, event, onMove, onEnd) {
     target.setPointerCapture(event.pointerId);
-    const end = () => {
+    const end = ({ type }) => {
       target.removeEventListener('pointermove', onMove);
       target.removeEventListener('pointerup', end);
       target.removeEventListener('pointercancel', end);
-      onEnd();
+      onEnd(type === 'pointercancel');
     };
     target.addEventListener('pointermove', onMove);
     target.addEventListener('pointerup', end);
@@ -236,7 +236,7 @@ export class Board {
         this.panel.viewport.pan(held[0] - now[0], held[1] - now[1], map);
         this.callbacks.panned();
       },
-      () => isStill && this.callbacks.pressed(held),
+      (isCancelled) => isStill && !isCancelled && this.callbacks.pressed(held),
     );
   }
 

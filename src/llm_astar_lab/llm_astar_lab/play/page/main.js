@@ -2,6 +2,7 @@
 
 import * as api from './api.js';
 import { Board } from './board.js';
+import { Bubbles } from './bubbles.js';
 import { bits, number, text } from './codec.js';
 import { Controls } from './controls.js';
 import { FREE, WALL } from './edits.js';
@@ -34,6 +35,11 @@ class Page {
     });
     this.player = new Player(() => this.stage.draw());
     this.board = new Board(this.stage.main, this.callbacks());
+    this.bubbles = new Bubbles(
+      this.stage,
+      (verb, name) => this.controls.addClause(verb, name),
+      (polygon, name) => this.addFeature(polygon, { name }),
+    );
     this.controls = new Controls(
       options,
       this.settings,
@@ -62,7 +68,7 @@ class Page {
       removed: (index) => this.changeVia((via) => via.filter((_, i) => i !== index)),
       drafted: (polygon) => this.stage.showDraft(polygon),
       outlined: (polygon, tool) => this.outlined(polygon, tool),
-      pressed: (point) => this.showRoom(point),
+      pressed: (point) => this.pressed(point),
       panned: () => this.stage.draw(),
     };
   }
@@ -74,12 +80,6 @@ class Page {
     $('save').addEventListener('click', () =>
       saveFeatures(this.stage.map, this.stage.edits.features),
     );
-    $('room').addEventListener('click', (event) => this.useRoom(event.target.dataset.verb));
-    $('naming').addEventListener('submit', (event) => {
-      event.preventDefault();
-      this.addPlace($('place-name').value.trim());
-    });
-    $('unnamed').addEventListener('click', () => this.addPlace(''));
     showExamples($('examples'), (view) => {
       this.board.hideHint();
       this.openExample(view);
@@ -135,6 +135,7 @@ class Page {
       const map = new GridMap(await api.mapOf(id));
       if (this.opening !== id || this.live) return;
       this.hasPlans = false;
+      this.bubbles.close();
       this.player.setTotal(0);
       this.stage.setMap(map);
     } catch (error) {
@@ -231,7 +232,7 @@ class Page {
 
   moved(name, cell, isDone) {
     this.board.hideHint();
-    this.hideRoom();
+    this.bubbles.close();
     if (cell) {
       const target = typeof name === 'number' ? this.stage.ends.via : this.stage.ends;
       if (String(target[name]) === String(cell)) return;
@@ -261,24 +262,9 @@ class Page {
 
   /** Take an area that was outlined: a zone, or a place, which needs a name. */
   outlined(polygon, tool) {
-    const { edits } = this.stage;
-    const name = freeName(tool, edits.features);
-    if (tool === 'zone') {
-      this.addFeature(polygon, { name, cost: Number($('zone-cost').value) });
-      return;
-    }
-    this.unnamed = polygon;
-    this.stage.showDraft(polygon);
-    this.putNear($('naming'), polygon[0]);
-    $('place-name').value = name;
-    $('place-name').select();
-  }
-
-  addPlace(name) {
-    $('naming').hidden = true;
-    this.stage.showDraft([]);
-    if (name && this.unnamed) this.addFeature(this.unnamed, { name });
-    this.unnamed = null;
+    const name = freeName(tool, this.stage.edits.features);
+    if (tool === 'place') this.bubbles.askName(polygon, name);
+    else this.addFeature(polygon, { name, cost: Number($('zone-cost').value) });
   }
 
   addFeature(polygon, properties) {
@@ -287,36 +273,11 @@ class Page {
   }
 
   /** Offer what can be asked of the place that was pressed. */
-  showRoom(point) {
+  pressed(point) {
     this.board.hideHint();
     const [place] = this.stage.shapesAt(point).filter(({ cost }) => cost === undefined);
-    if (!place || this.live) {
-      this.hideRoom();
-      return;
-    }
-    $('room-name').textContent = place.name;
-    this.putNear($('room'), point);
-  }
-
-  useRoom(verb) {
-    if (!verb) return;
-    this.hideRoom();
-    this.controls.addClause(verb, $('room-name').textContent);
-  }
-
-  hideRoom() {
-    $('room').hidden = true;
-  }
-
-  /** Show an element below a point of the map, within its width. */
-  putNear(bubble, point) {
-    bubble.hidden = false;
-    const { main } = this.stage;
-    const [x, y] = main.view.toPixel(point);
-    const half = bubble.offsetWidth / 2;
-    const room = main.canvas.clientWidth - half;
-    bubble.style.left = `${Math.max(half, Math.min(room, x))}px`;
-    bubble.style.top = `${Math.min(y, main.canvas.clientHeight - 60)}px`;
+    if (place && !this.live) this.bubbles.showRoom(place.name, point);
+    else this.bubbles.close();
   }
 
   /** Open a map that was dropped, and put the GeoJSON that was dropped onto the map. */
@@ -345,7 +306,7 @@ class Page {
   }
 
   settingChanged(name) {
-    this.hideRoom();
+    this.bubbles.close();
     markExample($('examples'), $('example-about'), null);
     if (name === 'source' && this.settings.source === 'reply' && !this.settings.reply) {
       this.settings.reply = suggestedReply(this.stage.main.path, this.stage.map);
@@ -398,10 +359,7 @@ class Page {
   }
 
   onKey(event) {
-    if (event.key === 'Escape') {
-      this.hideRoom();
-      this.addPlace('');
-    }
+    if (event.key === 'Escape') this.bubbles.close();
     const isTyping =
       ['TEXTAREA', 'INPUT'].includes(event.target.tagName) && event.target.type !== 'range';
     if (
