@@ -109,7 +109,7 @@ class Maps:
         return iter(tuple(self._maps.values()))
 
     def drop(self, files: object) -> PlayMap:
-        """Take a map that is dropped onto the page, and return it. Raises PlayError.
+        """Take a map that is dropped onto the page, and return it; thread-safe. Raises PlayError.
 
         `files` are the contents of files by name, in base64.
         """
@@ -120,7 +120,7 @@ class Maps:
         dropped = dropped_map(contents)
         self._maps.pop(dropped.id, None)
         for key in [key for key in self._maps if key.startswith(DROPPED)][: 1 - MAX_DROPPED]:
-            del self._maps[key]
+            self._maps.pop(key, None)
         self._maps[dropped.id] = dropped
         return dropped
 

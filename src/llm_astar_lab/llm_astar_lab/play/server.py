@@ -15,7 +15,6 @@ import ipaddress
 import json
 import re
 import socket
-from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -111,21 +110,17 @@ class PlayApp:
         """Send a map."""
         return JSONResponse(map_json(self._maps.get(request.query_params.get('id', ''))))
 
-    async def plan(self, request: Request) -> Response:
-        """Plan, and send the plans; stop when the page has asked anew or is gone."""
-        asked = read_request(await read_body(request), self._maps)
-        return await self.run(request, lambda stop: self.work(asked, stop))
-
     async def drop_map(self, request: Request) -> Response:
         """Take a dropped map, {file name: its contents in base64}, and send its id."""
         files = await read_body(request, MAX_DROPPED_BODY)
-        return await self.run(request, lambda _: json.dumps(self._maps.drop(files).id).encode())
+        return JSONResponse((await asyncio.to_thread(self._maps.drop, files)).id)
 
-    async def run(self, request: Request, job: Callable[[StopFlag], bytes]) -> Response:
-        """Send the JSON that a job returns, unless the page goes before."""
+    async def plan(self, request: Request) -> Response:
+        """Plan, and send the plans; stop when the page has asked anew or is gone."""
+        asked = read_request(await read_body(request), self._maps)
         gone = asyncio.create_task(wait_until_gone(request))
         try:
-            reply = await self._worker.run(job, gone)
+            reply = await self._worker.run(lambda stop: self.work(asked, stop), gone)
         finally:
             gone.cancel()
         return Response(reply, media_type='application/json')
