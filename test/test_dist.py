@@ -155,6 +155,7 @@ def test_one_name_installs_all_three_packages(user):
     assert set(user('python', '-c', code).stdout.split()) == {*versions().values()}
 
 
+@pytest.mark.timeout(1800)  # the searches are compiled, from nothing
 def test_the_wheels_plan_keep_an_instruction_and_draw_it(user):
     words = ('--map', 'house', '--robot-radius', '0.2', '--from', 'bedroom', '--to', 'sofa')
     words += ('--instruction', 'stay out of the dining room', '--png', 'plan.png', '--json')
