@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, UNKNOWN, GridMap
@@ -53,12 +54,12 @@ class ZoneLayer:
         covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
         self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
         check_size(window for _, window in self._zones)
-        tables = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
+        self._masks = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
         shape = Window(0, layout.height, 0, layout.width)
-        self._window = shape if tables else union(window for _, window in self._zones)
+        self._window = shape if self._masks else union(window for _, window in self._zones)
         top, bottom, left, right = self._window
         self._costs = np.full((bottom - top, right - left), TRANSPARENT, dtype=np.int8)
-        for mask, table in tables:
+        for mask, table in self._masks:
             paint_mask(mask.grid_map, table, layout, self._costs)
         for zone, window in self._zones:
             self._paint_zone(zone, window, layout)
@@ -84,8 +85,24 @@ class ZoneLayer:
         part[is_kept] = UNKNOWN
         cells.flags.writeable = False
         return GridMap(
-            cells, grid_map.resolution, grid_map.origin, grid_map.frame_id, tuple(self._names())
-        )
+            cells, grid_map.resolution, grid_map.origin, grid_map.frame_id, tuple(self._names()),
+            ComposedZones(grid_map, self),
+        )  # fmt: skip
+
+    def closed(
+        self, layout: GridMap
+    ) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
+        """Yield for each zone and mask that closes cells what `Composed.closed` does."""
+        for zone, window in self._zones:
+            if zone.cost == KEEPOUT:
+                top, bottom, left, right = window
+                touched = cover_window(zone.geometry, layout, window).touched
+                yield 'zone', zone.label, (slice(top, bottom), slice(left, right)), touched
+        for mask, table in self._masks:
+            costs = np.full(layout.cells.shape, TRANSPARENT, dtype=np.int8)
+            paint_mask(mask.grid_map, table, layout, costs)
+            whole = slice(0, layout.height), slice(0, layout.width)
+            yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
 
     def _names(self) -> Iterator[str]:
         """Yield the labels of the zones on the map, the first MOST_NAMED of them."""
@@ -103,6 +120,17 @@ class ZoneLayer:
             window.top - top : window.bottom - top, window.left - left : window.right - left
         ]
         np.maximum(part, np.where(touched, cost, TRANSPARENT), out=part)
+
+
+class ComposedZones(NamedTuple):
+    """A map, and the layer that was composed onto it."""
+
+    base: GridMap
+    layer: ZoneLayer
+
+    def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
+        """Yield what `Composed.closed` does."""
+        return self.layer.closed(self.base)
 
 
 def has_cells(window: Window) -> bool:
