@@ -63,7 +63,7 @@ class Composed(Protocol):
         """The map without what was composed onto it."""
 
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
-        """Yield for all that closes cells its kind, its name, and which of its window it closes."""
+        """Yield of all that closes cells its kind, name and window, and which cells of that."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,6 +125,12 @@ REQUESTS = (
         bench_default=0.0,
         bench_reason='as paths from different starts do not compare',
     ),
+    Parameter(
+        'allow_partial_planning',
+        False,
+        'Whether a goal that cannot be reached gets the path to the nearest point that can be, '
+        'marked as partial',
+    ),
     NodeParameter(
         'use_final_approach_orientation',
         False,
@@ -342,5 +348,6 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'any_angle': values['any_angle'],
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
+        'allow_partial_planning': values['allow_partial_planning'],
         'footprint': Footprint.parse(values['footprint']),
     }

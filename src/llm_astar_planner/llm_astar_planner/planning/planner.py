@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -16,6 +17,7 @@ from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.types import (
     COMPILED,
+    EXPLAINED,
     PLANNED_ON,
     Plan,
     PlanningFailure,
@@ -63,9 +65,24 @@ class Planner(PathPlanner):
             failure = PlanningFailure(ResultCode.TIMEOUT, NOT_COMPILED)
             endpoints = Endpoints(request.start, request.goal, request.via)
             return iter([self.build_plan(request, endpoints, [], failure=failure)])
-        if request.instruction is None:
-            return self.direct_plans(request, stop, anytime=anytime)
-        return self.instructed_plans(request, request.instruction, stop)
+        plans = self.direct_plans(request, stop, anytime=anytime)
+        if request.instruction is not None:
+            plans = self.instructed_plans(request, request.instruction, stop)
+        return self.explained_plans(request, plans, stop)
+
+    def explained_plans(
+        self, request: PlanRequest, plans: Iterator[Plan], stop: StopFlag
+    ) -> Iterator[Plan]:
+        """Yield plans; one without a path says why, or leads as near as possible if it may."""
+        deadline = time.monotonic() + request.time_limit
+        for plan in plans:
+            if plan.code not in EXPLAINED or stop[0]:
+                yield plan
+                continue
+            # Only after a failure: other plans do not need it.
+            from llm_astar_planner.planning.why import explained  # noqa: PLC0415
+
+            yield explained(self, request, plan, stop, deadline)
 
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.

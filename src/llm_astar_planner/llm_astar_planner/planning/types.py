@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.instructions.outcome import InstructionOutcome
+    from llm_astar_planner.planning.why import Why
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
@@ -131,6 +132,8 @@ class PlanRequest:
       path begins and ends. None of the three matters without a footprint.
     - `instruction`: what was understood of an instruction; the path keeps to it as far as
       possible, and the plan says clause by clause how far. Not together with `via`.
+    - `allow_partial_planning`: where the goal cannot be reached, the path leads to the nearest
+      point that can, and is marked as partial.
 
     Raises ValueError if start, goal or any via point is not a pair of whole numbers.
     """
@@ -156,6 +159,7 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
+    allow_partial_planning: bool = False
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -192,6 +196,8 @@ def check_request(request: PlanRequest) -> None:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 
+# Codes of plans that say why there is no path.
+EXPLAINED = (ResultCode.START_OCCUPIED, ResultCode.GOAL_OCCUPIED, ResultCode.NO_VALID_PATH)
 # The kinds of plans that this process has compiled.
 COMPILED: set[tuple[object, ...]] = set()
 
@@ -237,6 +243,8 @@ class Plan:
     - `seconds_source`, `seconds_search`: wall time; `seconds_map`: how long a node waited for a
       map before. `warnings`: one sentence each.
     - `footprint`: the polygon that the path was searched for, None for a circle.
+    - `why`: what closes the way, where there is none. `partial`: the path leads to the nearest
+      point that can be reached, not to the goal.
     - `is_final`: False for a better path found while the search goes on.
     """
 
@@ -271,6 +279,8 @@ class Plan:
     instruction: InstructionOutcome | None = None
     footprint: Footprint | None = None
     is_final: bool = True
+    why: Why | None = None
+    partial: bool = False
 
     def _repr_png_(self) -> bytes | None:
         """Return the picture that a notebook shows, None where there is none."""
@@ -325,6 +335,8 @@ class Plan:
             'warnings': self.warnings,
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,
+            'why': self.why.to_json() if self.why else None,
+            'partial': self.partial,
         }
 
 

@@ -14,57 +14,73 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import inflate, squared_cells
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
+from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
+from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
 from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.search.stop import StopFlag, no_stop
+
+if TYPE_CHECKING:
+    from llm_astar_planner.planning.planner import Planner
 
 Mask = NDArray[np.bool_]
 Items = frozenset[int]
 Point = tuple[float, float]
 Window = tuple[slice, slice]
 WHOLE: Window = slice(None), slice(None)
-CLAUSE, ZONE, MASK, UNKNOWN, RADIUS, WALLS, FOOTPRINT = (
-    'clause', 'zone', 'mask', 'unknown', 'radius', 'walls', 'footprint',
-)  # fmt: skip
-# Of sets with equally many causes, what a person changes most easily is named.
-ORDER = (CLAUSE, ZONE, MASK, UNKNOWN, RADIUS)
+NOTHING: Items = frozenset()
+# Of sets with equally many causes, what a person changes most easily is named: this order.
+CLAUSE, ZONE, MASK, UNKNOWN, RADIUS = ORDER = ('clause', 'zone', 'mask', 'unknown', 'radius')
+WALLS, FOOTPRINT = 'walls', 'footprint'
 # How much one place in this order counts: less than one cause more.
 PLACE = 1e-4
-# Sets that are tried until any set will do that cannot spare one of its causes.
-MOST_SETS = 256
-# Metres, as the widest way of a robot whose size is not known is measured.
+# Sets tried before it is looked at whether all causes together close the way, and before a set
+# will do that cannot spare any of its causes.
+SOON, MOST_SETS = 8, 256
+# Metres, to which the widest way is measured of a robot whose size is not known.
 WIDEST = 10.0
-# Sets tried before it is looked at whether all causes together close the way.
-SOON = 8
 ROUNDING = 1e-6
+NAMED = {
+    CLAUSE: 'the instruction "{name}"',
+    ZONE: 'zone {name}',
+    MASK: 'the filter mask {name}',
+    UNKNOWN: 'unknown cells between {from} and {to}',
+    RADIUS: "the robot's radius of {radius:g} m",
+    FOOTPRINT: 'the widest way comes within {room:.3g} m of an obstacle, at {at}',
+}
 
 
 class Layers:
-    """The cells in groups that the same causes close; walls, which nothing opens, are group 0."""
+    """The cells in groups that the same causes close; walls, which nothing opens, are group 0.
+
+    `groups` is int32 [height + 2, width + 2], framed by walls, `cells` the map's part of it.
+    """
 
     def __init__(self, walls: Mask) -> None:
         """Start with walls, bool [height, width], and nothing else closed."""
-        height, width = walls.shape
-        self.groups = np.zeros((height + 2, width + 2), dtype=np.int32)
+        self.groups = np.pad(~walls, 1).astype(np.int32)
         self.cells = self.groups[1:-1, 1:-1]
-        np.logical_not(walls, out=self.cells, casting='unsafe')
-        self.sets: list[Items | None] = [None, frozenset()]
-        self._numbers: dict[Items, int] = {frozenset(): 1}
+        self.sets: list[Items | None] = [None, NOTHING]
+        self._numbers: dict[Items, int] = {NOTHING: 1}
 
     def close(self, cause: int, closed: Mask, window: Window = WHOLE) -> None:
         """Let a cause close cells of a window of the map."""
@@ -72,16 +88,12 @@ class Layers:
         inside = part[closed]
         table = np.arange(len(self.sets), dtype=np.int32)
         for number in np.flatnonzero(np.bincount(inside, minlength=len(self.sets))).tolist():
-            items = self.sets[number]
-            if items is not None:
-                table[number] = self._number(items | {cause})
+            before = self.sets[number]
+            if before is not None:
+                table[number] = self._numbers.setdefault(before | {cause}, len(self.sets))
+                if table[number] == len(self.sets):
+                    self.sets.append(before | {cause})
         part[closed] = table[inside]
-
-    def _number(self, items: Items) -> int:
-        number = self._numbers.setdefault(items, len(self.sets))
-        if number == len(self.sets):
-            self.sets.append(items)
-        return number
 
     def is_open(self, removed: Items) -> Mask:
         """Return which groups are open without some causes: bool [groups]."""
@@ -96,9 +108,8 @@ class Flood(NamedTuple):
     edges: NDArray[np.int32]
 
 
-@dataclass(frozen=True, eq=False)
-class Goals:
-    """The map in the frame of the kernels: its steps, the start, and the cells to reach."""
+class Goals(NamedTuple):
+    """A question to the kernels, on flat cells of the map with its frame."""
 
     steps: NDArray[np.int32]
     start: int
@@ -106,16 +117,16 @@ class Goals:
 
     @classmethod
     def of(cls, costmap: Costmap, start: Cell, goal: Cell, tolerance: float) -> Goals:
-        """Take the cells at most `tolerance` metres from `goal`."""
+        """Ask for a cell at most `tolerance` metres from `goal`."""
         height, width = costmap.blocked.shape
-        across, targets = width + 2, np.zeros((height + 2, width + 2), dtype=np.bool_)
         reach = squared_cells(tolerance, costmap.grid_map.resolution)
-        far = min(math.isqrt(reach), height + width)
-        y, x = np.ogrid[-far : far + 1, -far : far + 1]
-        rows, columns = np.nonzero(x * x + y * y <= reach)
-        rows, columns = rows + goal[1] - far, columns + goal[0] - far
-        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        targets[rows[inside] + 1, columns[inside] + 1] = True
+        far, across = min(math.isqrt(reach), height + width), width + 2
+        y, x = np.ogrid[-1 : height + 1, -1 : width + 1]
+        targets = np.zeros((height + 2, across), dtype=np.bool_)
+        # Of a square around the goal.
+        rows, columns = (slice(max(end + 1 - far, 0), max(end + 2 + far, 0)) for end in goal[::-1])
+        y, x = y[rows] - goal[1], x[:, columns] - goal[0]
+        targets[rows, columns] = y * y + x * x <= reach
         steps = [1, -1, across, -across]
         if costmap.config.corner_cutting:
             steps += [across + 1, across - 1, 1 - across, -1 - across]
@@ -123,7 +134,7 @@ class Goals:
         return cls(np.array(steps, dtype=np.int32), first, targets.reshape(-1))
 
     def cell(self, number: int) -> Cell:
-        """Return the cell (x, y) of the map with a number of the frame."""
+        """Return the cell (x, y) of the map that has a number here."""
         y, x = divmod(number, int(self.steps[2]))
         return x - 1, y - 1
 
@@ -131,27 +142,16 @@ class Goals:
         """Reach what is open without some causes, further than `before` without fewer did."""
         groups, is_open = layers.groups.reshape(-1), layers.is_open(removed)
         stack, edges = np.empty(groups.size, dtype=np.int32), np.empty(groups.size, dtype=np.int32)
-        if not is_open[groups[self.start]]:
-            return Flood(-1, np.zeros(groups.size, dtype=np.uint8), edges[:0])
         if before is None:
-            seen, first = np.zeros(groups.size, dtype=np.uint8), np.array([self.start])
-            left = np.zeros(0, dtype=np.int32)
-        else:
-            seen, is_first = before.seen.copy(), is_open[groups[before.edges]]
-            first, left = before.edges[is_first], before.edges[~is_first]
+            edge = np.array([self.start], dtype=np.int32)
+            before = Flood(-1, np.zeros(groups.size, dtype=np.uint8), edge)
+        seen, is_first = before.seen.copy(), is_open[groups[before.edges]]
+        first, left = before.edges[is_first], before.edges[~is_first]
         stack[: len(first)] = first
         target, met = kernels.flood(
             groups, is_open, self.steps, self.targets, seen, stack, len(first), edges
         )
         return Flood(target, seen, np.concatenate((left, edges[:met])))
-
-
-class Found(NamedTuple):
-    """A smallest set of causes, the layers in which it opens a way, and the cell it leads to."""
-
-    removed: Items
-    layers: Layers
-    target: int
 
 
 class Causes:
@@ -160,156 +160,124 @@ class Causes:
     def __init__(self, costmap: Costmap, clauses: Sequence[tuple[str, Mask]] = ()) -> None:
         """Take a costmap, and which of its cells each clause of an instruction closes."""
         grid_map, config = costmap.grid_map, costmap.config
-        composed = grid_map.composed
+        composed, threshold = grid_map.composed, config.obstacle_threshold
         self.base = grid_map if composed is None else composed.base
         self.config = replace(config, inflation_radius=0.0, allow_unknown=True)
         self.resolution = grid_map.resolution
+        self.lethal = self.base.cells >= threshold
         self.names: list[tuple[str, str]] = []
-        cells, bare = self.base.cells, config.obstacle_threshold
-        is_plain = self.base is grid_map and config.allow_unknown
+        self.radius = -1
+        is_plain = composed is None and config.allow_unknown
         walls = costmap.blocked if is_plain else inflate(self.base, self.config)[0]
-        self.lethal = cells >= bare
         self.layers = [Layers(walls)]
         # Without the robot's radius, also that with which a costmap was inflated.
-        if config.robot_radius > 0.0 or bare > config.occupied_threshold:
+        if config.robot_radius > 0.0 or threshold > config.occupied_threshold:
             self.layers.append(Layers(self.lethal))
             self.radius = self.add(RADIUS)
         for name, closed in clauses:
-            self.add(CLAUSE, name, WHOLE, closed)
-        # Zones are lethal, so they too keep the robot away by its radius.
+            self.add(CLAUSE, name, closed)
+        # These are lethal, so they too keep the robot away by its radius.
         self.zones: dict[int, tuple[Window, Mask]] = {}
         for kind, name, window, closed in () if composed is None else composed.closed():
-            number = self.add(kind, name, window, closed, is_lethal=True)
-            self.zones[number] = window, closed
+            self.zones[self.add(kind, name, closed, window)] = window, closed
         if not config.allow_unknown:
-            self.add(UNKNOWN, '', WHOLE, self.base.cells < 0)
+            self.add(UNKNOWN, '', self.base.cells < 0)
 
     def add(
-        self,
-        kind: str,
-        name: str = '',
-        window: Window = WHOLE,
-        closed: Mask | None = None,
-        *,
-        is_lethal: bool = False,
+        self, kind: str, name: str = '', closed: Mask | None = None, window: Window = WHOLE
     ) -> int:
-        """Add what closes cells of a window, around it too if that `is_lethal`."""
+        """Add what closes cells of a window, a zone or mask also around it; return its number."""
         number = len(self.names)
         self.names.append((kind, name))
-        for layers in self.layers if closed is not None else ():
-            around = window, closed
-            if is_lethal and layers is self.layers[0] and self.config.robot_radius > 0.0:
-                around = grown(window, closed, self.base, self.config)
-            layers.close(number, around[1], around[0])
+        if closed is not None:
+            self.layers[-1].close(number, closed, window)
+        if closed is not None and len(self.layers) > 1:
+            if kind in (ZONE, MASK):
+                window, closed = grown(window, closed, self.base, self.config)
+            self.layers[0].close(number, closed, window)
         return number
 
     def price(self, removed: Items) -> float:
         """Return how much a set of causes is: the least is named."""
         return sum(1.0 + PLACE * ORDER.index(self.names[item][0]) for item in removed)
 
-    def roots(self) -> Iterator[tuple[Items, Layers]]:
-        """Yield the sets that a search begins with: none, and the robot's radius."""
-        for layers in self.layers:
-            yield frozenset() if layers is self.layers[0] else frozenset({self.radius}), layers
+    def layers_of(self, removed: Items) -> Layers:
+        """Return the layers without some causes."""
+        return self.layers[-1 if self.radius in removed else 0]
 
-    def least(self, goals: Goals, reached: Flood) -> Found | None:
+    def flood(self, goals: Goals, removed: Items, before: Flood | None = None) -> Flood:
+        """Reach what is open without some causes."""
+        return goals.flood(self.layers_of(removed), removed, before)
+
+    def least(self, goals: Goals, reached: Flood) -> tuple[Items, int] | None:
         """Return a smallest set of causes without which a way leads to the goal, None for none.
 
-        `reached` is what the start reaches with all of them.
+        And to which cell it leads. `reached` is what the start reaches with all of them.
         """
         if reached.target >= 0:
-            return Found(frozenset(), self.layers[0], reached.target)
-        numbers, queue, done = count(), [], set[tuple[int, Items]]()
-        for removed, layers in self.roots():
-            at = layers.sets[layers.groups.reshape(-1)[goals.start]]
-            if at is not None:
-                # What is open with the radius is so without it.
-                before = reached if not at and len(reached.edges) else None
-                removed |= at
-                queue.append((self.price(removed), next(numbers), removed, layers, before))
-        heapq.heapify(queue)
+            return NOTHING, reached.target
+        numbers, done = count(), set[Items]()
+        queue = [(0.0, next(numbers), NOTHING, reached)]
+        if self.radius >= 0:
+            # What is open with the radius is so without it.
+            without = frozenset({self.radius})
+            queue.append((self.price(without), next(numbers), without, reached))
         while queue:
-            _, _, removed, layers, before = heapq.heappop(queue)
-            if (id(layers), removed) in done:
+            _, _, removed, before = heapq.heappop(queue)
+            if removed in done:
                 continue
-            done.add((id(layers), removed))
-            if len(done) == SOON and self.all_open(goals) is None:
+            done.add(removed)
+            every = frozenset(range(len(self.names)))
+            if len(done) == SOON and self.flood(goals, every).target < 0:
                 return None
             if len(done) > MOST_SETS:
-                return self.any_set(goals)
-            found = goals.flood(layers, removed, before)
+                removed = self.without_spare(goals, every)
+            found = self.flood(goals, removed, before if len(done) <= MOST_SETS else None)
             if found.target >= 0:
-                return Found(removed, layers, found.target)
+                return removed, found.target
+            layers = self.layers_of(removed)
             met = np.bincount(layers.groups.reshape(-1)[found.edges], minlength=1)
             for number in np.flatnonzero(met[1:]).tolist():
-                more = removed | (layers.sets[number + 1] or removed)
-                entry = (self.price(more), next(numbers), more, layers, found)
-                heapq.heappush(queue, entry)
+                more = removed | (layers.sets[number + 1] or NOTHING)
+                heapq.heappush(queue, (self.price(more), next(numbers), more, found))
         return None
 
-    def all_open(self, goals: Goals) -> Found | None:
-        """Return the set of all causes where that opens a way, at best with the radius kept."""
-        for layers in self.layers:
-            every = frozenset(range(len(self.names)))
-            if len(self.layers) > 1 and layers is self.layers[0]:
-                every -= {self.radius}
-            if layers.groups.reshape(-1)[goals.start]:
-                target = goals.flood(layers, every).target
-                if target >= 0:
-                    return Found(every, layers, target)
-        return None
+    def without_spare(self, goals: Goals, removed: Items) -> Items:
+        """Return what remains of a set that opens a way without each cause that it can spare."""
+        for item in sorted(removed):
+            fewer = removed - {item}
+            removed = fewer if self.flood(goals, fewer).target >= 0 else removed
+        return removed
 
-    def any_set(self, goals: Goals) -> Found | None:
-        """Return a set that opens a way and of which none can be spared; None for none."""
-        found = self.all_open(goals)
-        size = len(found.removed) if found else 0
-        while found is not None and size:
-            for part in np.array_split(sorted(found.removed), math.ceil(len(found.removed) / size)):
-                fewer = found.removed - {*part.tolist()}
-                is_needed = found.layers is self.layers[-1] and len(self.layers) > 1
-                if is_needed and self.radius in part:
-                    continue
-                is_open = found.layers.is_open(fewer)
-                if is_open[found.layers.groups.reshape(-1)[goals.start]]:
-                    target = goals.flood(found.layers, fewer).target
-                    found = found if target < 0 else Found(fewer, found.layers, target)
-            size //= 2
-        return found
-
-    def room(self, found: Found) -> NDArray[np.int32]:
+    def room(self, removed: Items) -> NDArray[np.int32]:
         """Return how far each open cell is from what stays lethal, squared, in cells.
 
         Int32 [height, width] with the frame, 0 where it is closed; at most what a robot needs.
         """
-        lethal = self.lethal.copy()
+        lethal, layers = self.lethal.copy(), self.layers_of(removed)
         for number, (window, closed) in self.zones.items():
-            if number not in found.removed:
+            if number not in removed:
                 lethal[window] |= closed
-        radius = self.config.robot_radius or WIDEST
-        reach = math.isqrt(squared_cells(radius, self.resolution)) + 1
-        room = np.zeros(found.layers.groups.shape, dtype=np.int32)
-        is_open = found.layers.is_open(found.removed)
-        reach = min(reach, max(lethal.shape))
-        kernels.fill_room(lethal, reach, found.layers.cells, is_open, room[1:-1, 1:-1])
+        metres = self.config.robot_radius or WIDEST
+        reach = min(math.isqrt(squared_cells(metres, self.resolution)) + 1, max(lethal.shape))
+        room = np.zeros(layers.groups.shape, dtype=np.int32)
+        kernels.fill_room(lethal, reach, layers.cells, layers.is_open(removed), room[1:-1, 1:-1])
         return room
 
 
 def grown(
-    window: Window, closed: Mask, grid_map: GridMap, config: CostmapConfig
+    window: Window, lethal: Mask, grid_map: GridMap, config: CostmapConfig
 ) -> tuple[Window, Mask]:
     """Return the cells that lethal cells of a window close to the robot, and their window."""
     reach = math.isqrt(squared_cells(config.robot_radius, grid_map.resolution))
-    sides = [part.indices(size)[:2] for part, size in zip(window, grid_map.cells.shape)]
-    around = [
-        (max(first - reach, 0), min(last + reach, size))
-        for (first, last), size in zip(sides, grid_map.cells.shape)
-    ]
-    (top, bottom), (left, right) = around
-    cells = np.zeros((bottom - top, right - left), dtype=np.int8)
-    inner = [slice(a - c, b - c) for (a, b), (c, _) in zip(sides, around)]
-    cells[inner[0], inner[1]][closed] = 100
-    blocked = inflate(GridMap(cells, grid_map.resolution), config)[0]
-    return (slice(top, bottom), slice(left, right)), blocked
+    around = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
+    cells = np.zeros_like(grid_map.cells[around])
+    inside = tuple(
+        slice(part.start - whole.start, part.stop - whole.start)
+        for part, whole in zip(window, around)
+    )
+    cells[inside][lethal] = OCCUPIED
+    return (around[0], around[1]), inflate(GridMap(cells, grid_map.resolution), config)[0]
 
 
 class Nearest(NamedTuple):
@@ -326,134 +294,126 @@ class Why:
 
     `causes` are objects with a `kind`; points are (x, y) in metres of the map's frame. `length`
     is that of the shortest path without the causes, in metres, NaN where walls close the way.
-    `nearest` is what can be reached nearest to the goal, None where the goal can.
+    `nearest` is what can be reached nearest to the goal, None where the goal can; with via points
+    to the first of them that cannot, after the first `reached` ones.
     """
 
     sentence: str
     causes: tuple[dict[str, Any], ...]
     length: float = math.nan
     nearest: Nearest | None = None
+    reached: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of reports and `--json`."""
-        nearest = self.nearest
         return {
             'sentence': self.sentence,
-            'causes': list(self.causes),
+            'causes': self.causes,
             'length': round(self.length, 3) if math.isfinite(self.length) else None,
-            'nearest': None if nearest is None else nearest.point,
-            'short_of': None if nearest is None else nearest.short_of,
+            'nearest': None if self.nearest is None else self.nearest.point,
+            'short_of': None if self.nearest is None else self.nearest.short_of,
         }
 
 
-@dataclass(frozen=True, eq=False)
 class Explainer:
-    """Says why no path leads from a cell to within `tolerance` metres of another."""
+    """Says why there is no path."""
 
-    costmap: Costmap
-    start: Cell
-    goal: Cell
-    tolerance: float = 0.0
-    clauses: Sequence[tuple[str, Mask]] = ()
-    goal_name: str = 'goal'
-    has_footprint: bool = False
+    def __init__(self, costmap: Costmap, request: PlanRequest) -> None:
+        """Take a request: of its via points and its goal, the first that cannot be reached."""
+        self.costmap, self.start = costmap, request.start
+        components, tolerance = costmap.components, request.tolerance
+        if not components.at(self.start):
+            with suppress(PlanningFailure):
+                self.start = moved_start(costmap, request)
+        here, stops = components.at(self.start), [*request.via, request.goal]
+        cut = [nearest_reached(costmap, stop, here, tolerance) is None for stop in stops]
+        self.reached = cut.index(True) if any(cut) else len(stops) - 1
+        is_goal = self.reached == len(request.via)
+        self.name, self.goal = (
+            'goal' if is_goal else f'via {self.reached + 1}',
+            stops[self.reached],
+        )
+        self.has_footprint = request.footprint is not None
+        self.causes = Causes(costmap, closing_clauses(costmap, request, self.start))
+        self.goals = Goals.of(costmap, self.start, self.goal, tolerance)
 
     def explain(self) -> Why | None:
         """Return why, None where no cell is in the way and the robot has no footprint."""
-        causes = Causes(self.costmap, self.clauses)
-        goals = Goals.of(self.costmap, self.start, self.goal, self.tolerance)
-        reached = goals.flood(causes.layers[0], frozenset())
-        found = causes.least(goals, reached)
+        reached = self.causes.flood(self.goals, NOTHING)
+        found, length = self.causes.least(self.goals, reached), math.nan
+        entries: list[dict[str, Any]]
         if found is None:
-            entries, length = (self.walls(causes, goals),), math.nan
-        elif found.removed:
-            entries, length = self.opened(causes, goals, found)
+            entries = [self.walls()]
+        elif found[0]:
+            entries, length = self.opened(*found)
         elif self.has_footprint:
-            _, _, widest = self.widest_path(causes, goals, found)
-            entries, length = ({'kind': FOOTPRINT, **widest},), math.nan
+            entries = [{'kind': FOOTPRINT, **self.widest_path(NOTHING)[1]}]
         else:
             return None
         nearest = self.nearest(reached)
-        return Why(self.sentence(entries, length, nearest), entries, length, nearest)
+        sentence = self.sentence(entries, length, nearest)
+        return Why(sentence, tuple(entries), length, nearest, self.reached)
 
-    def opened(
-        self, causes: Causes, goals: Goals, found: Found
-    ) -> tuple[tuple[dict[str, Any], ...], float]:
-        """Return the causes found as values, and the length of the path without them."""
-        layers, across = found.layers, int(goals.steps[2])
-        facts: dict[int, dict[str, Any]] = {item: {} for item in sorted(found.removed)}
-        has_radius = len(causes.layers) > 1 and causes.radius in found.removed
-        if has_radius:
-            cells, target, widest = self.widest_path(causes, goals, found)
-            metres = widest.pop('room')
-            facts[causes.radius] = {
-                'radius': causes.config.robot_radius, 'passes': below(metres), **widest
-            }  # fmt: skip
+    def opened(self, removed: Items, target: int) -> tuple[list[dict[str, Any]], float]:
+        """Return some causes as values, and the metres of the shortest path without them."""
+        causes, layers, entries = self.causes, self.causes.layers_of(removed), []
+        widest: dict[str, Any] = {}
+        if causes.radius in removed:
+            cells, widest = self.widest_path(removed)
+            widest['passes'] = below(widest.pop('room'))
         else:
-            is_open = layers.is_open(found.removed)[layers.cells]
-            cells, target = self.path(~is_open, goals.cell(found.target)), found.target
-        ends = {'start': goals.start, 'goal': target}
-        flat = (cells[:, 1].astype(np.int64) + 1) * across + cells[:, 0] + 1
-        on_path = layers.groups.reshape(-1)[flat]
-        for item, fact in facts.items():
-            has_item = np.array([items is not None and item in items for items in layers.sets])
-            met = np.flatnonzero(has_item[on_path])
-            if len(met):
-                first, last = (cells[met[end]].tolist() for end in (0, -1))
-                fact |= {'from': self.metres(first), 'to': self.metres(last)}
-            holds = [name for name, cell in ends.items() if has_item[layers.groups.flat[cell]]]
-            fact |= {'holds': holds} if holds else {}
-        entries = tuple(
-            {'kind': kind, 'name': name} | facts[item] if name else {'kind': kind} | facts[item]
-            for item, (kind, name) in enumerate(causes.names) if item in facts
-        )  # fmt: skip
+            cells = self.path(~layers.is_open(removed)[layers.cells], self.goals.cell(target))
+        on_path = layers.cells[cells[:, 1], cells[:, 0]]
+        for item in sorted(removed):
+            kind, name = causes.names[item]
+            entry: dict[str, Any] = {'kind': kind, 'name': name}
+            if kind == RADIUS:
+                entry = {'kind': kind, 'radius': causes.config.robot_radius, **widest}
+            closes = np.array([item in (items or NOTHING) for items in layers.sets])
+            met = cells[closes[on_path]].tolist()
+            ends = {'from': self.metres(met[0]), 'to': self.metres(met[-1])} if met else {}
+            entries.append(entry | ends)
         return entries, path_length(cells) * causes.resolution
 
     def path(self, blocked: Mask, goal: Cell) -> NDArray[np.int32]:
-        """Return the shortest path on cells that would be open; empty if it is too long."""
+        """Return the shortest path on cells that would be open."""
         grid = GridGraph(blocked, corner_cutting=self.costmap.config.corner_cutting)
         if not grid.corner_cutting:
             return jump_search(grid, self.start, goal, stop=no_stop()).path
         return exact_astar(grid, self.start, goal, want_expanded=False).path
 
-    def widest_path(
-        self, causes: Causes, goals: Goals, found: Found
-    ) -> tuple[NDArray[np.int32], int, dict[str, Any]]:
-        """Return the shortest of the widest ways, its flat target, and where it is narrowest."""
-        room = causes.room(found)
-        target, least, where = kernels.widest(
-            room.reshape(-1), goals.steps, goals.targets, goals.start
-        )
-        cells = self.path(room[1:-1, 1:-1] < least, goals.cell(target))
-        metres = math.sqrt(least) * causes.resolution
-        return cells, target, {'room': metres, 'at': self.metres(goals.cell(where))}
+    def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
+        """Return the shortest of the widest ways, and how wide it is where it is narrowest."""
+        room, (steps, start, targets) = self.causes.room(removed), self.goals
+        target, least, where = kernels.widest(room.reshape(-1), steps, targets, start)
+        metres = math.sqrt(least) * self.causes.resolution
+        cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target))
+        return cells, {'room': metres, 'at': self.metres(self.goals.cell(where))}
 
-    def walls(self, causes: Causes, goals: Goals) -> dict[str, Any]:
+    def walls(self) -> dict[str, Any]:
         """Say what only walls close: an end in one of them, or the smaller of two rooms."""
-        layers = causes.layers[-1]
-        groups, every = layers.groups.reshape(-1), frozenset(range(len(causes.names)))
-        cells = {'start': np.array([goals.start]), 'goal': np.flatnonzero(goals.targets)}
-        areas = {}
-        for name, ends in cells.items():
+        groups, areas = self.causes.layers[-1].groups.reshape(-1), {}
+        targets = np.flatnonzero(self.goals.targets)
+        for name, ends in (('start', np.array([self.goals.start])), (self.name, targets)):
             free = ends[groups[ends] > 0]
             if not len(free):
-                return {'kind': WALLS, 'holds': [name]}
-            nowhere = replace(goals, start=int(free[0]), targets=np.zeros_like(goals.targets))
-            seen = nowhere.flood(layers, every).seen
-            areas[name] = float((seen == kernels.REACHED).sum()) * causes.resolution**2
-        name = 'start' if areas['start'] < areas['goal'] else 'goal'
+                return {'kind': WALLS, 'holds': name}
+            room = Goals(self.goals.steps, int(free[0]), np.zeros_like(self.goals.targets))
+            every = frozenset(range(len(self.causes.names)))
+            seen = self.causes.flood(room, every).seen
+            areas[name] = float((seen == kernels.REACHED).sum()) * self.causes.resolution**2
+        name = min(areas, key=lambda end: areas[end])
         return {'kind': WALLS, 'room': name, 'area': round(areas[name], 3)}
 
     def nearest(self, reached: Flood) -> Nearest | None:
-        """Return the cell reached that is nearest to the goal, and its distance in metres."""
-        height, width = self.costmap.blocked.shape
-        seen = reached.seen.reshape(height + 2, width + 2)[1:-1, 1:-1]
+        """Return the cell reached that is nearest to the goal, None where that is reached."""
+        seen = reached.seen.reshape(self.causes.layers[0].groups.shape)[1:-1, 1:-1]
         row, column = kernels.nearest_reached(seen, *self.goal)
         cell = column, row
         if row < 0 or cell == self.goal:
             return None
-        short = math.dist(cell, self.goal) * self.costmap.grid_map.resolution
-        return Nearest(cell, self.metres(cell), round(short, 3))
+        short_of = math.dist(cell, self.goal) * self.causes.resolution
+        return Nearest(cell, self.metres(cell), round(short_of, 3))
 
     def metres(self, cell: Sequence[int]) -> Point:
         """Return the centre of a cell in metres of the map's frame."""
@@ -461,9 +421,7 @@ class Explainer:
         return round(x, 3), round(y, 3)
 
     def place(self, point: Point) -> str:
-        """Name a point as `Costmap.describe_cell` does, but its metres alone where there are any.
-
-        """
+        """Name a point by its metres, and by its cell on maps without metres."""
         words = self.costmap.describe_cell(self.costmap.grid_map.world_to_cell(*point))
         return words.rpartition(' at ')[2]
 
@@ -472,47 +430,79 @@ class Explainer:
     ) -> str:
         """Return the sentence for a person."""
         said = ' and '.join(map(self.phrase, entries))
-        if entries[0]['kind'] not in (WALLS, FOOTPRINT):
+        if math.isfinite(length):
             verb, them = ('closes', 'it') if len(entries) == 1 else ('close', 'them')
-            more = f'; without {them} it is {length:.2f} m' if math.isfinite(length) else ''
-            said = f'{said} {verb} the way{more}'
-            passing = [entry for entry in entries if 'passes' in entry]
-            if passing:
-                most, place = passing[0]['passes'], self.place(passing[0]['at'])
-                said += f'; {most:g} m is the most that passes, at {place}'
+            said += f' {verb} the way, of {length:.2f} m without {them}'
+        for entry in entries:
+            if 'passes' in entry:
+                said += f'; a radius of {entry["passes"]:g} m passes, at {self.place(entry["at"])}'
         if nearest is not None:
-            place = self.place(nearest.point)
-            said += (
-                f'; the nearest point that can be reached is {place}, {nearest.short_of:.2f} m off'
-            )
+            point = self.place(nearest.point)
+            said += f'; the nearest point reached is {point}, {nearest.short_of:.2f} m off'
         return said
 
     def phrase(self, entry: dict[str, Any]) -> str:
         """Return what one cause is, in words."""
-        kind, name, holds = entry['kind'], entry.get('name', ''), entry.get('holds', [])
-        lies = ' and '.join(self.goal_name if end == 'goal' else end for end in holds)
-        verb = 'lie' if len(holds) > 1 else 'lies'
-        if kind == WALLS and holds:
-            return f'the {lies} lies in an obstacle of the map'
+        kind = entry['kind']
+        if kind == WALLS and 'holds' in entry:
+            return f'the {entry["holds"]} lies in an obstacle of the map'
         if kind == WALLS:
-            room = self.goal_name if entry['room'] == 'goal' else 'start'
-            return f'walls close the room of {entry["area"]:g} m2 in which the {room} lies'
-        if kind == FOOTPRINT:
-            gap = f'{entry["room"]:g} m from the nearest obstacle, at {self.place(entry["at"])}'
-            return f'the widest way comes within {gap}'
-        inside = f', in which the {lies} {verb},' if holds else ''
+            return f'walls close the room of {entry["area"]:g} m2 that the {entry["room"]} is in'
         if kind == RADIUS and not entry['radius']:
-            return 'the inscribed cells of the costmap'
-        if kind == RADIUS:
-            return f"the robot's radius of {entry['radius']:g} m"
-        if kind == UNKNOWN:
-            ends = f' from {self.place(entry["from"])} to {self.place(entry["to"])}'
-            return f'unknown cells{ends}{inside}'
-        words = {ZONE: f'zone {name}', MASK: f'the filter mask {name}'}
-        return words.get(kind, f'the instruction "{name}"') + inside
+            return 'the inflation of the costmap'
+        points = {end: self.place(entry[end]) for end in ('from', 'to', 'at') if end in entry}
+        return NAMED[kind].format_map(entry | points)
 
 
 def below(metres: float) -> float:
-    """Return the greatest number of whole millimetres, or the greatest float, that is less."""
+    """Return the greatest number of whole millimetres that is less, else a little less."""
     whole = math.ceil(1000.0 * metres - ROUNDING) - 1
     return whole / 1000.0 if whole > 0 else metres * (1.0 - ROUNDING)
+
+
+def closing_clauses(costmap: Costmap, request: PlanRequest, start: Cell) -> list[tuple[str, Mask]]:
+    """Return the sentence of each clause that is required, and which cells it closes."""
+    instruction = request.instruction
+    if instruction is None or instruction.policy != REQUIRE:
+        return []
+    # Many modules, which plans without an instruction do not need.
+    from llm_astar_planner.instructions.enforcement import Enforcer, demands_of  # noqa: PLC0415
+
+    route = Route(costmap, start, request.goal, instruction.places, instruction.driven)
+    enforcer = Enforcer(demands_of(instruction.interpretation.specification, route), route)
+    closing = []
+    for demand in enforcer.demands:
+        closed, priced = enforcer.barred(demand)
+        # What an end lies in has a price there, and no path keeps it.
+        closed = priced.touched if closed is None and priced is not None else closed
+        if closed is not None and demand.is_must:
+            closing.append((demand.clause.sentence(), closed))
+    return closing
+
+
+def explained(
+    planner: Planner, request: PlanRequest, plan: Plan, stop: StopFlag, deadline: float
+) -> Plan:
+    """Return a plan without a path with the reason, or where it may the path as near as it can.
+
+    That is planned until the `deadline`, in monotonic seconds.
+    """
+    why = Explainer(planner.costmap, request).explain()
+    if why is None:
+        return plan
+    failed = replace(plan, message=f'{plan.message}; {why.sentence}', why=why)
+    nearest, time_left = why.nearest, deadline - time.monotonic()
+    if not request.allow_partial_planning or nearest is None or nearest.cell == plan.start:
+        return failed
+    nearer = replace(
+        request, goal=nearest.cell, via=request.via[: why.reached], goal_yaw=None,
+        allow_partial_planning=False, time_limit=time_left,
+    )  # fmt: skip
+    partial = planner.plan(nearer, stop)
+    if partial.code:
+        return failed
+    warning = f'the path is partial, {nearest.short_of:.2f} m short of the goal: {failed.message}'
+    return replace(
+        partial, message=f'partial: {partial.message}', warnings=(*partial.warnings, warning),
+        goal_shift=nearest.short_of, why=why, partial=True,
+    )  # fmt: skip
