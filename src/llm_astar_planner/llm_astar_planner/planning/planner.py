@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
@@ -82,7 +83,8 @@ class Planner(PathPlanner):
             # Only after a failure: other plans do not need it.
             from llm_astar_planner.planning.why import explained  # noqa: PLC0415
 
-            yield explained(self, request, plan, stop, deadline)
+            again = partial(self.plan, stop=stop)
+            yield explained(self.costmap, request, plan, again, deadline)
 
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.

@@ -14,7 +14,7 @@ from html import escape
 from operator import index
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.instructions.outcome import InstructionOutcome
-    from llm_astar_planner.planning.why import Why
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
@@ -56,6 +55,8 @@ UNKNOWN, UNSUPPORTED = 'unknown', 'unsupported'
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
 LIMITS = {item.name: replace(item, zero='') for item in PLANNER if item.name in CHECKED}
+# Metres of the map's frame, [x, y].
+Point = list[float]
 NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
 
 
@@ -215,6 +216,41 @@ def kind_of_plan(
         has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
         bool(request.via), request.footprint is None, request.instruction is None,
     )  # fmt: skip
+
+
+class Nearest(NamedTuple):
+    """A cell that can be reached, its centre in metres, and its distance to the goal."""
+
+    cell: Cell
+    point: Point
+    short_of: float
+
+
+@dataclass(frozen=True)
+class Why:
+    """Why there is no path: a sentence, and what it says as values for reports.
+
+    `causes` are objects with a `kind`; points are (x, y) in metres of the map's frame. `length`
+    is that of the shortest path without the causes, in metres, NaN where walls close the way.
+    `nearest` is what can be reached nearest to the goal, None where the goal can; with via points
+    to the first of them that cannot, after the first `reached` ones.
+    """
+
+    sentence: str
+    causes: tuple[dict[str, Any], ...]
+    length: float = math.nan
+    nearest: Nearest | None = None
+    reached: int = 0
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of reports and `--json`."""
+        return {
+            'sentence': self.sentence,
+            'causes': list(self.causes),
+            'length': round(self.length, 3) if math.isfinite(self.length) else None,
+            'nearest': None if self.nearest is None else self.nearest.point,
+            'short_of': None if self.nearest is None else self.nearest.short_of,
+        }
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,11 +15,11 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
@@ -32,19 +32,22 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
 from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
-from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest
+from llm_astar_planner.planning.types import (
+    Nearest,
+    Plan,
+    PlanningFailure,
+    PlanRequest,
+    Point,
+    Why,
+)
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
 from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import StopFlag, no_stop
-
-if TYPE_CHECKING:
-    from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.search.stop import no_stop
 
 Mask = NDArray[np.bool_]
 Items = frozenset[int]
-Point = tuple[float, float]
 Window = tuple[slice, slice]
 WHOLE: Window = slice(None), slice(None)
 NOTHING: Items = frozenset()
@@ -280,41 +283,6 @@ def grown(
     return (around[0], around[1]), inflate(GridMap(cells, grid_map.resolution), config)[0]
 
 
-class Nearest(NamedTuple):
-    """A cell that can be reached, its centre in metres, and its distance to the goal."""
-
-    cell: Cell
-    point: Point
-    short_of: float
-
-
-@dataclass(frozen=True)
-class Why:
-    """Why there is no path: a sentence, and what it says as values for reports.
-
-    `causes` are objects with a `kind`; points are (x, y) in metres of the map's frame. `length`
-    is that of the shortest path without the causes, in metres, NaN where walls close the way.
-    `nearest` is what can be reached nearest to the goal, None where the goal can; with via points
-    to the first of them that cannot, after the first `reached` ones.
-    """
-
-    sentence: str
-    causes: tuple[dict[str, Any], ...]
-    length: float = math.nan
-    nearest: Nearest | None = None
-    reached: int = 0
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the form of reports and `--json`."""
-        return {
-            'sentence': self.sentence,
-            'causes': self.causes,
-            'length': round(self.length, 3) if math.isfinite(self.length) else None,
-            'nearest': None if self.nearest is None else self.nearest.point,
-            'short_of': None if self.nearest is None else self.nearest.short_of,
-        }
-
-
 class Explainer:
     """Says why there is no path."""
 
@@ -417,12 +385,13 @@ class Explainer:
 
     def metres(self, cell: Sequence[int]) -> Point:
         """Return the centre of a cell in metres of the map's frame."""
-        x, y = self.costmap.grid_map.grid_to_world([cell])[0].tolist()
-        return round(x, 3), round(y, 3)
+        point: Point = self.costmap.grid_map.grid_to_world([cell])[0].round(3).tolist()
+        return point
 
     def place(self, point: Point) -> str:
         """Name a point by its metres, and by its cell on maps without metres."""
-        words = self.costmap.describe_cell(self.costmap.grid_map.world_to_cell(*point))
+        x, y = point
+        words = self.costmap.describe_cell(self.costmap.grid_map.world_to_cell(x, y))
         return words.rpartition(' at ')[2]
 
     def sentence(
@@ -481,13 +450,17 @@ def closing_clauses(costmap: Costmap, request: PlanRequest, start: Cell) -> list
 
 
 def explained(
-    planner: Planner, request: PlanRequest, plan: Plan, stop: StopFlag, deadline: float
+    costmap: Costmap,
+    request: PlanRequest,
+    plan: Plan,
+    plan_again: Callable[[PlanRequest], Plan],
+    deadline: float,
 ) -> Plan:
     """Return a plan without a path with the reason, or where it may the path as near as it can.
 
-    That is planned until the `deadline`, in monotonic seconds.
+    That is what `plan_again` plans until the `deadline`, in monotonic seconds.
     """
-    why = Explainer(planner.costmap, request).explain()
+    why = Explainer(costmap, request).explain()
     if why is None:
         return plan
     failed = replace(plan, message=f'{plan.message}; {why.sentence}', why=why)
@@ -498,7 +471,7 @@ def explained(
         request, goal=nearest.cell, via=request.via[: why.reached], goal_yaw=None,
         allow_partial_planning=False, time_limit=time_left,
     )  # fmt: skip
-    partial = planner.plan(nearer, stop)
+    partial = plan_again(nearer)
     if partial.code:
         return failed
     warning = f'the path is partial, {nearest.short_of:.2f} m short of the goal: {failed.message}'
