@@ -50,7 +50,7 @@ class ZoneLayer:
         ZonesError for a mask of speeds in m/s without it, and for zones over MOST_CELLS.
         """
         self.config = config or CostmapConfig()
-        self._layout = layout.layout
+        self._layout, self._max_speed = layout.layout, max_speed
         covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
         self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
         check_size(window for _, window in self._zones)
@@ -104,10 +104,22 @@ class ZoneLayer:
             whole = slice(0, layout.height), slice(0, layout.width)
             yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
 
+    def without(self, grid_map: GridMap, name: str) -> GridMap | None:
+        """Return a map with all but the zone of this label, id or name; None without one."""
+        zones = [zone for zone, _ in self._zones]
+        left = [zone for zone in zones if name not in (zone.label, zone.id, zone.name)]
+        if len(left) == len(zones):
+            return None
+        masks = [mask for mask, _ in self._masks]
+        return ZoneLayer(grid_map, left, masks, self.config, self._max_speed).compose(grid_map)
+
+    def labels(self) -> list[str]:
+        """Return the labels of the zones on the map."""
+        return [zone.label for zone, _ in self._zones]
+
     def _names(self) -> Iterator[str]:
         """Yield the labels of the zones on the map, the first MOST_NAMED of them."""
-        for zone, _ in self._zones[:MOST_NAMED]:
-            yield zone.label
+        yield from self.labels()[:MOST_NAMED]
         if len(self._zones) > MOST_NAMED:
             yield f'and {len(self._zones) - MOST_NAMED} more'
 
@@ -131,6 +143,14 @@ class ComposedZones(NamedTuple):
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
         """Yield what `Composed.closed` does."""
         return self.layer.closed(self.base)
+
+    def without(self, name: str) -> GridMap | None:
+        """Return the map with all but the zone of this label, id or name; None without one."""
+        return self.layer.without(self.base, name)
+
+    def labels(self) -> list[str]:
+        """Return the labels of the zones."""
+        return self.layer.labels()
 
 
 def has_cells(window: Window) -> bool:
