@@ -71,6 +71,7 @@ class PlanReport:
     instruction_report: dict[str, Any] | None = None
     why: dict[str, Any] | None = None
     partial: bool = False
+    alternatives: tuple[dict[str, Any], ...] = ()
 
     @property
     def level(self) -> bytes:

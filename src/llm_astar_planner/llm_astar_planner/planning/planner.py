@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
@@ -31,6 +32,7 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
 
+NO_ALTERNATIVES = 'no alternatives: they go with no via points, footprint or instruction'
 NOT_COMPILED = 'cancelled while the searches were compiled'
 
 
@@ -77,6 +79,9 @@ class Planner(PathPlanner):
         """Yield plans; one without a path says why, or leads as near as possible if it may."""
         deadline = time.monotonic() + request.time_limit
         for plan in plans:
+            if plan.is_final and request.alternatives and plan.code is ResultCode.NONE:
+                yield self.with_alternatives(plan, request, stop, deadline)
+                continue
             if plan.code not in EXPLAINED or stop[0]:
                 yield plan
                 continue
@@ -85,6 +90,22 @@ class Planner(PathPlanner):
 
             again = partial(self.plan, stop=stop)
             yield explained(self.costmap, request, plan, again, deadline)
+
+    def with_alternatives(
+        self, plan: Plan, request: PlanRequest, stop: StopFlag, deadline: float
+    ) -> Plan:
+        """Return a plan with the ways to choose from that are found until the deadline."""
+        if request.via or request.footprint or request.instruction:
+            return replace(plan, warnings=(*plan.warnings, NO_ALTERNATIVES))
+        from llm_astar_planner.planning.alternatives import WaysSearch  # noqa: PLC0415
+
+        between = replace(request, start=plan.start, goal=plan.goal)
+        found = WaysSearch(self.costmap, between, stop, deadline).ways()
+        ways = [
+            way._replace(clearance=self.checker.measure(way.path).clearance)
+            for way in islice(found, request.alternatives)
+        ]
+        return replace(plan, alternatives=tuple(ways))
 
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.

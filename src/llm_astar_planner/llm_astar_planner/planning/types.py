@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from html import escape
@@ -135,6 +135,8 @@ class PlanRequest:
       possible, and the plan says clause by clause how far. Not together with `via`.
     - `allow_partial_planning`: where the goal cannot be reached, the path leads to the nearest
       point that can, and is marked as partial.
+    - `alternatives`: how many ways that pass obstacles on different sides the plan has besides;
+      none with via points, a footprint or an instruction.
 
     Raises ValueError if start, goal or any via point is not a pair of whole numbers.
     """
@@ -161,6 +163,7 @@ class PlanRequest:
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
     allow_partial_planning: bool = False
+    alternatives: int = 0
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -216,6 +219,32 @@ def kind_of_plan(
         has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
         bool(request.via), request.footprint is None, request.instruction is None,
     )  # fmt: skip
+
+
+class Way(NamedTuple):
+    """One of several ways to choose from, the cheapest that passes obstacles on these sides.
+
+    `path` is int32 [n, 2] cells, `length` in metres, `cost` in cells, at most `ratio` times the
+    least of these sides. `around` are the centres, [x, y] in metres, of obstacles that the best
+    way passes on the other side. `clearance` is in metres, inf without obstacles.
+    """
+
+    path: NDArray[np.int32]
+    length: float
+    cost: float
+    ratio: float
+    around: Sequence[Point] = ()
+    clearance: float = math.inf
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of reports and `--json`, without the path."""
+        return {
+            'length': round(self.length, 3),
+            'cost': round(self.cost, 3),
+            'ratio': self.ratio,
+            'around': list(self.around),
+            'clearance': finite_or_none(self.clearance),
+        }
 
 
 class Nearest(NamedTuple):
@@ -281,6 +310,7 @@ class Plan:
     - `footprint`: the polygon that the path was searched for, None for a circle.
     - `why`: what closes the way, where there is none. `partial`: the path leads to the nearest
       point that can be reached, not to the goal.
+    - `alternatives`: ways that pass obstacles on different sides, the cheapest first.
     - `is_final`: False for a better path found while the search goes on.
     """
 
@@ -317,6 +347,7 @@ class Plan:
     is_final: bool = True
     why: Why | None = None
     partial: bool = False
+    alternatives: tuple[Way, ...] = ()
 
     def _repr_png_(self) -> bytes | None:
         """Return the picture that a notebook shows, None where there is none."""
@@ -373,6 +404,7 @@ class Plan:
             'instruction_report': self.instruction.to_json() if self.instruction else None,
             'why': self.why.to_json() if self.why else None,
             'partial': self.partial,
+            'alternatives': [way.to_json() for way in self.alternatives],
         }
 
 
