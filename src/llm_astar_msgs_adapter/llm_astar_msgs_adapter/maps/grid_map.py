@@ -65,11 +65,8 @@ class Composed(Protocol):
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
         """Yield of all that closes cells its kind, name and window, and which cells of that."""
 
-    def without(self, name: str) -> GridMap | None:
-        """Return the map with all but the zone of this label, id or name; None without one."""
-
-    def labels(self) -> list[str]:
-        """Return the labels of the zones."""
+    def without_each(self) -> Iterator[tuple[str, GridMap]]:
+        """Yield the label of each zone, with the map without it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,18 +50,19 @@ class ZoneLayer:
         ZonesError for a mask of speeds in m/s without it, and for zones over MOST_CELLS.
         """
         self.config = config or CostmapConfig()
-        self._layout, self._max_speed = layout.layout, max_speed
+        self.rules = self.config, max_speed
+        self._layout = layout.layout
         covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
-        self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
-        check_size(window for _, window in self._zones)
-        self._masks = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
+        self.zones = [(zone, window) for zone, window in covered if has_cells(window)]
+        check_size(window for _, window in self.zones)
+        self.masks = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
         shape = Window(0, layout.height, 0, layout.width)
-        self._window = shape if self._masks else union(window for _, window in self._zones)
+        self._window = shape if self.masks else union(window for _, window in self.zones)
         top, bottom, left, right = self._window
         self._costs = np.full((bottom - top, right - left), TRANSPARENT, dtype=np.int8)
-        for mask, table in self._masks:
+        for mask, table in self.masks:
             paint_mask(mask.grid_map, table, layout, self._costs)
-        for zone, window in self._zones:
+        for zone, window in self.zones:
             self._paint_zone(zone, window, layout)
 
     def fits(self, grid_map: GridMap) -> bool:
@@ -89,39 +90,12 @@ class ZoneLayer:
             ComposedZones(grid_map, self),
         )  # fmt: skip
 
-    def closed(
-        self, layout: GridMap
-    ) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
-        """Yield for each zone and mask that closes cells what `Composed.closed` does."""
-        for zone, window in self._zones:
-            if zone.cost == KEEPOUT:
-                top, bottom, left, right = window
-                touched = cover_window(zone.geometry, layout, window).touched
-                yield 'zone', zone.label, (slice(top, bottom), slice(left, right)), touched
-        for mask, table in self._masks:
-            costs = np.full(layout.cells.shape, TRANSPARENT, dtype=np.int8)
-            paint_mask(mask.grid_map, table, layout, costs)
-            whole = slice(0, layout.height), slice(0, layout.width)
-            yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
-
-    def without(self, grid_map: GridMap, name: str) -> GridMap | None:
-        """Return a map with all but the zone of this label, id or name; None without one."""
-        zones = [zone for zone, _ in self._zones]
-        left = [zone for zone in zones if name not in (zone.label, zone.id, zone.name)]
-        if len(left) == len(zones):
-            return None
-        masks = [mask for mask, _ in self._masks]
-        return ZoneLayer(grid_map, left, masks, self.config, self._max_speed).compose(grid_map)
-
-    def labels(self) -> list[str]:
-        """Return the labels of the zones on the map."""
-        return [zone.label for zone, _ in self._zones]
-
     def _names(self) -> Iterator[str]:
         """Yield the labels of the zones on the map, the first MOST_NAMED of them."""
-        yield from self.labels()[:MOST_NAMED]
-        if len(self._zones) > MOST_NAMED:
-            yield f'and {len(self._zones) - MOST_NAMED} more'
+        for zone, _ in self.zones[:MOST_NAMED]:
+            yield zone.label
+        if len(self.zones) > MOST_NAMED:
+            yield f'and {len(self.zones) - MOST_NAMED} more'
 
     def _paint_zone(self, zone: Zone, window: Window, layout: GridMap) -> None:
         """Raise the costs to a zone's, in its window."""
@@ -142,15 +116,23 @@ class ComposedZones(NamedTuple):
 
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
         """Yield what `Composed.closed` does."""
-        return self.layer.closed(self.base)
+        for zone, (top, bottom, left, right) in self.layer.zones:
+            if zone.cost == KEEPOUT:
+                window = Window(top, bottom, left, right)
+                touched = cover_window(zone.geometry, self.base, window).touched
+                yield 'zone', zone.label, (slice(top, bottom), slice(left, right)), touched
+        for mask, table in self.layer.masks:
+            costs = np.full(self.base.cells.shape, TRANSPARENT, dtype=np.int8)
+            paint_mask(mask.grid_map, table, self.base, costs)
+            whole = slice(0, self.base.height), slice(0, self.base.width)
+            yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
 
-    def without(self, name: str) -> GridMap | None:
-        """Return the map with all but the zone of this label, id or name; None without one."""
-        return self.layer.without(self.base, name)
-
-    def labels(self) -> list[str]:
-        """Return the labels of the zones."""
-        return self.layer.labels()
+    def without_each(self) -> Iterator[tuple[str, GridMap]]:
+        """Yield what `Composed.without_each` does."""
+        masks, rules = [mask for mask, _ in self.layer.masks], self.layer.rules
+        for zone, _ in self.layer.zones:
+            left = [other for other, _ in self.layer.zones if other is not zone]
+            yield zone.label, ZoneLayer(self.base, left, masks, *rules).compose(self.base)
 
 
 def has_cells(window: Window) -> bool:

@@ -36,6 +36,8 @@ from llm_astar_planner.search.stop import StopFlag
 MOST_OBSTACLES, LEAST_SHARE = 12, 0.05
 # Crossings of one ray, there less back, up to which a path is followed.
 MOST_CROSSINGS = 3
+# Ways that cost more than so many times the best are none to choose from.
+MOST_LONGER = 2.0
 OTHER, LEFT, RIGHT = range(3)
 
 Class = tuple[int, ...]
@@ -125,7 +127,8 @@ class WaysSearch:
 
         push({})
         first: Class = ()
-        while queue:
+        most = MOST_LONGER * queue[0][0] if queue else 0.0
+        while queue and queue[0][0] <= most:
             _, _, excluded, way, crossed = heapq.heappop(queue)
             if crossed not in found:
                 found.add(crossed)

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -24,11 +24,13 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.ground import Ground
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
     RouteInstruction,
+    Understanding,
 )
 from llm_astar_planner.instructions.polygons import RegionError
 from llm_astar_planner.instructions.route import Route
@@ -52,8 +54,7 @@ class QuestionError(LlmAstarError, ValueError):
     """A question that is not understood, or about what is not there; says what can be asked."""
 
 
-@dataclass(frozen=True)
-class Asked:
+class Asked(NamedTuple):
     """A question: its kind, what the grammar is to read, and the words and the language."""
 
     kind: str
@@ -66,15 +67,13 @@ class Asked:
 class Answer:
     """The sentence, and the lengths in metres of the best path and of the one asked about.
 
-    NaN where there is none. `prices` are the lengths without single causes; `path` is the plan
-    that was asked about, None where the question is about the length.
+    NaN where there is none. `prices` are the lengths without single causes.
     """
 
     sentence: str
     own: float
     other: float = math.nan
     prices: tuple[tuple[str, float], ...] = ()
-    path: Plan | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of `--json` and of the MCP tool."""
@@ -82,7 +81,7 @@ class Answer:
             'sentence': self.sentence,
             'own': finite_or_none(self.own),
             'other': finite_or_none(self.other),
-            'prices': [{'without': name, 'length': length} for name, length in self.prices],
+            'prices': dict(self.prices),
         }
 
 
@@ -123,8 +122,8 @@ class Questions:
             request, method=EXACT, source=None, viapoints=(), any_angle=False,
             want_expanded=False, allow_partial_planning=False,
         )  # fmt: skip
-        asked = request.instruction
-        self.reading = Interpretation('') if asked is None else asked.interpretation
+        self.before = request.instruction or RouteInstruction(Interpretation(''), places)
+        self.said = self.before.interpretation.specification.clauses
 
     def answer(self, text: str) -> Answer:
         """Answer a question. Raises QuestionError."""
@@ -137,7 +136,8 @@ class Questions:
         words, own = languages()[asked.language], self.planner.plan(self.request)
         if asked.kind == LENGTH:
             return self.length(own, words)
-        other = self.opened(asked) if asked.kind == OPENED else self.instead(asked)
+        is_opened = asked.kind == OPENED
+        other = self.opened(asked) if is_opened else self.under(self.said + self.clauses(asked))
         template = 'impossible' if other.code else 'possible' if own.code else 'compared'
         sentence = words[template].format(
             asked=asked.words, own=self.metres(own), other=self.metres(other),
@@ -147,30 +147,22 @@ class Questions:
             x, y = self.narrowest(other)
             spare = other.clearance - self.planner.config.robot_radius
             sentence += words['narrow'].format(x=x, y=y, spare=spare)
-        return Answer(sentence, self.metres(own), self.metres(other), path=other)
+        return Answer(sentence, self.metres(own), self.metres(other))
 
-    def clauses(self, asked: Asked) -> Specification:
+    def clauses(self, asked: Asked) -> tuple[Clause, ...]:
         """Return what the grammar reads. Raises QuestionError."""
         reading = self.interpreter.interpret(asked.text, self.places, READING_S)
         if not reading.is_whole or not reading.specification.clauses:
             raise QuestionError(f'{asked.words[:80]!r} is not understood: {reading.summary()}')
-        return reading.specification
+        return reading.specification.clauses
 
-    def under(self, specification: Specification) -> PlanRequest:
-        """Return the request under an instruction alone."""
-        if not specification.clauses:
-            return replace(self.request, instruction=None)
-        before = self.request.instruction or RouteInstruction(self.reading, self.places)
-        reading = replace(self.reading, specification=specification).confirmed()
-        instruction = replace(before, interpretation=reading, policy=REQUIRE, want_prices=False)
-        return replace(self.request, instruction=instruction)
-
-    def instead(self, asked: Asked) -> Plan:
-        """Return the best path that does what is asked too. Raises QuestionError."""
-        more = self.clauses(asked).clauses
-        return self.planner.plan(
-            self.under(Specification((*self.reading.specification.clauses, *more)))
-        )
+    def under(self, clauses: tuple[Clause, ...]) -> Plan:
+        """Return the best path under some clauses alone."""
+        reading = Interpretation(
+            'asked', Specification(clauses), 'grammar', Understanding.WHOLE
+        ).confirmed()
+        strict = replace(self.before, interpretation=reading, policy=REQUIRE, want_prices=False)
+        return self.planner.plan(replace(self.request, instruction=strict if clauses else None))
 
     def opened(self, asked: Asked) -> Plan:
         """Return the best path if a zone were not there or a region free. Raises QuestionError."""
@@ -181,7 +173,7 @@ class Questions:
                 return Planner(without, self.planner.config).plan(self.request)
         route = Route(self.planner.costmap, self.request.start, self.request.goal, self.places)
         cells = grid_map.cells.copy()
-        for clause in self.clauses(asked).clauses:
+        for clause in self.clauses(asked):
             if isinstance(clause, Avoid):
                 try:
                     cells[Ground(route).avoided(clause.region).touched] = FREE
@@ -213,18 +205,14 @@ class Questions:
         if not config.allow_unknown:
             known = replace(config, allow_unknown=True)
             yield words['unknown'], Planner(grid_map, known).plan(self.request)
-        clauses = self.reading.specification.clauses
-        for clause in clauses:
-            fewer = Specification(tuple(other for other in clauses if other is not clause))
-            yield f'"{clause.sentence()}"', self.planner.plan(self.under(fewer))
+        for clause in self.said:
+            fewer = tuple(other for other in self.said if other is not clause)
+            yield f'"{clause.sentence()}"', self.under(fewer)
 
     def without_zones(self) -> Iterator[tuple[str, GridMap]]:
         """Yield the label of each zone, with the map without it."""
         composed = self.planner.grid_map.composed
-        for label in () if composed is None else composed.labels():
-            without = composed.without(label) if composed else None
-            if without is not None:
-                yield label, without
+        return iter(()) if composed is None else composed.without_each()
 
     def metres(self, plan: Plan) -> float:
         """Return the length of a plan's path, NaN without one."""

@@ -53,7 +53,7 @@ WHOLE: Window = slice(None), slice(None)
 NOTHING: Items = frozenset()
 # Of sets with equally many causes, what a person changes most easily is named: this order.
 CLAUSE, ZONE, MASK, UNKNOWN, RADIUS = ORDER = ('clause', 'zone', 'mask', 'unknown', 'radius')
-WALLS, FOOTPRINT = 'walls', 'footprint'
+WALLS = 'walls'
 # How much one place in this order counts: less than one cause more.
 PLACE = 1e-4
 # Sets tried before it is looked at whether all causes together close the way, and before a set
@@ -68,7 +68,6 @@ NAMED = {
     MASK: 'the filter mask {name}',
     UNKNOWN: 'unknown cells between {from} and {to}',
     RADIUS: "the robot's radius of {radius:g} m",
-    FOOTPRINT: 'the widest way comes within {room:.3g} m of an obstacle, at {at}',
 }
 
 
@@ -301,12 +300,11 @@ class Explainer:
             'goal' if is_goal else f'via {self.reached + 1}',
             stops[self.reached],
         )
-        self.has_footprint = request.footprint is not None
         self.causes = Causes(costmap, closing_clauses(costmap, request, self.start))
         self.goals = Goals.of(costmap, self.start, self.goal, tolerance)
 
     def explain(self) -> Why | None:
-        """Return why, None where no cell is in the way and the robot has no footprint."""
+        """Return why, None where no cell is in the way."""
         reached = self.causes.flood(self.goals, NOTHING)
         found, length = self.causes.least(self.goals, reached), math.nan
         entries: list[dict[str, Any]]
@@ -314,8 +312,6 @@ class Explainer:
             entries = [self.walls()]
         elif found[0]:
             entries, length = self.opened(*found)
-        elif self.has_footprint:
-            entries = [{'kind': FOOTPRINT, **self.widest_path(NOTHING)[1]}]
         else:
             return None
         nearest = self.nearest(reached)
@@ -328,7 +324,6 @@ class Explainer:
         widest: dict[str, Any] = {}
         if causes.radius in removed:
             cells, widest = self.widest_path(removed)
-            widest['passes'] = below(widest.pop('room'))
         else:
             cells = self.path(~layers.is_open(removed)[layers.cells], self.goals.cell(target))
         on_path = layers.cells[cells[:, 1], cells[:, 0]]
@@ -351,12 +346,12 @@ class Explainer:
         return exact_astar(grid, self.start, goal, want_expanded=False).path
 
     def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
-        """Return the shortest of the widest ways, and how wide it is where it is narrowest."""
+        """Return the shortest of the widest ways, which robots pass it, and where it is narrow."""
         room, (steps, start, targets) = self.causes.room(removed), self.goals
         target, least, where = kernels.widest(room.reshape(-1), steps, targets, start)
-        metres = math.sqrt(least) * self.causes.resolution
         cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target))
-        return cells, {'room': metres, 'at': self.metres(self.goals.cell(where))}
+        passes = below(math.sqrt(least) * self.causes.resolution)
+        return cells, {'passes': passes, 'at': self.metres(self.goals.cell(where))}
 
     def walls(self) -> dict[str, Any]:
         """Say what only walls close: an end in one of them, or the smaller of two rooms."""
