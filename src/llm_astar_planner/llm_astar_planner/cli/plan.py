@@ -50,7 +50,7 @@ from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.questions import Answer, Questions
+from llm_astar_planner.planning.questions import Questions
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
 
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     with compile_progress():
         planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
-    answer = None if arguments.why is None else answered(arguments.why, asked)
+    answer = answered(arguments.why, asked) if arguments.why else {}
     show(plan, arguments, asked.coordinates, answer)
     if not arguments.json and may_touch(plan, asked):
         print(f'robot      {POINT_ROBOT}')
@@ -92,24 +92,27 @@ def run(arguments: argparse.Namespace) -> int:
     return exit_code(plan, arguments)
 
 
-def answered(question: str, asked: Problem) -> Answer:
+def answered(question: str, asked: Problem) -> dict[str, Any]:
     """Answer a question about what was planned. Raises QuestionError."""
     interpreter = GrammarInterpreter()
     return Questions(asked.planner, asked.request, interpreter, asked.places).answer(question)
 
 
 def show(
-    plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates, answer: Answer | None
+    plan: Plan,
+    arguments: argparse.Namespace,
+    coordinates: Coordinates,
+    answer: dict[str, Any] | None,
 ) -> None:
     """Print a plan; write a hint where metres lie off a map on which they would be cells."""
     if arguments.json:
-        said = {} if answer is None else {'answer': answer.to_json()}
-        print(json.dumps(plan_to_json(plan, coordinates.offset) | said))
+        answered = {'answer': answer} if answer else {}
+        print(json.dumps(plan_to_json(plan, coordinates.offset) | answered))
     else:
         goal = 'by the instruction' if ends_route(plan) else arguments.goal_place or ''
         print(plan_to_text(plan, coordinates, arguments.start_place or '', goal))
-        if answer is not None:
-            print(f'answer     {answer.sentence}')
+        if answer:
+            print(f'answer     {answer["sentence"]}')
     if plan.instruction is not None and plan.instruction.interpretation.questions:
         sys.stderr.write(CONFIRM_HINT)
     if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
@@ -215,7 +218,7 @@ def path_lines(plan: Plan, coordinates: Coordinates) -> list[str]:
         others = [coordinates.describe(*cell) for cell in cells]
         lines.append(
             f'way {number:<6} {coordinates.describe_distance(way.length)}, '
-            f'clearance {coordinates.describe_distance(way.clearance)}'
+            f'clearance {coordinates.describe_distance(way.clearance or math.inf)}'
             + (f', on the other side of {", ".join(others)}' if others else '')
         )
     return lines

@@ -118,13 +118,10 @@ class RouteTools:
 
         Raises RouteToolError, PlaceGoalError, QuestionError.
         """
-        request = PlanRequest(
-            self.cell_of('start', start),
-            self.cell_of('goal', goal),
-            **request_fields(self.options.values),
-        )
+        ends = self.cell_of('start', start), self.cell_of('goal', goal)
+        request = PlanRequest(*ends, **request_fields(self.options.values))
         asked = Questions(self.planner, request, self.interpreter, self.places)
-        return asked.answer(question).to_json()
+        return asked.answer(question)
 
     def check_path(
         self, points: Sequence[Sequence[float]], instruction: str = ''

@@ -155,8 +155,8 @@ class WaysSearch:
             return None
         if result.status is not SearchStatus.FOUND:
             return None
-        metres = result.length * grid_map.resolution
-        return Way(result.path, metres, result.cost, result.suboptimality_bound)
+        metres = round(result.length * grid_map.resolution, 3)
+        return Way(result.path, metres, result.cost, result.suboptimality_bound, [])
 
     def metres(self, cells: list[tuple[float, float]]) -> list[list[float]]:
         """Return points in grid coordinates in metres of the map's frame."""

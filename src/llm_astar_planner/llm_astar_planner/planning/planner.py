@@ -25,6 +25,7 @@ from llm_astar_planner.planning.types import (
     PlanningFailure,
     PlanRequest,
     ResultCode,
+    finite_or_none,
     kind_of_plan,
 )
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -102,8 +103,9 @@ class Planner(PathPlanner):
         between = replace(request, start=plan.start, goal=plan.goal)
         found = WaysSearch(self.costmap, between, stop, deadline).ways()
         ways = [
-            way._replace(clearance=self.checker.measure(way.path).clearance)
+            way._replace(clearance=finite_or_none(self.checker.measure(way.path).clearance))
             for way in islice(found, request.alternatives)
+            if self.checker.path_problem(way.path, plan.start, plan.goal) is None
         ]
         return replace(plan, alternatives=tuple(ways))
 

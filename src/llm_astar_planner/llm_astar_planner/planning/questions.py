@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -63,28 +63,6 @@ class Asked(NamedTuple):
     language: str
 
 
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """The sentence, and the lengths in metres of the best path and of the one asked about.
-
-    NaN where there is none. `prices` are the lengths without single causes.
-    """
-
-    sentence: str
-    own: float
-    other: float = math.nan
-    prices: tuple[tuple[str, float], ...] = ()
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the form of `--json` and of the MCP tool."""
-        return {
-            'sentence': self.sentence,
-            'own': finite_or_none(self.own),
-            'other': finite_or_none(self.other),
-            'prices': dict(self.prices),
-        }
-
-
 @cache
 def languages() -> dict[str, dict[str, Any]]:
     """Return the questions and answers of each language."""
@@ -125,8 +103,13 @@ class Questions:
         self.before = request.instruction or RouteInstruction(Interpretation(''), places)
         self.said = self.before.interpretation.specification.clauses
 
-    def answer(self, text: str) -> Answer:
-        """Answer a question. Raises QuestionError."""
+    def answer(self, text: str) -> dict[str, Any]:
+        """Answer a question. Raises QuestionError.
+
+        Return the `sentence`, the length of the best path in metres, `own`, and that of the
+        `other` one that was asked about or `prices`, the lengths without single causes; None
+        where there is no path.
+        """
         asked = read_question(text)
         if asked is None:
             raise QuestionError(
@@ -147,7 +130,8 @@ class Questions:
             x, y = self.narrowest(other)
             spare = other.clearance - self.planner.config.robot_radius
             sentence += words['narrow'].format(x=x, y=y, spare=spare)
-        return Answer(sentence, self.metres(own), self.metres(other))
+        lengths = {'own': self.metres(own), 'other': self.metres(other)}
+        return {'sentence': sentence, **{k: finite_or_none(m) for k, m in lengths.items()}}
 
     def clauses(self, asked: Asked) -> tuple[Clause, ...]:
         """Return what the grammar reads. Raises QuestionError."""
@@ -181,7 +165,7 @@ class Questions:
                     raise QuestionError(str(error)) from None
         return Planner(replace(grid_map, cells=cells), self.planner.config).plan(self.request)
 
-    def length(self, own: Plan, words: dict[str, Any]) -> Answer:
+    def length(self, own: Plan, words: dict[str, Any]) -> dict[str, Any]:
         """Say what makes the best path longer than a straight line."""
         metres, resolution = self.metres(own), self.planner.grid_map.resolution
         straight = math.dist(self.request.start, self.request.goal) * resolution
@@ -192,7 +176,7 @@ class Questions:
         template = words['impossible'] if own.code else words['length']
         sentence = template.format(asked='', own=metres, straight=straight, message=own.message)
         sentence += ''.join(said) or words['nothing']
-        return Answer(sentence, metres, prices=tuple(prices))
+        return {'sentence': sentence, 'own': finite_or_none(metres), 'prices': dict(prices)}
 
     def cheaper(self, words: dict[str, Any]) -> Iterator[tuple[str, Plan]]:
         """Yield each cause that may be left out, with the plan without it."""

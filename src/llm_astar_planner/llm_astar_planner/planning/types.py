@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from html import escape
@@ -226,60 +226,42 @@ class Way(NamedTuple):
 
     `path` is int32 [n, 2] cells, `length` in metres, `cost` in cells, at most `ratio` times the
     least of these sides. `around` are the centres, [x, y] in metres, of obstacles that the best
-    way passes on the other side. `clearance` is in metres, inf without obstacles.
+    way passes on the other side. `clearance` is in metres, None without obstacles.
     """
 
     path: NDArray[np.int32]
     length: float
     cost: float
     ratio: float
-    around: Sequence[Point] = ()
-    clearance: float = math.inf
+    around: list[Point]
+    clearance: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of reports and `--json`, without the path."""
-        return {
-            'length': round(self.length, 3),
-            'cost': round(self.cost, 3),
-            'ratio': self.ratio,
-            'around': list(self.around),
-            'clearance': finite_or_none(self.clearance),
-        }
+        return {name: value for name, value in self._asdict().items() if name != 'path'}
 
 
-class Nearest(NamedTuple):
-    """A cell that can be reached, its centre in metres, and its distance to the goal."""
-
-    cell: Cell
-    point: Point
-    short_of: float
-
-
-@dataclass(frozen=True)
-class Why:
+class Why(NamedTuple):
     """Why there is no path: a sentence, and what it says as values for reports.
 
-    `causes` are objects with a `kind`; points are (x, y) in metres of the map's frame. `length`
-    is that of the shortest path without the causes, in metres, NaN where walls close the way.
-    `nearest` is what can be reached nearest to the goal, None where the goal can; with via points
-    to the first of them that cannot, after the first `reached` ones.
+    `causes` are objects with a `kind`; points are [x, y] in metres of the map's frame. `length`
+    is that of the shortest path without the causes, in metres, None where walls close the way.
+    `nearest` is the point that can be reached nearest to the goal, `short_of` metres off, None
+    where the goal can, and `cell` its cell; with via points to the first of them that cannot,
+    after the first `reached` ones.
     """
 
     sentence: str
-    causes: tuple[dict[str, Any], ...]
-    length: float = math.nan
-    nearest: Nearest | None = None
-    reached: int = 0
+    causes: list[dict[str, Any]]
+    length: float | None
+    nearest: Point | None
+    short_of: float | None
+    cell: Cell | None
+    reached: int
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of reports and `--json`."""
-        return {
-            'sentence': self.sentence,
-            'causes': list(self.causes),
-            'length': round(self.length, 3) if math.isfinite(self.length) else None,
-            'nearest': None if self.nearest is None else self.nearest.point,
-            'short_of': None if self.nearest is None else self.nearest.short_of,
-        }
+        return dict(zip(self._fields[:5], self))
 
 
 @dataclass(frozen=True, eq=False)

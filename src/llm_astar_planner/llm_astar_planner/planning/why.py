@@ -33,7 +33,6 @@ from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
 from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
 from llm_astar_planner.planning.types import (
-    Nearest,
     Plan,
     PlanningFailure,
     PlanRequest,
@@ -306,19 +305,17 @@ class Explainer:
     def explain(self) -> Why | None:
         """Return why, None where no cell is in the way."""
         reached = self.causes.flood(self.goals, NOTHING)
-        found, length = self.causes.least(self.goals, reached), math.nan
-        entries: list[dict[str, Any]]
+        found = self.causes.least(self.goals, reached)
+        entries, length = list[dict[str, Any]](), None
         if found is None:
             entries = [self.walls()]
         elif found[0]:
             entries, length = self.opened(*found)
         else:
             return None
-        nearest = self.nearest(reached)
-        sentence = self.sentence(entries, length, nearest)
-        return Why(sentence, tuple(entries), length, nearest, self.reached)
+        return self.why(entries, length, *self.nearest(reached))
 
-    def opened(self, removed: Items, target: int) -> tuple[list[dict[str, Any]], float]:
+    def opened(self, removed: Items, target: int) -> tuple[list[dict[str, Any]], float | None]:
         """Return some causes as values, and the metres of the shortest path without them."""
         causes, layers, entries = self.causes, self.causes.layers_of(removed), []
         widest: dict[str, Any] = {}
@@ -336,7 +333,7 @@ class Explainer:
             met = cells[closes[on_path]].tolist()
             ends = {'from': self.metres(met[0]), 'to': self.metres(met[-1])} if met else {}
             entries.append(entry | ends)
-        return entries, path_length(cells) * causes.resolution
+        return entries, round(path_length(cells) * causes.resolution, 3)
 
     def path(self, blocked: Mask, goal: Cell) -> NDArray[np.int32]:
         """Return the shortest path on cells that would be open."""
@@ -368,15 +365,14 @@ class Explainer:
         name = min(areas, key=lambda end: areas[end])
         return {'kind': WALLS, 'room': name, 'area': round(areas[name], 3)}
 
-    def nearest(self, reached: Flood) -> Nearest | None:
-        """Return the cell reached that is nearest to the goal, None where that is reached."""
+    def nearest(self, reached: Flood) -> tuple[Cell | None, float | None]:
+        """Return the cell reached nearest to the goal, and how far off; None for the goal."""
         seen = reached.seen.reshape(self.causes.layers[0].groups.shape)[1:-1, 1:-1]
         row, column = kernels.nearest_reached(seen, *self.goal)
-        cell = column, row
-        if row < 0 or cell == self.goal:
-            return None
-        short_of = math.dist(cell, self.goal) * self.causes.resolution
-        return Nearest(cell, self.metres(cell), round(short_of, 3))
+        if row < 0 or (column, row) == self.goal:
+            return None, None
+        cells = math.dist((column, row), self.goal)
+        return (column, row), round(cells * self.causes.resolution, 3)
 
     def metres(self, cell: Sequence[int]) -> Point:
         """Return the centre of a cell in metres of the map's frame."""
@@ -389,21 +385,25 @@ class Explainer:
         words = self.costmap.describe_cell(self.costmap.grid_map.world_to_cell(x, y))
         return words.rpartition(' at ')[2]
 
-    def sentence(
-        self, entries: Sequence[dict[str, Any]], length: float, nearest: Nearest | None
-    ) -> str:
-        """Return the sentence for a person."""
+    def why(
+        self,
+        entries: list[dict[str, Any]],
+        length: float | None,
+        cell: Cell | None,
+        short_of: float | None,
+    ) -> Why:
+        """Return the answer, with the sentence for a person."""
         said = ' and '.join(map(self.phrase, entries))
-        if math.isfinite(length):
+        if length is not None:
             verb, them = ('closes', 'it') if len(entries) == 1 else ('close', 'them')
             said += f' {verb} the way, of {length:.2f} m without {them}'
         for entry in entries:
             if 'passes' in entry:
                 said += f'; a radius of {entry["passes"]:g} m passes, at {self.place(entry["at"])}'
+        nearest = None if cell is None else self.metres(cell)
         if nearest is not None:
-            point = self.place(nearest.point)
-            said += f'; the nearest point reached is {point}, {nearest.short_of:.2f} m off'
-        return said
+            said += f'; the nearest point reached is {self.place(nearest)}, {short_of:.2f} m off'
+        return Why(said, entries, length, nearest, short_of, cell, self.reached)
 
     def phrase(self, entry: dict[str, Any]) -> str:
         """Return what one cause is, in words."""
@@ -459,18 +459,17 @@ def explained(
     if why is None:
         return plan
     failed = replace(plan, message=f'{plan.message}; {why.sentence}', why=why)
-    nearest, time_left = why.nearest, deadline - time.monotonic()
-    if not request.allow_partial_planning or nearest is None or nearest.cell == plan.start:
+    if not request.allow_partial_planning or why.cell in (None, plan.start):
         return failed
     nearer = replace(
-        request, goal=nearest.cell, via=request.via[: why.reached], goal_yaw=None,
-        allow_partial_planning=False, time_limit=time_left,
+        request, goal=why.cell, via=request.via[: why.reached], goal_yaw=None,
+        allow_partial_planning=False, time_limit=deadline - time.monotonic(),
     )  # fmt: skip
-    partial = plan_again(nearer)
+    partial, short_of = plan_again(nearer), why.short_of or 0.0
     if partial.code:
         return failed
-    warning = f'the path is partial, {nearest.short_of:.2f} m short of the goal: {failed.message}'
+    warning = f'the path is partial, {short_of:.2f} m short of the goal: {failed.message}'
     return replace(
         partial, message=f'partial: {partial.message}', warnings=(*partial.warnings, warning),
-        goal_shift=nearest.short_of, why=why, partial=True,
+        goal_shift=short_of, why=why, partial=True,
     )  # fmt: skip

@@ -286,7 +286,7 @@ class RequestHandler:
         if last is None or last.planner is None or last.request is None:
             raise QuestionError('nothing was planned yet that a question could be about')
         asked = Questions(last.planner, last.request, GrammarInterpreter(), places)
-        return asked.answer(text).sentence
+        return str(asked.answer(text)['sentence'])
 
     def next_stamp(self) -> Time:
         """Return the time now, a nanosecond later for each earlier plan at this time.
