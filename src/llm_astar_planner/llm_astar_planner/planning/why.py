@@ -120,14 +120,9 @@ class Goals(NamedTuple):
     def of(cls, costmap: Costmap, start: Cell, goal: Cell, tolerance: float) -> Goals:
         """Ask for a cell at most `tolerance` metres from `goal`."""
         height, width = costmap.blocked.shape
-        reach = squared_cells(tolerance, costmap.grid_map.resolution)
-        far, across = min(math.isqrt(reach), height + width), width + 2
-        y, x = np.ogrid[-1 : height + 1, -1 : width + 1]
-        targets = np.zeros((height + 2, across), dtype=np.bool_)
-        # Of a square around the goal.
-        rows, columns = (slice(max(end + 1 - far, 0), max(end + 2 + far, 0)) for end in goal[::-1])
-        y, x = y[rows] - goal[1], x[:, columns] - goal[0]
-        targets[rows, columns] = y * y + x * x <= reach
+        across, reach = width + 2, squared_cells(tolerance, costmap.grid_map.resolution)
+        x, y = np.arange(-1, width + 1) - goal[0], np.arange(-1, height + 1) - goal[1]
+        targets = np.add.outer(y * y, x * x) <= reach
         steps = [1, -1, across, -across]
         if costmap.config.corner_cutting:
             steps += [across + 1, across - 1, 1 - across, -1 - across]
@@ -217,18 +212,15 @@ class Causes:
         """
         if reached.target >= 0:
             return NOTHING, reached.target
-        numbers, done = count(), set[Items]()
-        queue = [(0.0, next(numbers), NOTHING, reached)]
-        if self.radius >= 0:
-            # What is open with the radius is so without it.
-            without = frozenset({self.radius})
-            queue.append((self.price(without), next(numbers), without, reached))
+        numbers, done, every = count(), set[Items](), frozenset(range(len(self.names)))
+        # What is open with the radius is so without it.
+        roots = [NOTHING] + [frozenset({self.radius})] * (self.radius >= 0)
+        queue = [(self.price(root), next(numbers), root, reached) for root in roots]
         while queue:
             _, _, removed, before = heapq.heappop(queue)
             if removed in done:
                 continue
             done.add(removed)
-            every = frozenset(range(len(self.names)))
             if len(done) == SOON and self.flood(goals, every).target < 0:
                 return None
             if len(done) > MOST_SETS:
@@ -261,8 +253,10 @@ class Causes:
                 lethal[window] |= closed
         metres = self.config.robot_radius or WIDEST
         reach = min(math.isqrt(squared_cells(metres, self.resolution)) + 1, max(lethal.shape))
+        # Where the robot passes there is room enough, which is not measured.
+        is_open, is_wide = (one.is_open(removed)[one.cells] for one in (layers, self.layers[0]))
         room = np.zeros(layers.groups.shape, dtype=np.int32)
-        kernels.fill_room(lethal, reach, layers.cells, layers.is_open(removed), room[1:-1, 1:-1])
+        kernels.fill_room(lethal, reach, is_open, is_wide, room[1:-1, 1:-1])
         return room
 
 
@@ -294,18 +288,15 @@ class Explainer:
         here, stops = components.at(self.start), [*request.via, request.goal]
         cut = [nearest_reached(costmap, stop, here, tolerance) is None for stop in stops]
         self.reached = cut.index(True) if any(cut) else len(stops) - 1
-        is_goal = self.reached == len(request.via)
-        self.name, self.goal = (
-            'goal' if is_goal else f'via {self.reached + 1}',
-            stops[self.reached],
-        )
+        self.goal, is_via = stops[self.reached], self.reached < len(request.via)
+        self.name = f'via {self.reached + 1}' if is_via else 'goal'
         self.causes = Causes(costmap, closing_clauses(costmap, request, self.start))
         self.goals = Goals.of(costmap, self.start, self.goal, tolerance)
+        self.here = self.causes.flood(self.goals, NOTHING)
 
     def explain(self) -> Why | None:
         """Return why, None where no cell is in the way."""
-        reached = self.causes.flood(self.goals, NOTHING)
-        found = self.causes.least(self.goals, reached)
+        found = self.causes.least(self.goals, self.here)
         entries, length = list[dict[str, Any]](), None
         if found is None:
             entries = [self.walls()]
@@ -313,7 +304,7 @@ class Explainer:
             entries, length = self.opened(*found)
         else:
             return None
-        return self.why(entries, length, *self.nearest(reached))
+        return self.why(entries, length, *self.nearest())
 
     def opened(self, removed: Items, target: int) -> tuple[list[dict[str, Any]], float | None]:
         """Return some causes as values, and the metres of the shortest path without them."""
@@ -344,8 +335,10 @@ class Explainer:
 
     def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
         """Return the shortest of the widest ways, which robots pass it, and where it is narrow."""
-        room, (steps, start, targets) = self.causes.room(removed), self.goals
-        target, least, where = kernels.widest(room.reshape(-1), steps, targets, start)
+        room, (steps, _, targets) = self.causes.room(removed), self.goals
+        target, least, where = kernels.widest(
+            room.reshape(-1), steps, targets, self.here.seen.copy(), self.here.edges
+        )
         cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target))
         passes = below(math.sqrt(least) * self.causes.resolution)
         return cells, {'passes': passes, 'at': self.metres(self.goals.cell(where))}
@@ -365,9 +358,9 @@ class Explainer:
         name = min(areas, key=lambda end: areas[end])
         return {'kind': WALLS, 'room': name, 'area': round(areas[name], 3)}
 
-    def nearest(self, reached: Flood) -> tuple[Cell | None, float | None]:
+    def nearest(self) -> tuple[Cell | None, float | None]:
         """Return the cell reached nearest to the goal, and how far off; None for the goal."""
-        seen = reached.seen.reshape(self.causes.layers[0].groups.shape)[1:-1, 1:-1]
+        seen = self.here.seen.reshape(self.causes.layers[0].groups.shape)[1:-1, 1:-1]
         row, column = kernels.nearest_reached(seen, *self.goal)
         if row < 0 or (column, row) == self.goal:
             return None, None
@@ -455,7 +448,10 @@ def explained(
 
     That is what `plan_again` plans until the `deadline`, in monotonic seconds.
     """
-    why = Explainer(costmap, request).explain()
+    try:
+        why = Explainer(costmap, request).explain()
+    except ArithmeticError:  # a path too long for the records of a search
+        why = None
     if why is None:
         return plan
     failed = replace(plan, message=f'{plan.message}; {why.sentence}', why=why)

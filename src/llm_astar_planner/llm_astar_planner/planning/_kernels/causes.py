@@ -62,42 +62,35 @@ def flood(
 def fill_room(
     lethal: NDArray[np.bool_],
     reach: int,
-    groups: NDArray[np.int32],
     is_open: NDArray[np.bool_],
+    is_wide: NDArray[np.bool_],
     squared: NDArray[np.int32],
 ) -> None:
     """Fill `squared` [height, width] with the squared distance to the nearest lethal cell.
 
-    In cells; exact up to `reach` squared, that plus one beyond, and 0 in groups that are not open.
-    See `costmap._kernels.inflation` for the source.
+    In cells: 0 where it is not open, and the most, one beyond `reach` squared, where it is wide.
+    Axis by axis, see `costmap._kernels.inflation`.
     """
     height, width = lethal.shape
-    most = reach * reach + 1
-    steps = np.full(width, reach + 1, dtype=np.int32)
+    steps = np.full((height, width), reach + 1, dtype=np.int32)
     for y in range(height):
+        row, before, walls = steps[y], steps[max(y - 1, 0)], lethal[y]
         for x in range(width):
-            steps[x] = 0 if lethal[y, x] else min(steps[x] + 1, reach + 1)
-        squared[y] = steps
-    steps[:] = reach + 1
-    padded = np.full(width + 2 * reach, most, dtype=np.int32)
-    for y in range(height - 1, -1, -1):
-        row, least = squared[y], reach + 1
+            row[x] = 0 if walls[x] else min(before[x] + 1, reach + 1)
+    for y in range(height - 2, -1, -1):
+        row, after = steps[y], steps[y + 1]
         for x in range(width):
-            steps[x] = 0 if lethal[y, x] else min(steps[x] + 1, reach + 1)
-            nearest = min(row[x], steps[x])
-            least = min(least, nearest)
-            row[x] = min(most, nearest * nearest)
-        padded[reach : reach + width] = row
-        for step in range(1, reach + 1):
-            if least > reach or least * least + step * step >= most:
-                break
-            west = padded[reach - step : reach - step + width]
-            east = padded[reach + step : reach + step + width]
-            for x in range(width):
-                row[x] = min(row[x], min(west[x], east[x]) + step * step)
+            row[x] = min(row[x], after[x] + 1)
+    for y in range(height):
+        row = steps[y]
         for x in range(width):
-            if not is_open[groups[y, x]]:
-                row[x] = 0
+            best = (reach * reach + 1) * is_open[y, x]
+            for step in range(0 if is_open[y, x] and not is_wide[y, x] else width, reach + 1):
+                if step * step >= best:
+                    break
+                nearest = min(row[max(x - step, 0)], row[min(x + step, width - 1)])
+                best = min(best, nearest * nearest + step * step)
+            squared[y, x] = best
 
 
 @jit
@@ -119,19 +112,25 @@ def nearest_reached(seen: NDArray[np.uint8], x: int, y: int) -> tuple[int, int]:
 
 @jit
 def widest(
-    room: NDArray[np.int32], steps: NDArray[np.int32], targets: NDArray[np.bool_], start: int
+    room: NDArray[np.int32],
+    steps: NDArray[np.int32],
+    targets: NDArray[np.bool_],
+    seen: NDArray[np.uint8],
+    edges: NDArray[np.int32],
 ) -> tuple[int, int, int]:
-    """Return the target that the widest way from `start` leads to, its least room, and where.
+    """Return the target that the widest way leads to, its least room, and where that is.
 
-    `room` [cells] is from 0, closed. No other way to a target has more; -1 and 0 if none is open.
+    `room` [cells] is from 0, closed. The way goes on from what a flood has `seen`, at `edges`. No
+    other way to a target has more room; -1 and 0 if none is open.
     """
     heads = np.full(room.max() + 1, -1, dtype=np.int32)
     following = np.empty(room.size, dtype=np.int32)
     # Cells, each with the narrowest one on the way to it.
     stack = np.empty((room.size, 2), dtype=np.int32)
-    seen = np.zeros(room.size, dtype=np.bool_)
-    seen[start], following[start], heads[room[start]] = True, -1, start
-    for least in range(room[start], 0, -1):
+    for cell in edges:
+        following[cell] = heads[room[cell]]
+        heads[room[cell]] = cell
+    for least in range(heads.size - 1, 0, -1):
         count, head = 0, heads[least]
         while head >= 0:
             stack[count] = head
@@ -146,11 +145,11 @@ def widest(
                 width = room[other]
                 if width == 0 or seen[other]:
                     continue
-                seen[other] = True
+                seen[other] = REACHED
                 if width >= least:
                     stack[count, 0], stack[count, 1] = other, narrowest
                     count += 1
                 else:
                     following[other] = heads[width]
                     heads[width] = other
-    return -1, 0, start
+    return -1, 0, -1
