@@ -151,6 +151,20 @@ def use_model(graph, server):
     assert graph.client.set_parameters_atomically(parameters).successful
 
 
+def test_a_question_about_the_last_plan_is_answered_in_its_language(graph):
+    graph.caller.call(START, GOAL)
+    graph.ask('why', 'Warum nicht durch das dock?')
+    wait_for(lambda: len(graph.answers('why')) == 2, 'the answer')
+    first, last = graph.answers('why')
+    assert (first['status'], last['status']) == ('not understood yet', 'nothing about the route')
+    assert last['understood_by'] == 'planner'
+    assert last['detail'].startswith('durch das dock: ')
+    assert ' statt ' in last['detail']
+    graph.ask('what', 'why not through the ballroom?')
+    wait_for(lambda: len(graph.answers('what')) == 2, 'the answer')
+    assert 'is not understood' in graph.answers('what')[1]['detail']
+
+
 def test_an_instruction_from_the_topic_is_understood_enforced_and_verified(graph):
     graph.publish('planner_node/instruction', 'avoid the lab; visit the loading bay')
     wait_for(graph.interpretation, 'the interpretation')
