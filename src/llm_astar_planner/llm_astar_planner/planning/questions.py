@@ -14,6 +14,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,6 +48,8 @@ INSTEAD, OPENED, LENGTH = 'instead', 'opened', 'length'
 LEAST_PRICE = 0.05
 # Seconds to read a region.
 READING_S = 5.0
+# Seconds that each search may take at least, and zones of which the price is searched for.
+SEARCH_S, MOST_PRICED = 10.0, 20
 END = ' \t\n?!.¿¡"\'«»„“”'
 
 
@@ -98,7 +101,8 @@ class Questions:
         self.planner, self.places, self.interpreter = planner, places, interpreter
         self.request = replace(
             request, method=EXACT, source=None, viapoints=(), any_angle=False,
-            want_expanded=False, allow_partial_planning=False,
+            want_expanded=False, allow_partial_planning=False, alternatives=0,
+            time_limit=max(request.time_limit, SEARCH_S),
         )  # fmt: skip
         self.before = request.instruction or RouteInstruction(Interpretation(''), places)
         self.said = self.before.interpretation.specification.clauses
@@ -169,19 +173,20 @@ class Questions:
         """Say what makes the best path longer than a straight line."""
         metres, resolution = self.metres(own), self.planner.grid_map.resolution
         straight = math.dist(self.request.start, self.request.goal) * resolution
+        most = math.inf if own.code else metres - LEAST_PRICE
         found = [(name, self.metres(plan)) for name, plan in self.cheaper(words)]
-        prices = [one for one in found if one[1] < metres - LEAST_PRICE or own.code]
+        prices = [one for one in found if one[1] < most]
         prices.sort(key=lambda price: price[1])
         said = [words['price'].format(name=name, other=other) for name, other in prices]
         template = words['impossible'] if own.code else words['length']
         sentence = template.format(asked='', own=metres, straight=straight, message=own.message)
-        sentence += ''.join(said) or words['nothing']
+        sentence = sentence.lstrip(': ') + (''.join(said) or words['nothing'])
         return {'sentence': sentence, 'own': finite_or_none(metres), 'prices': dict(prices)}
 
     def cheaper(self, words: dict[str, Any]) -> Iterator[tuple[str, Plan]]:
         """Yield each cause that may be left out, with the plan without it."""
         grid_map, config = self.planner.grid_map, self.planner.config
-        for label, without in self.without_zones():
+        for label, without in islice(self.without_zones(), MOST_PRICED):
             yield label, Planner(without, config).plan(self.request)
         if config.robot_radius:
             point = replace(config, robot_radius=0.0)

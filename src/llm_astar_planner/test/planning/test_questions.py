@@ -89,6 +89,15 @@ def test_walls_alone_are_said_to_be_it():
     assert asked.answer('why this way?')['sentence'].endswith('the walls alone make it so long')
 
 
+def test_without_a_path_why_so_long_says_what_opens_one():
+    cells = CELLS.copy()
+    cells[45:50, 40] = 100
+    answer = questions(cells=cells).answer('why so long?')
+    assert answer['own'] is None
+    assert answer['sentence'].startswith('there is no path (')
+    assert answer['sentence'].endswith('; without z1 (wet floor) 7.5 m')
+
+
 def test_clauses_of_an_instruction_have_their_price_and_stay_in_force():
     reading = GRAMMAR.interpret('avoid the door; visit the kitchen', PLACES, 1.0)
     asked = questions((), instruction=RouteInstruction(reading, PLACES))
