@@ -389,7 +389,7 @@ class Plan:
             'instruction_report': self.instruction.to_json() if self.instruction else None,
             'why': self.why.to_json() if self.why else None,
             'partial': self.partial,
-            'alternatives': [way.to_json() for way in self.alternatives],
+            'alternatives': tuple(way.to_json() for way in self.alternatives),
         }
 
 
