@@ -47,6 +47,7 @@ from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
+from llm_astar_planner.planning.why import Explainer
 from llm_astar_planner.search import coarse
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -173,6 +174,7 @@ def compile_kernels() -> None:
     """
     compile_map_kernels(landmarks=LandmarkManager())
     compile_zone_kernels()
+    compile_why_kernels()
     for config in CONFIGS:
         for method in METHODS:
             request = PlanRequest(START, GOAL, method, source=WAYPOINTS, any_angle=True)
@@ -215,6 +217,16 @@ def compile_footprint_kernels() -> None:
     for pose in (None, Pose2D(3.0, 20.0, 1.0), Pose2D(11.0, 20.0)):
         planner.direct_plan(replace(request, start_pose=pose), no_stop())
     FootprintChecker(planner.costmap, FOOTPRINT).collisions([(3.0, 3.0, 0.0)])
+
+
+def compile_why_kernels() -> None:
+    """Compile what says why there is no path, or load it from numba's cache."""
+    cells = np.zeros((24, 24), dtype=np.int8)
+    cells[:, 12], cells[11:14, 12] = OCCUPIED, FREE
+    for radius in (0.0, 3.0):
+        costmap = Costmap(GridMap(cells), CostmapConfig(robot_radius=radius))
+        Explainer(costmap, PlanRequest(START, (12, 2))).explain()
+        Explainer(costmap, PlanRequest(START, GOAL)).explain()
 
 
 def compile_zone_kernels() -> None:
@@ -358,6 +370,7 @@ class KernelCompiler:
             lambda: compile_for(config, request, is_graded=False),
             lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
+            compile_why_kernels,
             compile_instruction_kernels,
             compile_kernels,
         )

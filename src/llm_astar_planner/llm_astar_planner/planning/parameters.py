@@ -133,6 +133,19 @@ REQUESTS = (
         bench_default=0.0,
         bench_reason='as paths from different starts do not compare',
     ),
+    Parameter(
+        'allow_partial_planning',
+        False,
+        'Whether a goal that cannot be reached gets the path to the nearest point that can be, '
+        'marked as partial',
+    ),
+    Parameter(
+        'alternatives',
+        0,
+        'How many ways to choose from a plan has besides: they pass obstacles on different sides, '
+        'and each is the cheapest of its kind',
+        between=(0, 20),
+    ),
     NodeParameter(
         'use_final_approach_orientation',
         False,
@@ -351,5 +364,7 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'any_angle': values['any_angle'],
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
+        'allow_partial_planning': values['allow_partial_planning'],
+        'alternatives': values['alternatives'],
         'footprint': Footprint.parse(values['footprint']),
     }

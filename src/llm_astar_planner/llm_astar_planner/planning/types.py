@@ -14,7 +14,7 @@ from html import escape
 from operator import index
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -55,6 +55,8 @@ UNKNOWN, UNSUPPORTED = 'unknown', 'unsupported'
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
 LIMITS = {item.name: replace(item, zero='') for item in PLANNER if item.name in CHECKED}
+# Metres of the map's frame, [x, y].
+Point = list[float]
 NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
 
 
@@ -133,6 +135,10 @@ class PlanRequest:
       path begins and ends. None of the three matters without a footprint.
     - `instruction`: what was understood of an instruction; the path keeps to it as far as
       possible, and the plan says clause by clause how far. Not together with `via`.
+    - `allow_partial_planning`: where the goal cannot be reached, the path leads to the nearest
+      point that can, and is marked as partial.
+    - `alternatives`: how many ways that pass obstacles on different sides the plan has besides;
+      none with via points, a footprint or an instruction.
 
     Raises ValueError if start, goal or any via point is not a pair of whole numbers.
     """
@@ -159,6 +165,8 @@ class PlanRequest:
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
     first_path_time_limit: float = 0.0
+    allow_partial_planning: bool = False
+    alternatives: int = 0
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -195,6 +203,8 @@ def check_request(request: PlanRequest) -> None:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 
+# Codes of plans that say why there is no path.
+EXPLAINED = (ResultCode.START_OCCUPIED, ResultCode.GOAL_OCCUPIED, ResultCode.NO_VALID_PATH)
 # The kinds of plans that this process has compiled.
 COMPILED: set[tuple[object, ...]] = set()
 
@@ -212,6 +222,49 @@ def kind_of_plan(
         has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
         bool(request.via), request.footprint is None, request.instruction is None,
     )  # fmt: skip
+
+
+class Way(NamedTuple):
+    """One of several ways to choose from, the cheapest that passes obstacles on these sides.
+
+    `path` is int32 [n, 2] cells, `length` in metres, `cost` in cells, at most `ratio` times the
+    least of these sides. `around` are the centres, [x, y] in metres, of obstacles that the best
+    way passes on the other side. `clearance` is in metres, None without obstacles.
+    """
+
+    path: NDArray[np.int32]
+    length: float
+    cost: float
+    ratio: float
+    around: list[Point]
+    clearance: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of reports and `--json`, without the path."""
+        return {name: value for name, value in self._asdict().items() if name != 'path'}
+
+
+class Why(NamedTuple):
+    """Why there is no path: a sentence, and what it says as values for reports.
+
+    `causes` are objects with a `kind`; points are [x, y] in metres of the map's frame. `length`
+    is that of the shortest path without the causes, in metres, None where walls close the way.
+    `nearest` is the point that can be reached nearest to the goal, `short_of` metres off, None
+    where the goal can, and `cell` its cell; with via points to the first of them that cannot,
+    after the first `reached` ones.
+    """
+
+    sentence: str
+    causes: list[dict[str, Any]]
+    length: float | None
+    nearest: Point | None
+    short_of: float | None
+    cell: Cell | None
+    reached: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of reports and `--json`."""
+        return dict(zip(self._fields[:5], self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +293,9 @@ class Plan:
     - `seconds_source`, `seconds_search`: wall time; `seconds_map`: how long a node waited for a
       map before. `warnings`: one sentence each.
     - `footprint`: the polygon that the path was searched for, None for a circle.
+    - `why`: what closes the way, where there is none. `partial`: the path leads to the nearest
+      point that can be reached, not to the goal.
+    - `alternatives`: ways that pass obstacles on different sides, the cheapest first.
     - `is_final`: False for a better path found while the search goes on.
     """
 
@@ -274,6 +330,9 @@ class Plan:
     instruction: InstructionOutcome | None = None
     footprint: Footprint | None = None
     is_final: bool = True
+    why: Why | None = None
+    partial: bool = False
+    alternatives: tuple[Way, ...] = ()
 
     def _repr_png_(self) -> bytes | None:
         """Return the picture that a notebook shows, None where there is none."""
@@ -328,6 +387,9 @@ class Plan:
             'warnings': self.warnings,
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,
+            'why': self.why.to_json() if self.why else None,
+            'partial': self.partial,
+            'alternatives': tuple(way.to_json() for way in self.alternatives),
         }
 
 

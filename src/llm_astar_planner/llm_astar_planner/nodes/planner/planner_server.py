@@ -63,8 +63,9 @@ class PlannerServer:
         self._cache: CachedWaypointSource | None = None
         self._places = PlacesServer(entities, settings)
         self._instructions = InstructionServer(
-            entities, settings, lambda: self._places.places, self.on_understood
-        )
+            entities, settings, lambda: self._places.places, self.on_understood,
+            lambda text: self.handler.answer_question(text, self._places.places),
+        )  # fmt: skip
         name = settings['llm_client']
         self._client = WaypointClient(entities, name, self.on_client_change) if name else None
         self._cache = CachedWaypointSource(self._client) if self._client else None

@@ -151,6 +151,7 @@ class PlanPublisher:
         self._node = entities.node
         self._plan = entities.publisher(Path, 'plan', RELIABLE)
         self._raw_plan = entities.publisher(Path, '~/raw_plan', RELIABLE)
+        self._alternatives = entities.publisher(Path, '~/alternatives', RELIABLE)
         self._report = entities.publisher(DiagnosticArray, '~/report', REPORTS)
         self._markers = entities.publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored = entities.publisher(GridCells, '~/explored', RELIABLE)
@@ -203,13 +204,15 @@ class PlanPublisher:
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]
     ) -> None:
-        """Publish what only viewers want: the path before it was shortened, and the markers.
+        """Publish the ways to choose from, and what only viewers want: raw path and markers.
 
         `write` makes the message of a path. Markers are drawn on the publisher's thread; a newer
         plan replaces one not drawn yet.
         """
         if len(plan.path) and self._raw_plan.get_subscription_count():
             self._raw_plan.publish(write(plan.path))
+        for way in plan.alternatives:
+            self._alternatives.publish(write(way.path))
         if not (self._markers.get_subscription_count() or self.wants_expanded):
             return
         with self._lock:

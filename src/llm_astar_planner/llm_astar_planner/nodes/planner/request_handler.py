@@ -15,11 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from rclpy.node import Node
 
 from llm_astar_planner.caches import Recent
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
@@ -35,6 +37,7 @@ from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import request_fields
+from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import (
     MAX_VIA,
     MAX_VIAPOINTS,
@@ -221,6 +224,7 @@ class RequestHandler:
         self._converter = converter
         self._publisher = publisher
         self._instructions = instructions
+        self._last: PlanResponse | None = None
 
     def activate(self) -> None:
         """Answer goals from now on."""
@@ -268,12 +272,21 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
+            self._last = response
             self._publisher.publish_report(response, stamp, is_cancelled=bool(token.reason))
         finally:
             with self._ended:
                 self._running.discard(token)
                 self._ended.notify_all()
         return replace(response, seconds=time.monotonic() - job.begin)
+
+    def answer_question(self, text: str, places: Places) -> str:
+        """Return the answer to a question about the last plan. Raises QuestionError."""
+        last = self._last
+        if last is None or last.planner is None or last.request is None:
+            raise QuestionError('nothing was planned yet that a question could be about')
+        asked = Questions(last.planner, last.request, GrammarInterpreter(), places)
+        return str(asked.answer(text)['sentence'])
 
     def next_stamp(self) -> Time:
         """Return the time now, a nanosecond later for each earlier plan at this time.
