@@ -109,10 +109,12 @@ def moved_goal(
     Raises PlanningFailure, naming it, if there is none.
     """
     tolerance = request.tolerance
-    found = nearest_reached(costmap, goal, component, tolerance)
+    found = None
+    if costmap.grid_map.contains(goal):
+        found = nearest_reached(costmap, goal, component, tolerance)
     if found is None:
         failure = goal_failure(costmap, request, goal, name)
-        if tolerance == 0.0:
+        if tolerance == 0.0 or failure.code is ResultCode.GOAL_OUTSIDE_MAP:
             raise failure
         message = f'{failure}, nor is any cell within {tolerance:g} m of it reachable'
         raise PlanningFailure(failure.code, message)

@@ -126,6 +126,13 @@ REQUESTS = (
         bench_reason='as paths from different starts do not compare',
     ),
     NodeParameter(
+        'switch_margin',
+        0.0,
+        'How much more than the new path, as a share, the way of the last path to the same goal '
+        'may cost and still be kept: 0.05 for 5 %; 0: it is not kept',
+        between=(0.0, 10.0),
+    ),
+    NodeParameter(
         'use_final_approach_orientation',
         False,
         'Whether the last pose keeps the direction of travel instead of the orientation of the '
@@ -342,5 +349,6 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'any_angle': values['any_angle'],
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
+        'switch_margin': values['switch_margin'],
         'footprint': Footprint.parse(values['footprint']),
     }

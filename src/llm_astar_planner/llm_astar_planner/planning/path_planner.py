@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from llm_astar_planner.search.any_angle import AnyAnglePath
+    from llm_astar_planner.search.grid_graph import GridGraph
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
@@ -250,7 +251,12 @@ class PathPlanner:
         else:
             fields = self.path_fields(segments, result)
             if request.any_angle and fields['is_final']:
-                fields['any_angle'], problem = self.shorten(request, segments, deadline)
+                parts = [
+                    (segment.costmap.grid_graph, stretch)
+                    for segment in segments
+                    for stretch in segment.stretches()
+                ]
+                fields['any_angle'], problem = self.shorten(request, parts, deadline)
                 warnings = (*warnings, problem) if problem else warnings
         # Where there are via points, no source is asked.
         reply = first.reply if first else NOT_ASKED
@@ -311,9 +317,12 @@ class PathPlanner:
         }
 
     def shorten(
-        self, request: PlanRequest, segments: Sequence[SegmentPlanner], deadline: float
+        self,
+        request: PlanRequest,
+        stretches: Sequence[tuple[GridGraph, NDArray[np.int32]]],
+        deadline: float,
     ) -> tuple[AnyAnglePath | None, str]:
-        """Shorten each segment's path at any angle until the deadline, and say what went wrong.
+        """Shorten each part of a path at any angle until the deadline, and say what went wrong.
 
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
@@ -325,11 +334,7 @@ class PathPlanner:
         )
 
         try:
-            parts = [
-                string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
-                for segment in segments
-                for stretch in segment.stretches()
-            ]
+            parts = [string_pull(graph, part, deadline=deadline) for graph, part in stretches]
         except TimeoutError as error:
             return None, str(error)
         if not parts:

@@ -64,8 +64,14 @@ class Planner(PathPlanner):
             endpoints = Endpoints(request.start, request.goal, request.via)
             return iter([self.build_plan(request, endpoints, [], failure=failure)])
         if request.instruction is None:
-            return self.direct_plans(request, stop, anytime=anytime)
-        return self.instructed_plans(request, request.instruction, stop)
+            plans = self.direct_plans(request, stop, anytime=anytime)
+        else:
+            plans = self.instructed_plans(request, request.instruction, stop)
+        if request.last_way is None:
+            return plans
+        from llm_astar_planner.planning.kept_way import kept_plans  # noqa: PLC0415
+
+        return kept_plans(self, request, request.last_way, plans, stop)
 
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.

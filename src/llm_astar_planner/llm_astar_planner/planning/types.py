@@ -101,6 +101,19 @@ class CheckedWaypoint:
     status: WaypointStatus
 
 
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The way of a plan, for a later one to keep, perhaps on another map.
+
+    `cells`: int32 [n, 2], single moves. On its map, `first` is the point (x, y) in metres of the
+    cell (0, 0), and `frame` the resolution, the yaw of the origin and the frame.
+    """
+
+    cells: NDArray[np.int32]
+    first: tuple[float, float]
+    frame: tuple[float, float, str]
+
+
 @dataclass(frozen=True)
 class PlanRequest:
     """One request: a path from start to goal, both cells (x, y).
@@ -126,6 +139,8 @@ class PlanRequest:
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
+    - `last_way`: the way of the last plan to this goal. It is kept as far as it is left, valid
+      and costs at most 1 + `switch_margin` times what the path found does.
     - `footprint`: the robot's polygon; a path that it cannot pass is not returned. It stands at
       `start_pose` and ends with `goal_yaw`, in metres and radians of the map's frame; None: as the
       path begins and ends. None of the three matters without a footprint.
@@ -156,6 +171,8 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
+    last_way: Way | None = None
+    switch_margin: float = 0.0
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""

@@ -91,7 +91,8 @@ class PathWriter:
         """Write points [n, 2] in grid coordinates; equal points give the same message again.
 
         Where they begin in the start's cell and end in the goal's, the path begins and ends at
-        those poses. Where an end was moved it stays at the centre of its cell.
+        those poses. A goal that was moved stays at the centre of its cell; where the start was,
+        the robot's pose comes before the centre of the cell.
         """
         cells = np.asarray(points, dtype=np.float64)
         if self._last is not None and np.array_equal(self._last[0], cells):
@@ -111,7 +112,12 @@ class PathWriter:
             places[-1] = self._goal[:2]
         if ends[0] is not None:
             places[0] = self._start[:2]
-        start_yaw = self._start.yaw if ends[0] is not None or len(places) == 1 else None
+        is_moved = bool(len(cells)) and cells[0].tolist() != self._cells[0]
+        if is_moved:
+            # The robot gets out of the obstacle first.
+            places = np.concatenate(([self._start[:2]], places))
+        starts_here = is_moved or ends[0] is not None or len(places) == 1
+        start_yaw = self._start.yaw if starts_here else None
         path = path_to_message(places, grid_map.frame_id, self._stamp, self._goal_yaw, start_yaw)
         self._last = (cells, path)
         return path
@@ -175,16 +181,27 @@ class PlanPublisher:
         if is_new:
             self._plan.publish(path)
 
-    def publish_report(self, response: PlanResponse, stamp: Time, *, is_cancelled: bool) -> None:
+    def publish_report(
+        self,
+        response: PlanResponse,
+        stamp: Time,
+        *,
+        is_cancelled: bool,
+        is_routine: bool = False,
+    ) -> None:
         """Count, publish and log the plan of a response.
 
         A failure that was somebody's wish is logged at debug level: on a map that changes at
-        5 Hz, each replan may preempt the last.
+        5 Hz, each replan may preempt the last. So is a path that `is_routine`, one a second.
         """
         self._free.acquire(timeout=LONGEST_WAIT)
-        self._thread.submit(self.logged, self.write_report, response, stamp, is_cancelled)
+        self._thread.submit(
+            self.logged, self.write_report, response, stamp, is_cancelled, is_routine
+        )
 
-    def write_report(self, response: PlanResponse, stamp: Time, is_cancelled: bool) -> None:
+    def write_report(
+        self, response: PlanResponse, stamp: Time, is_cancelled: bool, is_routine: bool
+    ) -> None:
         """Count, publish and log the plan of a response now."""
         self._free.release()
         plan, planner = response.plan, response.planner
@@ -198,7 +215,8 @@ class PlanPublisher:
             logger.warning(report.summary)
         else:
             guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
-            logger.info('; '.join([report.summary, *guide, *plan.warnings]))
+            say = logger.debug if is_routine and not plan.warnings else logger.info
+            say('; '.join([report.summary, *guide, *plan.warnings]))
 
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]

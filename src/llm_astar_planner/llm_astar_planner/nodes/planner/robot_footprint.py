@@ -17,7 +17,7 @@ from llm_astar_planner.costmap.config import COSTMAP_THRESHOLD
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
-from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
 
 TOPIC = 'published_footprint'
@@ -71,6 +71,10 @@ class RobotFootprint:
             return
         try:
             received = self.in_base_frame(message)
+        except FrameError as error:
+            # Before the robot's frame is known, and again in a moment.
+            self._logger.debug(f'{TOPIC}: {error}', throttle_duration_sec=QUIET_SECONDS)
+            return
         except LlmAstarError as error:
             text = f'{TOPIC}: {error}; the last one stays ({self.current})'
             self._logger.error(text, throttle_duration_sec=QUIET_SECONDS)
