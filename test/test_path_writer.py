@@ -95,13 +95,17 @@ def test_in_one_cell_the_path_leads_from_pose_to_pose():
     assert written(start, turned, keeps_heading=True)[1] == [pytest.approx(start)]
 
 
-def test_an_end_that_was_moved_stays_at_the_centre_of_its_cell():
+def test_a_goal_that_was_moved_stays_at_the_centre_of_its_cell():
     plan, poses = written((5.3, 5.2, 2.0), (1000.3, 5.1, -1.0), tolerance=2.0)
     assert plan.goal == (999, 5)
     assert poses[-1] == pytest.approx((999.0, 5.0, -1.0))
+
+
+def test_the_robot_comes_before_a_start_that_was_moved():
     plan, poses = written((1000.3, 5.1, 2.0), (990.2, 5.3, -1.0), start_tolerance=2.0)
     assert plan.start == (999, 5)
-    assert poses[0] == pytest.approx((999.0, 5.0, np.pi))
+    assert poses[0] == pytest.approx((1000.3, 5.1, 2.0))
+    assert poses[1] == pytest.approx((999.0, 5.0, np.pi))
     assert poses[-1] == pytest.approx((990.2, 5.3, -1.0))
 
 

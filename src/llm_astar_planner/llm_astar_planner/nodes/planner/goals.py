@@ -170,9 +170,10 @@ def serve_goals(
 
 
 def plan_goal(goal: Any, client: str = '') -> PlanGoal:  # noqa: ANN401 - a goal of either action
-    """Convert the goal of the action `client`: `goal`, or `goals`, which since Kilted is a nav_msgs/Goals.
+    """Convert the goal of the action `client`.
 
-    `viapoints` came to ComputePathToPose after Kilted.
+    That is `goal`, or `goals`, which since Kilted is a nav_msgs/Goals. `viapoints` came to
+    ComputePathToPose after Kilted.
     """
     goals = getattr(goal, 'goals', None)
     poses = [goal.goal] if goals is None else getattr(goals, 'goals', goals)

@@ -157,7 +157,7 @@ class RequestConverter:
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
-            # What is not finite lies on no map. Clearing one, as trees do after UNKNOWN, is no use.
+            # What is not finite lies on no map; a code after which trees do not clear it.
             is_start = not places and goal.start is not None
             code = ResultCode.START_OUTSIDE_MAP if is_start else ResultCode.GOAL_OUTSIDE_MAP
             raise RequestError(code, str(error)) from None
