@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message, yaw_of
 from llm_astar_planner.nodes.planner.publishers import POSE_SECONDS, PathWriter
 from llm_astar_planner.planning.endpoints import cell_of
 from llm_astar_planner.planning.planner import Planner
@@ -113,3 +113,22 @@ def test_the_same_points_are_the_same_message():
     writer = PathWriter(PLANNER, Time(), pose_at(5.3, 5.2), pose_at(8.1, 5.2), keeps_heading=True)
     points = [(5, 5), (6, 5), (7, 5), (8, 5)]
     assert writer.write(points) is writer.write(np.array(points, dtype=np.int32))
+
+
+def test_a_smooth_path_begins_and_ends_at_the_poses_without_a_kink():
+    cells = np.zeros((40, 60), dtype=np.int8)
+    cells[:25, 30:33] = 100
+    grid_map = GridMap(cells, origin=Pose2D(-0.5, -0.5))
+    planner = Planner(grid_map)
+    plan = planner.plan(PlanRequest((10, 10), (50, 10), any_angle=True, smoothing=True))
+    start, goal = pose_at(9.6, 10.4, 1.0), pose_at(50.3, 9.7, -1.0)
+    writer = PathWriter(planner, Time(), start, goal, keeps_heading=False)
+    path, left_out = writer.write_plan(plan, time.monotonic() + 60.0)
+    assert left_out == ()
+    points = path_from_message(path)
+    assert points[0] == pytest.approx((9.6, 10.4))
+    assert points[-1] == pytest.approx((50.3, 9.7))
+    yaws = np.array([yaw_of(pose.pose.orientation, 'pose') for pose in path.poses])
+    assert yaws[[0, -1]] == pytest.approx([1.0, -1.0])
+    turns = (np.diff(yaws[1:-1]) + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.degrees(np.abs(turns)).max() < 12.0

@@ -90,11 +90,13 @@ class Ways:
 
 def way_of(plan: Plan, costmap: Costmap) -> Way:
     """Return the way of a plan that has a path: the cells along what was published."""
-    cells = plan.path
+    cells, turns = plan.path, np.zeros(0, dtype=np.int64)
     if plan.any_angle is not None:
-        cells = cells_along(plan.any_angle.points, costmap.blocked)
-    grid_map = costmap.grid_map
-    return Way(cells, tuple(grid_map.grid_to_world([(0, 0)])[0].tolist()), frame_of(grid_map))
+        parts = lines_along(plan.any_angle.points, costmap.blocked)
+        cells = np.concatenate(parts)
+        turns = np.cumsum([len(part) for part in parts]) - 1
+    ((x, y),) = costmap.grid_map.grid_to_world([(0, 0)]).tolist()
+    return Way(cells, turns, (x, y), frame_of(costmap.grid_map))
 
 
 def frame_of(grid_map: GridMap) -> tuple[float, float, str]:
@@ -138,10 +140,11 @@ class WayKeeper:
         self.deadline = deadline
         # The ends of the plan were judged when they were moved.
         self.request = replace(request, start=plan.start, goal=plan.goal, via=plan.via)
+        self.ends = Endpoints(plan.start, plan.goal, plan.via)
 
     def keep(self, way: Way) -> Plan:
         """Return the plan that keeps the rest of a way. Raises WayLost."""
-        cells = rest_of_way(self.costmap, way, self.plan)
+        cells, turns = rest_of_way(self.costmap, way, self.plan)
         problem = self.problem(cells)
         if problem is not None:
             raise WayLost(problem)
@@ -151,9 +154,12 @@ class WayKeeper:
             path=cells,
             length=path_length(cells),
             cost=path_cost(self.graph, cells),
-            any_angle=self.shortened(cells),
+            any_angle=self.straightened(cells, turns),
             **self.planner.checker.measure(cells)._asdict(),
         )
+        if self.request.smoothing:
+            points = cells if kept.any_angle is None else kept.any_angle.points
+            kept = replace(kept, smoothed=self.planner.smooth(self.request, self.ends, points))
         if self.request.instruction is None:
             return self.compared(kept)
         return self.instructed(kept, self.request.instruction)
@@ -161,8 +167,7 @@ class WayKeeper:
     def problem(self, cells: NDArray[np.int32]) -> str | None:
         """Say why a path [n, 2] is no answer on this map, or None."""
         request = self.request
-        endpoints = Endpoints(request.start, request.goal, request.via)
-        problem = self.planner.problem(request, endpoints, cells)
+        problem = self.planner.problem(request, self.ends, cells)
         if problem is None and request.footprint is not None:
             # Kernels that plans without a footprint do not take.
             from llm_astar_planner.planning.footprint_search import collides  # noqa: PLC0415
@@ -171,10 +176,23 @@ class WayKeeper:
                 problem = 'the footprint would meet an obstacle'
         return problem
 
-    def shortened(self, cells: NDArray[np.int32]) -> AnyAnglePath | None:
-        """Return the path [n, 2] shortened at any angle, if that of the plan is."""
+    def straightened(
+        self, cells: NDArray[np.int32], turns: NDArray[np.int32]
+    ) -> AnyAnglePath | None:
+        """Return the path [n, 2] at any angle, if that of the plan is: as it was, through `turns`.
+
+        Where the robot does not get to the first turn on a straight line it is shortened again.
+        """
         if self.plan.any_angle is None and not (self.request.any_angle and self.plan.code):
             return None
+        # Kernels that only these plans take.
+        from llm_astar_planner.search.any_angle import straight_path  # noqa: PLC0415
+
+        if len(turns):
+            path = straight_path(self.graph, np.concatenate((cells[:1], turns)))
+            kept = None if path is None else self.planner.checked(self.request, path)[0]
+            if kept is not None:
+                return kept
         parts = [(self.graph, part) for part in between_via(cells, self.request.via)]
         return self.planner.shorten(self.request, parts, self.deadline)[0]
 
@@ -228,10 +246,13 @@ class WayKeeper:
         return instructed.with_outcome(self.compared(kept), outcome)
 
 
-def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> NDArray[np.int32]:
-    """Return the cells [n, 2] of a way that are left to a plan's goal, from its start on.
+def rest_of_way(
+    costmap: Costmap, way: Way, plan: Plan
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the cells [n, 2] of a way that are left to a plan's goal, and the turns [m, 2] ahead.
 
-    A robot beside the way joins it by a straight line. Raises WayLost.
+    The cells begin at the plan's start: a robot beside the way joins it by a straight line. Raises
+    WayLost.
     """
     cells = cells_on(costmap.grid_map, way)
     if tuple(cells[-1].tolist()) != plan.goal:
@@ -240,7 +261,7 @@ def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> NDArray[np.int32]:
     metres, nearest = costmap.grid_map.resolution, float(away.min())
     if nearest > max(OFF_CELLS, OFF_METRES / metres):
         raise WayLost(f'the robot is {nearest * metres:.2f} m off the last way')
-    rest, join = cells, cells[:0]
+    rest, join, ahead = cells, cells[:0], 0
     for place in places_near(away, nearest):
         ahead = min(place + math.ceil(2.0 * nearest), len(cells) - 1)
         rest = cells[ahead:]
@@ -255,7 +276,7 @@ def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> NDArray[np.int32]:
         n = int(wrong.argmax())
         ((east, north),) = costmap.grid_map.grid_to_world([(x[n], y[n])]).tolist()
         raise WayLost(f'blocked at ({east:.2f}, {north:.2f})')
-    return np.column_stack((x, y)).astype(np.int32)
+    return np.column_stack((x, y)).astype(np.int32), cells[way.turns[way.turns > ahead]]
 
 
 def places_near(away: NDArray[np.float64], nearest: float) -> Iterator[int]:
@@ -292,9 +313,16 @@ def cells_along(points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]) ->
     It keeps to the cells that the lines cross, and goes diagonally where both cells beside are
     free in `blocked` [height, width]; so it is legal where the lines are.
     """
+    return np.concatenate(lines_along(points, blocked))
+
+
+def lines_along(
+    points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]
+) -> list[NDArray[np.int32]]:
+    """Return the first point, and for each line the cells [n, 2] that `cells_along` adds."""
     corners = np.asarray(points, dtype=np.int64)
     parts = [corners[:1], *(line_cells(*ends, blocked)[1:] for ends in pairwise(corners))]
-    return np.concatenate(parts).astype(np.int32)
+    return [part.astype(np.int32) for part in parts]
 
 
 def line_cells(

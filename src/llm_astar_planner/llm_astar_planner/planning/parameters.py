@@ -79,6 +79,11 @@ SEARCH = (
         cli_reason='since a person who names a source wants to see its waypoints used',
     ),
     Parameter('any_angle', False, 'Whether the path is shortened by straight lines at any angle'),
+    NodeParameter(
+        'smoothing',
+        False,
+        'Whether kinks of the path are rounded, where cells and the footprint leave room for it',
+    ),
     Parameter(
         'heuristic',
         'euclidean',
@@ -347,6 +352,7 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'max_suboptimality': values['max_suboptimality'] or None,
         'search_while_waiting': values['search_while_waiting'],
         'any_angle': values['any_angle'],
+        'smoothing': values['smoothing'],
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
         'switch_margin': values['switch_margin'],

@@ -105,11 +105,13 @@ class CheckedWaypoint:
 class Way:
     """The way of a plan, for a later one to keep, perhaps on another map.
 
-    `cells`: int32 [n, 2], single moves. On its map, `first` is the point (x, y) in metres of the
+    `cells`: int32 [n, 2], single moves. `turns`: int64 [m], which of them straight lines at any
+    angle join, if there are any. On its map, `first` is the point (x, y) in metres of the
     cell (0, 0), and `frame` the resolution, the yaw of the origin and the frame.
     """
 
     cells: NDArray[np.int32]
+    turns: NDArray[np.int64]
     first: tuple[float, float]
     frame: tuple[float, float, str]
 
@@ -129,6 +131,7 @@ class PlanRequest:
       yet. They may then come too late to be used.
     - `any_angle`: also return a path with straight segments at any angle. The search then gets
       90 % of the time; if the rest is too short for it, it is left out with a warning.
+    - `smoothing`: also return the path, at any angle if that is asked for, with its kinks rounded.
     - `want_expanded`: whether the plan has the picture of expanded cells.
     - `sample`: which benchmark sample this is, if it is one.
     - `tolerance`, `start_tolerance`: metres. An unreachable goal or via point is replaced by the
@@ -161,6 +164,7 @@ class PlanRequest:
     max_suboptimality: float | None = None
     search_while_waiting: bool = False
     any_angle: bool = False
+    smoothing: bool = False
     want_expanded: bool = True
     sample: SampleKey | None = None
     tolerance: float = 0.0
@@ -238,6 +242,8 @@ class Plan:
     - `suboptimality_bound`: the cost is proven to be at most this many times the least possible;
       NaN if the method proves nothing.
     - `any_angle`: the path shortened at any angle, if requested, valid and found in time.
+    - `smoothed`: float64 [m, 2], that path, or `path` where there is none, with rounded kinks, if
+      requested and valid: points in cells, at most one apart.
     - `expansions`, `first_expansions`: all expansions, and those up to the first path.
       `storage`: the states that ever got a g (the paper's storage).
     - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
@@ -275,6 +281,7 @@ class Plan:
     cost: float = math.nan
     suboptimality_bound: float = math.nan
     any_angle: AnyAnglePath | None = None
+    smoothed: NDArray[np.float64] | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
     seconds_map: float = 0.0
