@@ -270,7 +270,7 @@ class PathPlanner:
         # Where there are via points, no source is asked.
         reply = first.reply if first else NOT_ASKED
         if request.source is not None and not (first and first.is_asked):
-            reply = not_asked(request)
+            reply = not_asked(request, self.costmap)
         if first and first.checked_waypoints:
             path = empty_path() if result is None else result.path
             fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)

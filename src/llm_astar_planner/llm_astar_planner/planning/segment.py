@@ -45,11 +45,13 @@ from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, S
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
 from llm_astar_planner.waypoints.source import (
+    SAVES_NOTHING,
     SourceStatus,
     Waypoint,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    helps_on,
 )
 
 if TYPE_CHECKING:
@@ -121,8 +123,9 @@ class SegmentPlanner:
         request, waypoints = self.request, list[Waypoint]()
         arrivals: deque[NDArray[np.float64]] = deque()
         task = None
-        if self.method.uses_waypoints and request.source and request.start != request.goal:
-            task = self.query(request.source, waypoints, arrivals)
+        source = request.source if self.method.uses_waypoints else None
+        if source and request.start != request.goal and helps_on(source, self.costmap):
+            task = self.query(source, waypoints, arrivals)
         problem = SearchProblem(
             self.costmap.grid_graph,
             request.start,
@@ -297,7 +300,7 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     )
 
 
-def not_asked(request: PlanRequest) -> WaypointReply:
+def not_asked(request: PlanRequest, costmap: Costmap) -> WaypointReply:
     """Return the reply of a source that was not asked, which says why if there is one."""
     reason = ''
     if not uses_waypoints(request.method):
@@ -308,6 +311,8 @@ def not_asked(request: PlanRequest) -> WaypointReply:
         reason = 'the start is the goal'
     elif request.instruction is not None:
         reason = 'the instruction decides the route'
+    elif request.source is not None and not helps_on(request.source, costmap):
+        reason = SAVES_NOTHING
     return replace(NOT_ASKED, detail=reason)
 
 
