@@ -333,7 +333,7 @@ def test_the_last_way_is_kept_while_it_keeps_to_the_instruction_as_well(
     assert 'kept: ' in kept.message
     assert kept.message.endswith('instruction: 1 of 1 clauses kept')
     assert statuses(kept) == ['kept']
-    assert way_of(kept, planner.costmap).cells.tolist() == way.cells[3:].tolist()
+    assert kept.path.tolist() == way.cells[3:].tolist()
     # Another instruction is another way, whatever it costs.
     clause = Pass(region=RACK, side='north')
     plain = plan(planner, clause, policy=policy, start=start, **more)
