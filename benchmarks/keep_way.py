@@ -85,7 +85,9 @@ class World:
         self.size = size
         self.static = boxes(size, random)
         self.static[[0, -1]] = self.static[:, [0, -1]] = True
-        free = np.argwhere(~Planner(to_grid(self.static), CONFIG).costmap.blocked)[:, ::-1]
+        components = np.asarray(Planner(to_grid(self.static), CONFIG).costmap.components[:, :])
+        largest = np.bincount(components[components > 0]).argmax()
+        free = np.argwhere(components == largest)[:, ::-1]
         corners = np.array([[0, 0], [size, size]])
         nearest = [np.abs(free - corner).sum(axis=1).argmin() for corner in corners]
         self.start, self.goal = (tuple(free[n].tolist()) for n in nearest)

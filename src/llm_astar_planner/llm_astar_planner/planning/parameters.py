@@ -342,7 +342,10 @@ def source_config(values: Mapping[str, Any]) -> SourceSettings:
 
 
 def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a PlanRequest that all of planner_node's parameters decide."""
+    """Return the fields of a PlanRequest that planner_node's parameters decide.
+
+    Those that only nodes have may be missing.
+    """
     return {
         'method': values['method'],
         'heuristic': values['heuristic'],
@@ -352,9 +355,9 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'max_suboptimality': values['max_suboptimality'] or None,
         'search_while_waiting': values['search_while_waiting'],
         'any_angle': values['any_angle'],
-        'smoothing': values['smoothing'],
+        'smoothing': values.get('smoothing', False),
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
-        'switch_margin': values['switch_margin'],
+        'switch_margin': values.get('switch_margin', 0.0),
         'footprint': Footprint.parse(values['footprint']),
     }
