@@ -59,28 +59,26 @@ class WayLost(LlmAstarError):  # noqa: N818 - an outcome, not a bug
 
 
 class Ways:
-    """Remembers the last way to each goal of each client. Thread-safe."""
+    """Remembers the last way by a key: a client and its goal. Thread-safe."""
 
     def __init__(self) -> None:
         """Remember nothing yet."""
         self._lock = threading.Lock()
         self._ways: Recent[Hashable, Way] = Recent(REMEMBERED_GOALS)
 
-    def add_to(self, request: PlanRequest, client: Hashable) -> PlanRequest:
-        """Return the request with the last way to its goal, if there is one to keep."""
+    def add_to(self, request: PlanRequest, key: Hashable) -> PlanRequest:
+        """Return the request with the last way of a key, if there is one to keep."""
         if not request.switch_margin:
             return request
         with self._lock:
-            return replace(request, last_way=self._ways.get((client, request.goal)))
+            return replace(request, last_way=self._ways.get(key))
 
-    def remember(
-        self, plan: Plan, request: PlanRequest, client: Hashable, costmap: Costmap
-    ) -> None:
+    def remember(self, plan: Plan, request: PlanRequest, key: Hashable, costmap: Costmap) -> None:
         """Remember the way of a plan; one without a path changes nothing."""
         if request.switch_margin and plan.code is ResultCode.NONE:
             way = way_of(plan, costmap)
             with self._lock:
-                self._ways[client, request.goal] = way
+                self._ways[key] = way
 
     def clear(self) -> None:
         """Forget all."""
@@ -236,13 +234,17 @@ class WayKeeper:
         route = Route(self.costmap, plan.start, plan.goal, places, driven)
         note = '' if before is None else before.note
         kept, outcome = instructed.verified(kept, route, instruction, note, self.deadline)
-        for new, old in zip(before.clauses if before else (), outcome.clauses):
+        pairs = list(zip(before.clauses if before else (), outcome.clauses))
+        for new, old in pairs:
             most = (1.0 + self.request.switch_margin) * new.measured + SAME_COST
             if old.measured > most or old.status not in (ClauseStatus.KEPT, new.status):
                 raise WayLost(f'"{new.clause.sentence()}" is {new.status.value} now')
         problem = instructed.required_problem(outcome) if instruction.policy == REQUIRE else None
         if problem is not None:
             raise WayLost(problem)
+        if pairs:
+            clauses = tuple(instructed.with_price(old, new.price) for new, old in pairs)
+            outcome = replace(outcome, clauses=clauses)
         return instructed.with_outcome(self.compared(kept), outcome)
 
 

@@ -9,7 +9,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.kept_way import Ways, cells_along, way_of
-from llm_astar_planner.planning.path_validator import CollisionChecker
+from llm_astar_planner.planning.path_validator import CollisionChecker, via_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import can_see
@@ -174,6 +174,14 @@ def test_a_way_that_the_footprint_does_not_pass_is_not_kept():
     assert again.path.tolist() == plan.path.tolist()
 
 
+def test_at_the_goal_the_way_is_that_cell():
+    way = way_of(BEFORE.plan(ASK), BEFORE.costmap)
+    for start, moves in ((ASK.goal, 0), ((54, 21), 1)):
+        kept = BEFORE.plan(replace(ASK, start=start, last_way=way, any_angle=True, smoothing=True))
+        assert 'kept: 0.0 % longer' in kept.message
+        assert len(kept.path) == moves + 1
+
+
 def test_costs_count_not_lengths():
     cells = BLOCK.copy()
     planner = Planner(GridMap(cells), CostmapConfig(robot_radius=1.0, inflation_radius=4.0))
@@ -186,16 +194,62 @@ def test_costs_count_not_lengths():
     assert plan.message.endswith('% cheaper')
 
 
-def test_ways_are_remembered_for_each_client_and_goal_and_only_where_it_is_asked_for():
+def test_ways_are_remembered_for_each_key_and_only_where_it_is_asked_for():
     ways, plan = Ways(), BEFORE.plan(ASK)
     ways.remember(plan, ASK, 'one', BEFORE.costmap)
     assert ways.add_to(ASK, 'one').last_way is not None
     assert ways.add_to(ASK, 'two').last_way is None
-    assert ways.add_to(replace(ASK, goal=(55, 21)), 'one').last_way is None
     off = replace(ASK, switch_margin=0.0)
     assert ways.add_to(off, 'one') is off
     ways.clear()
     assert ways.add_to(ASK, 'one').last_way is None
+
+
+def random_planner(rng, cells):
+    """Return a planner for a random map with some cells changed."""
+    after = cells.copy()
+    for x, y in rng.integers(0, 36, (2, 2)):
+        after[y : y + 4, x : x + 4] = 100 * rng.integers(0, 2)
+    after[rng.random(cells.shape) < 0.05] = rng.integers(0, 60)
+    return Planner(GridMap(after))
+
+
+@pytest.mark.parametrize('any_angle', [False, True])
+def test_on_random_maps_a_kept_path_is_valid_and_within_the_margin(any_angle):
+    rng, outcomes = np.random.default_rng(9), set()
+    for _ in range(80):
+        cells = np.zeros((40, 40), dtype=np.int8)
+        for x, y in rng.integers(0, 36, (12, 2)):
+            cells[y : y + 6, x : x + 6] = 100
+        before, after = random_planner(rng, cells), random_planner(rng, cells)
+        free = np.argwhere(~(before.costmap.blocked | after.costmap.blocked))[:, ::-1]
+        start, via, goal = (tuple(free[n].tolist()) for n in rng.integers(0, len(free), 3))
+        request = replace(ASK, start=start, goal=goal, any_angle=any_angle, switch_margin=0.2)
+        request = replace(request, via=(via,) if rng.random() < 0.3 else ())
+        first = before.plan(request)
+        if first.code:
+            continue
+        way = way_of(first, before.costmap)
+        passed = [n for n, cell in enumerate(way.cells.tolist()) if tuple(cell) in request.via]
+        step = int(rng.integers(0, min([len(way.cells), *passed[:1]]) // 2 + 1))
+        here = way.cells[step] + rng.integers(-1, 2, 2)
+        here = way.cells[step] if after.costmap.blocked[tuple(here.clip(0, 39)[::-1])] else here
+        request = replace(request, start=tuple(here.clip(0, 39).tolist()))
+        best, plan = after.plan(request), after.plan(replace(request, last_way=way))
+        assert plan.code is best.code
+        if best.code:
+            continue
+        outcomes.add(plan.message.split('; ')[-1].split(' ')[0])
+        assert after.checker.path_problem(plan.path, request.start, goal) is None
+        assert via_problem(plan.path, plan.via) is None
+        cost, least = plan.cost, best.cost
+        if plan.any_angle is not None:
+            assert after.checker.segments_problem(plan.any_angle.points) is None
+            assert set(plan.via) <= {tuple(point) for point in plan.any_angle.points.tolist()}
+            cost, least = plan.any_angle.cost, best.any_angle.cost
+        assert cost <= 1.2 * least + 1e-6
+        assert plan.cost <= plan.suboptimality_bound * best.cost + 1e-6
+    assert outcomes == {'kept:', 'changed:'}
 
 
 def test_cells_along_straight_lines_are_legal_moves_where_the_lines_are():

@@ -333,8 +333,10 @@ class RequestHandler:
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
-        client = job.goal.client, job.goal.planner_id
-        request = self._ways.add_to(request, client)
+        # In cells of the map's frame, wherever the map begins.
+        x, y = (round(value / planner.grid_map.resolution) for value in goals[-1][:2])
+        way = job.goal.client, job.goal.planner_id, x, y
+        request = self._ways.add_to(request, way)
         began = time.monotonic()
         plans = planner.plans(request, job.token.stop)
         # Its time does not run while its searches are compiled.
@@ -358,7 +360,7 @@ class RequestHandler:
         is_made = plan.code is ResultCode.NONE
         if is_made:
             self._publisher.publish_path(path, is_replan=bool(replan_reason))
-            self._ways.remember(plan, request, client, planner.costmap)
+            self._ways.remember(plan, request, way, planner.costmap)
             if request.instruction is not None:
                 self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
