@@ -353,6 +353,22 @@ def test_the_way_is_kept_from_call_to_call_and_the_report_says_why_it_changes(wo
     assert 'kept' not in world.caller.call(on_it, GOAL)[1].message
 
 
+def test_a_smooth_path_has_no_kink_and_begins_at_the_robot_even_in_an_obstacle(world):
+    forget(world)
+    world.set(any_angle=True, smoothing=True, start_tolerance=2.0)
+    try:
+        path = world.caller.call(START, GOAL)[0]
+        turns = (np.diff(yaws(path)[1:-1]) + np.pi) % (2.0 * np.pi) - np.pi
+        assert np.degrees(np.abs(turns)).max() < 20.0
+        world.show((5, 5))
+        path, report, _ = world.caller.call(START, GOAL)
+        assert report.start_shift > 0.0
+        assert path_from_message(path)[0] == pytest.approx(START[:2])
+    finally:
+        world.set(any_angle=False, smoothing=False, start_tolerance=0.25)
+        world.show()
+
+
 def test_replan_on_map_replans_a_path_that_is_still_valid(world):
     forget(world)
     world.set(replan_on_map=True)
