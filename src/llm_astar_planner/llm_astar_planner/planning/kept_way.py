@@ -177,11 +177,13 @@ class WayKeeper:
     def straightened(
         self, cells: NDArray[np.int32], turns: NDArray[np.int32]
     ) -> AnyAnglePath | None:
-        """Return the path [n, 2] at any angle, if that of the plan is: as it was, through `turns`.
+        """Return the path [n, 2] at any angle, if that is asked for: as it was, through `turns`.
 
         Where the robot does not get to the first turn on a straight line it is shortened again.
+        With an instruction there is one only where the plan has one.
         """
-        if self.plan.any_angle is None and not (self.request.any_angle and self.plan.code):
+        has_one = self.plan.any_angle is not None or self.request.instruction is None
+        if not (self.request.any_angle and has_one):
             return None
         # Kernels that only these plans take.
         from llm_astar_planner.search.any_angle import straight_path  # noqa: PLC0415

@@ -166,6 +166,7 @@ class PathPlanner:
                 if not (is_found or ended is SearchStatus.FOUND):
                     raise no_path(request, segments)
             if request.footprint is not None:
+                fit_deadline = max(fit_deadline, begin + request.first_path_time_limit)
                 endpoints = fit_footprint(self.costmap, request, endpoints, segments, fit_deadline)
             # 4. Only a path that passes the independent check leaves.
             result = concatenate_results(segments) if request.via else segment.result

@@ -139,6 +139,7 @@ class SegmentPlanner:
             request.weight,
             self.landmarks,
             arrivals,
+            time.monotonic() + request.first_path_time_limit,
         )
         begin = time.monotonic()
         answer = self.method(problem)
@@ -190,11 +191,17 @@ class SegmentPlanner:
             done = describe_expansions(expansions)
             code, message = ResultCode.TIMEOUT, f'cancelled after {done}'
             if not self.stop[0]:
-                limit = f'the limit is {self.request.time_limit:g} s, max_planning_time'
-                message = f'out of time after {done} ({limit})'
+                message = f'out of time after {done} ({self.describe_limit()})'
         start += f' {self.costmap.describe_cell(self.request.start)}'
         goal += f' {self.costmap.describe_cell(self.request.goal)}'
         return PlanningFailure(code, f'{message}, from {start} to {goal}')
+
+    def describe_limit(self) -> str:
+        """Say which time limit a search without a path has, and how it is called."""
+        name, seconds = 'max_planning_time', self.request.time_limit
+        if self.request.first_path_time_limit > seconds:
+            name, seconds = 'first_path_time_limit', self.request.first_path_time_limit
+        return f'the limit is {seconds:g} s, {name}'
 
     def take(self, found: BoundedResult, seconds: float) -> None:
         """Take the path of a search by heading, which took so many seconds, instead of its own.
