@@ -26,7 +26,7 @@ LIMITS = {
         'planning': 3_680,
         'waypoints': 2_905,
         'instructions': 7_490,
-        'nodes': 4_055,
+        'nodes': 4_060,
         'cli': 1_571,
     },
     LAB: {
