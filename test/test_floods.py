@@ -152,7 +152,8 @@ def test_a_flood_of_questions_to_a_source_that_hangs_takes_few_threads(monkeypat
             # Maps got through while callers waited.
             wait_for(lambda: node._grid_map.digest == maps.newest, 'the newest map')
             plans += answers(client, [request(0.3)] * AT_ONCE)
-        assert most[0] - before <= QUERY_THREADS + CALLERS + 4
+        # Besides the threads of the executor.
+        assert most[0] - before <= QUERY_THREADS + CALLERS + 12
         assert len(source.asked) <= QUERY_THREADS
         assert all(plan.poses == [] for plan in plans)
         source.go.set()
@@ -199,6 +200,41 @@ def test_floods_of_callers_maps_and_instructions_leave_a_planner_that_answers():
         assert sum(one.grid_map.width == SIDE for one in kept) <= 5
 
 
+def test_every_one_of_2000_callers_at_once_hears_and_a_late_turn_is_no_plan():
+    namespace = '/crowded_planner'
+    node = PlannerNode(
+        namespace=namespace, parameter_overrides=[Parameter('llm_client', value='')]
+    )
+    with running(node), calling(namespace) as caller:
+        MapFlood(caller)()
+        caller.wait_until_ready()
+        caller.call(*ENDS)
+        client = caller.node.create_client(GetPlan, 'planner_node/get_plan', qos_profile=CALLS)
+        assert client.wait_for_service(PATIENCE)
+        said = []
+        caller.node.create_subscription(
+            DiagnosticArray,
+            'planner_node/report',
+            lambda message: said.append(report_from_message(message).summary),
+            REPORTS_OF_CALLS,
+        )
+        plans = answers(client, [request()] * 2000)
+        assert len(plans) == 2000
+        assert any(plan.poses for plan in plans)
+        wait_for(lambda: any('busy: 128 requests are waiting' in one for one in said), 'busy')
+        # The time of a request that waited runs from its arrival.
+        start, goal = request().start, request().goal
+        token = CancellationToken(time.monotonic() - 60.0)
+        late = node.answer_goal(PlanGoal((goal,), start), token)
+        assert late.plan.code is ResultCode.NONE  # no time ran before the node was ready
+        monkeypatch_ready(node)
+        late = node.answer_goal(PlanGoal((goal,), start), CancellationToken(0.0))
+        assert late.plan.code is ResultCode.TIMEOUT
+        assert 'its turn came after' in late.plan.message
+        # Whoever comes after the flood is answered as before.
+        assert caller.call(*ENDS)[0].poses
+
+
 def test_changes_of_parameters_leave_few_threads_that_wait_for_a_server(chat_server, monkeypatch):
     chat_server.script = [chat_server.wait(PATIENCE)]
     values = {'source': 'endpoint', 'base_url': chat_server.base_url, 'model': 'tiny'}
@@ -215,7 +251,7 @@ def test_changes_of_parameters_leave_few_threads_that_wait_for_a_server(chat_ser
         for number in range(40):
             changed = Parameter('temperature', value=number / 100)
             reasons.append(node.set_parameters([changed])[0].reason)
-            node.ask(request(0.02))
+            node.ask(request(0.02), time.monotonic())
         # Those of the server itself included.
         assert threading.active_count() <= most + 15
         assert reasons[:3] == [''] * 3

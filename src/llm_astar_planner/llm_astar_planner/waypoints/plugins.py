@@ -106,7 +106,7 @@ def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
     """Return a waypoint as two finite floats. Raises PluginError."""
     try:
         x, y = map(float, () if isinstance(point, str | bytes | Set | Mapping) else point)
-    except (TypeError, ValueError):
+    except Exception:  # noqa: BLE001 - of foreign code
         x = math.nan
     else:
         if math.isfinite(x) and math.isfinite(y):

@@ -77,6 +77,13 @@ class Job:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
         return True
 
+    def begins(self) -> None:
+        """Raise RequestError if its time was over before its turn, or it was cancelled."""
+        if not self.may_wait():
+            seconds = time.monotonic() - self.begin
+            message = f'its turn came after {seconds:.1f} s, and it has {self.limit:g} s'
+            raise RequestError(ResultCode.TIMEOUT, message)
+
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
         return self.goes_on() and time.monotonic() < self.begin + self.limit
@@ -209,6 +216,8 @@ class RequestHandler:
     ) -> None:
         """Take the parts it works with."""
         self.is_active = False
+        # No goal's time runs before the node is active and what a first plan takes is compiled.
+        self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         # How many plans began at each of the last times of the clock.
@@ -224,6 +233,7 @@ class RequestHandler:
 
     def activate(self) -> None:
         """Answer goals from now on."""
+        self._ready_since = time.monotonic()
         self.is_active = True
 
     def deactivate(self, reason: str) -> None:
@@ -250,14 +260,15 @@ class RequestHandler:
         token = token or CancellationToken()
         stamp = self.next_stamp()
         limit = self._settings.current['max_planning_time']
-        job = Job(goal, token, stamp, time.monotonic(), limit)
+        job = Job(goal, token, stamp, max(token.arrived, self._ready_since), limit)
         with self._ended:
             self._running.add(token)
         try:
             try:
                 if self.is_active and not self._compiler.is_ready:
                     self._compiler.wait(job.goes_on)
-                    job = replace(job, begin=time.monotonic())
+                    self._ready_since = time.monotonic()
+                    job = replace(job, begin=self._ready_since)
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
@@ -274,6 +285,14 @@ class RequestHandler:
                 self._running.discard(token)
                 self._ended.notify_all()
         return replace(response, seconds=time.monotonic() - job.begin)
+
+    def refuse(self, message: str) -> PlanResponse:
+        """Publish that goals are refused, and return what each of their callers gets."""
+        now = time.monotonic()
+        job = Job(PlanGoal(()), CancellationToken(now), self.next_stamp(), now, 0.0)
+        response = self.failed(job, ResultCode.TIMEOUT, message)
+        self._publisher.publish_report(response, job.stamp, is_cancelled=False)
+        return response
 
     def next_stamp(self) -> Time:
         """Return the time now, a nanosecond later for each earlier plan at this time.
@@ -294,6 +313,7 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self.is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
+        job.begins()
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
