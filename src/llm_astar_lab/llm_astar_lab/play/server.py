@@ -15,6 +15,7 @@ import ipaddress
 import json
 import re
 import socket
+from collections import Counter
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -31,6 +32,7 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from llm_astar_lab.play.encoding import map_json, options_json, reply_json
 from llm_astar_lab.play.live import LiveFeed
@@ -43,13 +45,17 @@ MAX_BODY = 2**20
 TOO_LONG = f'the body is over {MAX_BODY} bytes; edit fewer walls'
 # A request holds walls, these cells, and these numbers.
 MAX_DEPTH = 5
-# Seconds in which a body has to arrive.
-BODY_S = 10.0
+# Seconds in which the head of a request, and its body, have to arrive.
+HEAD_S, BODY_S = 10.0, 10.0
 # Characters of a sentence about foreign text.
 MAX_SENTENCE = 400
 # Seconds that answers under way get at the end.
 GRACE_S = 2
-MAX_CONNECTIONS = 64
+MAX_CONNECTIONS = 256
+# Requests that are answered at a time, streams included: in all and of one address.
+MAX_REQUESTS, MAX_OF_ADDRESS = 128, 96
+# Characters of the name under which a page asks for its place in the queue.
+MAX_NAME = 64
 LOOPBACK = ('localhost', '127.0.0.1', '[::1]')
 # Addresses that stand for every address of the machine.
 EVERY_ADDRESS = ('0.0.0.0', '::')  # noqa: S104 - only compared with
@@ -83,6 +89,7 @@ class PlayApp:
                 Route('/api/options', self.options),
                 Route('/api/map', self.map),
                 Route('/api/plan', self.plan, methods=['POST']),
+                Route('/api/queue', self.queue),
                 Route('/api/live', self.live),
                 Mount('/page', StaticFiles(directory=PAGE)),
             ],
@@ -112,10 +119,17 @@ class PlayApp:
         asked = read_request(await read_body(request), self._maps)
         gone = asyncio.create_task(wait_until_gone(request))
         try:
-            reply = await self._worker.run(lambda stop: self.work(asked, stop), gone)
+            name = request.headers.get('x-page', '')[:MAX_NAME]
+            reply = await self._worker.run(
+                lambda stop: self.work(asked, stop), gone, address_of(request.scope), name
+            )
         finally:
             gone.cancel()
         return Response(reply, media_type='application/json')
+
+    async def queue(self, request: Request) -> Response:
+        """Send how many plans run and wait, and the place of the page's own by its name."""
+        return JSONResponse(self._worker.queue(request.query_params.get('page', '')[:MAX_NAME]))
 
     async def live(self, _request: Request) -> Response:
         """Send what a running graph shows, as server-sent events."""
@@ -127,6 +141,12 @@ class PlayApp:
         """Return the answer to a request, as JSON."""
         planner, plans = self._service.plan(asked, stop)
         return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
+
+
+def address_of(scope: Scope) -> str:
+    """Return the address that a request comes from, '' where that is not known."""
+    client = scope.get('client')
+    return str(client[0]) if client else ''
 
 
 async def read_body(request: Request) -> object:
@@ -209,6 +229,7 @@ class Guard:
         """Guard an application that is served at an address."""
         self._app = app
         self._names = allowed_names(host)
+        self._requests: Counter[str] = Counter()
         self._any_address = host in EVERY_ADDRESS
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -227,9 +248,21 @@ class Guard:
                     headers['connection'] = 'close'
             await send(message)
 
-        problem = self.problem(scope['method'], Headers(scope=scope))
+        address = address_of(scope)
+        problem = self.busy(address) or self.problem(scope['method'], Headers(scope=scope))
         answer = self._app if problem is None else error_response(problem[1], '', problem[0])
-        await answer(scope, receive, send_guarded)
+        self._requests[address] += 1
+        try:
+            await answer(scope, receive, send_guarded)
+        finally:
+            self._requests -= Counter([address])
+
+    def busy(self, address: str) -> tuple[int, str] | None:
+        """Return with which status and sentence one more request is refused, None if it is not."""
+        own, all_of_them = self._requests[address], self._requests.total()
+        if own < MAX_OF_ADDRESS and all_of_them < MAX_REQUESTS:
+            return None
+        return 503, f'busy: {all_of_them} requests are being answered; ask again in a moment'
 
     def problem(self, method: str, headers: Headers) -> tuple[int, str] | None:
         """Return with which status and sentence a request is refused, None if it is not."""
@@ -275,6 +308,48 @@ def is_address(name: str) -> bool:
     return True
 
 
+class Connection(H11Protocol):
+    """A connection that is closed if the head of its next request does not come in HEAD_S.
+
+    Of more than MAX_CONNECTIONS the one that has waited for longest makes way, of the address that
+    has most: so half-open connections keep nobody out.
+    """
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for a request; have another connection make way."""
+        super().connection_made(transport)
+        self.wait_for_head()
+        if len(self.connections) > MAX_CONNECTIONS:
+            idle = [one for one in self.connections if isinstance(one, Connection) and one.is_idle]
+            count = Counter(one.address for one in idle)
+            min(idle, key=lambda one: (-count[one.address], one.since)).transport.close()
+
+    @property
+    def address(self) -> str:
+        """The address of the other end."""
+        return self.client[0] if self.client else ''
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is under way."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def wait_for_head(self) -> None:
+        """Close the connection in HEAD_S if no request is under way then."""
+        self.since = self.loop.time()
+        self.loop.call_later(HEAD_S, self.close_if_idle, self.since)
+
+    def close_if_idle(self, since: float) -> None:
+        """Close the connection if it still waits for the head that it waited for then."""
+        if self.is_idle and since == self.since:
+            self.transport.close()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        super().on_response_complete()
+        self.wait_for_head()
+
+
 class PlayServer(uvicorn.Server):
     """A server that ends what its application does when it is told to end."""
 
@@ -287,7 +362,7 @@ class PlayServer(uvicorn.Server):
                 log_level='warning',
                 access_log=False,
                 server_header=False,
-                limit_concurrency=MAX_CONNECTIONS,
+                http=Connection,
                 timeout_graceful_shutdown=GRACE_S,
             )
         )
