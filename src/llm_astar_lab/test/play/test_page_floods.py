@@ -43,17 +43,25 @@ def half_open(url, count, head=b'GET / HTTP/1.1\r\nHost: loc'):
         yield held
 
 
+def is_closed(connection):
+    """Wait until the other end closes a connection."""
+    try:
+        return connection.recv(1) == b''
+    except ConnectionResetError:
+        return True
+
+
 def test_half_open_connections_keep_nobody_out_and_are_closed(play_url, monkeypatch):
     monkeypatch.setattr(play_app, 'HEAD_S', 0.5)
     with half_open(play_url, 64) as held:
         assert ask(play_url)[0] == 200
-        assert [connection.recv(1) for connection in held] == [b''] * 64
+        assert all(map(is_closed, held))
 
 
 def test_the_oldest_of_too_many_connections_make_way(play_url, monkeypatch):
     monkeypatch.setattr(play_app, 'MAX_CONNECTIONS', 8)
     with half_open(play_url, 20) as held:
-        assert held[0].recv(1) == b''
+        assert is_closed(held[0])
         assert ask(play_url)[0] == 200
 
 
