@@ -317,6 +317,7 @@ class RequestHandler:
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
+            self.check_age()
             # A replan follows a new map, and is no retry.
             is_retry = not replan_reason and self._waits.is_retry(job.goal)
             waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
@@ -367,6 +368,13 @@ class RequestHandler:
             warnings = (*plan.warnings, *waited.warnings, *left_out)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
+
+    def check_age(self) -> None:
+        """Raise RequestError where the costmap has been silent for longer than it may be."""
+        limit = self._settings.current['costmap_timeout']
+        if limit > 0.0 and (problems := self._maps.arrivals.warnings(limit)):
+            message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
+            raise RequestError(ResultCode.TIMEOUT, message)
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
