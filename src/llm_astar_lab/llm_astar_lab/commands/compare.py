@@ -29,6 +29,7 @@ import argparse
 import json
 import math
 
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_planner.cli.flags import option
 
 from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
@@ -96,7 +97,8 @@ def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
         if table.rows:
             folder.write_text(f'changes{end}.csv', csv_table(table))
     figure = change_figure(judgement.comparisons, judgement.metric, judgement.threshold)
-    figure.savefig(folder.path / 'comparison.png', dpi=140)
+    with naming(folder.path / 'comparison.png'):
+        figure.savefig(folder.path / 'comparison.png', dpi=140)
 
 
 def percent(text: str) -> float:

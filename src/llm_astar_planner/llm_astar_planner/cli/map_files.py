@@ -155,9 +155,17 @@ def open_places(name: str, map_name: str | None) -> Places:
     Raises PlacesError for a malformed file, FileNotFoundError for one that does not exist.
     """
     if name:
-        return load_places(find_file(name, 'maps'))
+        return named_places(find_file(name, 'maps'))
     beside = places_beside(find_file(map_name, 'maps')) if map_name else None
-    return NO_PLACES if beside is None else load_places(beside)
+    return NO_PLACES if beside is None else named_places(beside)
+
+
+def named_places(path: Path) -> Places:
+    """Return the places of a file that instructions can name. Raises PlacesError."""
+    # Its tables take a tenth of a second to read.
+    from llm_astar_planner.instructions.grammar.vocabulary import check_names  # noqa: PLC0415
+
+    return check_names(load_places(path), str(path))
 
 
 def warn_of_places(places: Places, grid_map: GridMap) -> None:
