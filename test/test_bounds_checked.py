@@ -57,4 +57,16 @@ def test_every_search_keeps_within_its_arrays_on_maps_of_awkward_sizes(tmp_path)
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_all_tests_of_kernels_pass_under_the_bounds_check(tmp_path):
-    checked(tmp_path, '-m', 'pytest', '-q', '-x', '-p', 'no:cacheprovider', *TESTED, seconds=7000)
+    checked(
+        tmp_path,
+        '-m',
+        'pytest',
+        '-q',
+        '-x',
+        '-p',
+        'no:cacheprovider',
+        '--timeout',
+        '3600',
+        *TESTED,
+        seconds=7000,
+    )
