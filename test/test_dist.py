@@ -75,7 +75,9 @@ def test_every_package_has_the_same_version():
 def test_each_wheel_has_its_licence_and_no_tests(dist):
     for wheel in dist.glob('*.whl'):
         names = zipfile.ZipFile(wheel).namelist()
-        assert any(name.endswith('.dist-info/LICENSE') for name in names), wheel
+        # Newer setuptools put it into a folder `licenses`.
+        licences = [name for name in names if re.search(r'\.dist-info/(licenses/)?LICENSE$', name)]
+        assert licences, wheel
         assert not [name for name in names if '/test/' in name], wheel
 
 

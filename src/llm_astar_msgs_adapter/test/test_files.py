@@ -47,8 +47,9 @@ def test_only_regular_files_of_a_bounded_size_are_read(read, tmp_path):
         (read_json, b'\xff', 'not JSON'),
         (read_json, b'[' * 100_000, 'too deeply'),
         (read_json, b'1' * 10_000, 'not JSON'),
-        (read_yaml, b'[' * 100_000, 'too deeply'),
-        (read_yaml, b'- ' * 100_000, 'too deeply'),
+        # Newer libyaml stops before we do, and says it in other words.
+        (read_yaml, b'[' * 100_000, 'nest'),
+        (read_yaml, b'- ' * 100_000, 'nest'),
         (read_yaml, b'a: &a [x]\nb: *a', 'aliases are not supported'),
         (read_yaml, b'a: 2000-13-01', 'month must be in 1..12'),
         (read_yaml, b'a: !!python/object:os.system x', 'could not determine a constructor'),

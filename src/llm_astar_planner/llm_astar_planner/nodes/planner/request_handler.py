@@ -77,11 +77,11 @@ class Job:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
         return True
 
-    def begins(self) -> None:
-        """Raise RequestError if its time was over before its turn, or it was cancelled."""
-        if not self.may_wait():
-            seconds = time.monotonic() - self.begin
-            message = f'its turn came after {seconds:.1f} s, and it has {self.limit:g} s'
+    def begins(self, limit: float) -> None:
+        """Raise RequestError if its turn came after `limit` seconds, or it was cancelled."""
+        seconds = time.monotonic() - self.begin
+        if self.goes_on() and seconds > limit:
+            message = f'its turn came after {seconds:.1f} s, and it has {limit:g} s'
             raise RequestError(ResultCode.TIMEOUT, message)
 
     def may_wait(self) -> bool:
@@ -313,7 +313,7 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self.is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
-        job.begins()
+        job.begins(max(job.limit, self._settings.current['first_path_time_limit']))
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
@@ -353,6 +353,8 @@ class RequestHandler:
                     if on_better is not None:
                         on_better()
         job.goes_on()
+        # A first path that came late is written whole all the same.
+        deadline = max(deadline, time.monotonic() + min(FINISH_SECONDS, FINISH_SHARE * job.limit))
         path, left_out = writer.write_plan(plan, deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.goes_on()
