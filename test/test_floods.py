@@ -108,10 +108,10 @@ def request(tolerance=0.0):
     return GetPlan.Request(start=start, goal=goal, tolerance=tolerance)
 
 
-def answers(client, requests):
+def answers(client, requests, seconds=PATIENCE):
     """Call for all at once, and return the paths of the answers."""
     futures = [client.call_async(one) for one in requests]
-    wait_for(lambda: all(future.done() for future in futures), 'the answers')
+    wait_for(lambda: all(future.done() for future in futures), 'the answers', seconds)
     return [future.result().plan for future in futures]
 
 
@@ -204,7 +204,8 @@ def test_floods_of_callers_maps_and_instructions_leave_a_planner_that_answers():
         assert sum(one.grid_map.width == SIDE for one in kept) <= 5
 
 
-def test_every_one_of_2000_callers_at_once_hears_and_a_late_turn_is_no_plan():
+@pytest.mark.parametrize('callers', [500, pytest.param(2000, marks=pytest.mark.slow)])
+def test_every_one_of_many_callers_at_once_hears_and_a_late_turn_is_no_plan(callers):
     namespace = '/crowded_planner'
     node = PlannerNode(
         namespace=namespace, parameter_overrides=[Parameter('llm_client', value='')]
@@ -222,8 +223,7 @@ def test_every_one_of_2000_callers_at_once_hears_and_a_late_turn_is_no_plan():
             lambda message: said.append(report_from_message(message, PlanReport).summary),
             REPORTS_OF_CALLS,
         )
-        plans = answers(client, [request()] * 2000)
-        assert len(plans) == 2000
+        plans = answers(client, [request()] * callers, 3 * PATIENCE)
         assert any(plan.poses for plan in plans)
         wait_for(lambda: any('busy: 128 requests are waiting' in one for one in said), 'busy')
         # The time of a request that waited runs from its arrival.

@@ -15,7 +15,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.cli.planning_options import route_instruction, sample_key_of, settled
 from llm_astar_planner.instructions.chain import make_interpreter
@@ -60,32 +59,14 @@ class PlayedPlan:
     order: NDArray[np.int32] | None
 
 
-class KeptPlanner:
-    """A planner that is prepared when it is first asked for; who asks meanwhile waits for it."""
-
-    def __init__(self, grid_map: GridMap, make: Callable[[], Planner]) -> None:
-        """Take the map and what makes its planner."""
-        self.cells = grid_map.cells.size
-        self._make = make
-        self._lock = threading.Lock()
-        self._planner: Planner | None = None
-
-    def get(self) -> Planner:
-        """Return the planner."""
-        with self._lock:
-            if self._planner is None:
-                self._planner = self._make()
-            return self._planner
-
-
 class PlanningService:
     """Plans what the page asks for; it keeps the planners of the last maps. Thread-safe."""
 
     def __init__(self) -> None:
         """Start without planners."""
         self._lock = threading.Lock()
-        self._planners: Recent[tuple[object, ...], KeptPlanner] = Recent(
-            MAX_KEPT_CELLS, lambda kept: kept.cells
+        self._planners: Recent[tuple[object, ...], Planner] = Recent(
+            MAX_KEPT_CELLS, lambda planner: planner.grid_map.cells.size
         )
         self._interpreter: Interpreter = make_interpreter({})
 
@@ -95,10 +76,11 @@ class PlanningService:
         barriers = None if request.walls.are_edited else request.play_map.barriers
         grid_map = request.walls.apply(request.play_map.grid_map)
         key = request.play_map.id, config, barriers is None, grid_map.digest
-        made = KeptPlanner(grid_map, lambda: Planner(grid_map, config, barriers).prepare())
+        # One is prepared at a time: many users may ask for the same one.
         with self._lock:
-            self._planners[key] = kept = self._planners.get(key, made)
-        return kept.get()
+            if self._planners.get(key) is None:
+                self._planners[key] = Planner(grid_map, config, barriers).prepare()
+            return self._planners[key]
 
     def plan(self, request: PlayRequest, stop: StopFlag) -> tuple[Planner, list[PlayedPlan]]:
         """Return the planner, the chosen plan and those to compare it with, until stopped."""
@@ -230,11 +212,10 @@ class Worker:
         """Say why an address must not have another job wait; None where it may."""
         waiting = self.waiting()
         own = sum(one.address == address for one in waiting)
-        if len(waiting) >= MAX_WAITING:
-            return f'busy: {len(waiting)} plans are waiting; ask again in a moment'
-        if own >= MAX_OF_ONE:
-            return f'busy: {own} plans of this address are waiting; ask again in a moment'
-        return None
+        if len(waiting) < MAX_WAITING and own < MAX_OF_ONE:
+            return None
+        count = f'{len(waiting)} plans are waiting, {own} of this address'
+        return f'busy: {count}; ask again in a moment'
 
     def waiting(self) -> list[Waiting]:
         """Return the jobs that no thread has begun, in their order."""

@@ -15,10 +15,10 @@ import ipaddress
 import json
 import re
 import socket
-from collections import Counter
+import time
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import uvicorn
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -32,7 +32,6 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from llm_astar_lab.play.encoding import map_json, options_json, reply_json
 from llm_astar_lab.play.live import LiveFeed
@@ -52,8 +51,6 @@ MAX_SENTENCE = 400
 # Seconds that answers under way get at the end.
 GRACE_S = 2
 MAX_CONNECTIONS = 256
-# Requests that are answered at a time, streams included: in all and of one address.
-MAX_REQUESTS, MAX_OF_ADDRESS = 128, 96
 # Characters of the name under which a page asks for its place in the queue.
 MAX_NAME = 64
 LOOPBACK = ('localhost', '127.0.0.1', '[::1]')
@@ -229,7 +226,6 @@ class Guard:
         """Guard an application that is served at an address."""
         self._app = app
         self._names = allowed_names(host)
-        self._requests: Counter[str] = Counter()
         self._any_address = host in EVERY_ADDRESS
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -248,21 +244,9 @@ class Guard:
                     headers['connection'] = 'close'
             await send(message)
 
-        address = address_of(scope)
-        problem = self.busy(address) or self.problem(scope['method'], Headers(scope=scope))
+        problem = self.problem(scope['method'], Headers(scope=scope))
         answer = self._app if problem is None else error_response(problem[1], '', problem[0])
-        self._requests[address] += 1
-        try:
-            await answer(scope, receive, send_guarded)
-        finally:
-            self._requests -= Counter([address])
-
-    def busy(self, address: str) -> tuple[int, str] | None:
-        """Return with which status and sentence one more request is refused, None if it is not."""
-        own, all_of_them = self._requests[address], self._requests.total()
-        if own < MAX_OF_ADDRESS and all_of_them < MAX_REQUESTS:
-            return None
-        return 503, f'busy: {all_of_them} requests are being answered; ask again in a moment'
+        await answer(scope, receive, send_guarded)
 
     def problem(self, method: str, headers: Headers) -> tuple[int, str] | None:
         """Return with which status and sentence a request is refused, None if it is not."""
@@ -308,64 +292,39 @@ def is_address(name: str) -> bool:
     return True
 
 
-class Connection(H11Protocol):
-    """A connection that is closed if the head of its next request does not come in HEAD_S.
-
-    Of more than MAX_CONNECTIONS the one that has waited for longest makes way, of the address that
-    has most: so half-open connections keep nobody out.
-    """
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for a request; have another connection make way."""
-        super().connection_made(transport)
-        self.wait_for_head()
-        if len(self.connections) > MAX_CONNECTIONS:
-            idle = [one for one in self.connections if isinstance(one, Connection) and one.is_idle]
-            count = Counter(one.address for one in idle)
-            min(idle, key=lambda one: (-count[one.address], one.since)).transport.close()
-
-    @property
-    def address(self) -> str:
-        """The address of the other end."""
-        return self.client[0] if self.client else ''
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether no request is under way."""
-        return self.cycle is None or self.cycle.response_complete
-
-    def wait_for_head(self) -> None:
-        """Close the connection in HEAD_S if no request is under way then."""
-        self.since = self.loop.time()
-        self.loop.call_later(HEAD_S, self.close_if_idle, self.since)
-
-    def close_if_idle(self, since: float) -> None:
-        """Close the connection if it still waits for the head that it waited for then."""
-        if self.is_idle and since == self.since:
-            self.transport.close()
-
-    def on_response_complete(self) -> None:
-        """Wait for the next request."""
-        super().on_response_complete()
-        self.wait_for_head()
-
-
 class PlayServer(uvicorn.Server):
     """A server that ends what its application does when it is told to end."""
 
     def __init__(self, app: PlayApp, host: str) -> None:
         """Serve an application at an address."""
         self._app = app
+        # Connections that wait for a request after their last one, since when.
+        self._idle: dict[tuple[Any, Any], float] = {}
         super().__init__(
             uvicorn.Config(
                 Guard(app.asgi(), host),
                 log_level='warning',
                 access_log=False,
                 server_header=False,
-                http=Connection,
                 timeout_graceful_shutdown=GRACE_S,
             )
         )
+
+    async def on_tick(self, counter: int) -> bool:
+        """Close connections on which no whole head of a request came in HEAD_S.
+
+        Of more than MAX_CONNECTIONS those that have waited for longest make way, so half-open
+        connections keep nobody out. Called ten times a second.
+        """
+        now, before = time.monotonic(), self._idle
+        ends = [(one, getattr(one, 'cycle', None)) for one in self.server_state.connections]
+        idle = [end for end in ends if end[1] is None or end[1].response_complete]
+        self._idle = {end: before.get(end, now) for end in idle}
+        oldest = sorted(self._idle.items(), key=lambda item: item[1])
+        for place, ((connection, _), since) in enumerate(oldest):
+            if now - since > HEAD_S or place < len(ends) - MAX_CONNECTIONS:
+                connection.transport.close()
+        return await super().on_tick(counter)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End, after Ctrl-C or SIGTERM."""

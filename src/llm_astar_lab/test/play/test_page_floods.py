@@ -133,13 +133,6 @@ def test_too_many_plans_of_one_address_hear_that_it_is_busy(play_url, held_up, m
     status, answer = ask(play_url)
     assert (status, answer['error']) == (
         503,
-        'busy: 1 plans of this address are waiting; ask again in a moment',
+        'busy: 1 plans are waiting, 1 of this address; ask again in a moment',
     )
     assert not waiting.done()
-
-
-def test_too_many_requests_of_one_address_hear_that_it_is_busy(play_url, held_up, monkeypatch):
-    monkeypatch.setattr(play_app, 'MAX_OF_ADDRESS', planning.AT_A_TIME)
-    answer = httpx.get(f'{play_url}/api/options', trust_env=False)
-    assert answer.status_code == 503
-    assert answer.json()['error'].startswith('busy: ')

@@ -113,14 +113,8 @@ class LlmClientNode(Node):
         threading.Thread(target=self.compile, name='compiler', daemon=True).start()
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
-        QueuedService(
-            self._entities,
-            GetPlan,
-            '~/get_waypoints',
-            self.on_get_waypoints,
-            self.on_flood,
-            threads=CALLERS,
-        )
+        waypoints, name = self.on_get_waypoints, '~/get_waypoints'
+        QueuedService(self._entities, GetPlan, name, waypoints, threads=CALLERS)
         self._entities.timer(1.0, self.publish_health, ReentrantCallbackGroup())
         self._entities.on_close(lambda: self._queue.close())  # noqa: PLW0108 - it is replaced
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
@@ -199,21 +193,16 @@ class LlmClientNode(Node):
             return costmap
 
     def on_get_waypoints(
-        self, request: GetPlan.Request, response: GetPlan.Response, arrived: float
+        self,
+        request: GetPlan.Request,
+        response: GetPlan.Response,
+        arrived: float,
+        busy: str = '',
     ) -> GetPlan.Response:
         """Query the source; publish the exchange, then respond with the same stamp."""
-        return self.respond(response, *self.ask(request, arrived))
-
-    def on_flood(self, response: GetPlan.Response, busy: str, count: int) -> GetPlan.Response:
-        """Refuse requests, in one exchange."""
-        detail = f'{busy}, so {count} were refused'
-        reply = WaypointReply(status=SourceStatus.REFUSED, detail=detail)
-        return self.respond(response, reply, None)
-
-    def respond(
-        self, response: GetPlan.Response, reply: WaypointReply, query: WaypointQuery | None
-    ) -> GetPlan.Response:
-        """Publish a reply as an exchange, then return the response with the same stamp."""
+        reply, query = WaypointReply(status=SourceStatus.REFUSED, detail=busy), None
+        if not busy:
+            reply, query = self.ask(request, arrived)
         stamp = self.get_clock().now().to_msg()
         response.plan.header.stamp = stamp
         if self._grid_map is not None:

@@ -192,13 +192,10 @@ def forms(
 
 def check_names(places: Places, source: str) -> Places:
     """Return the places. Raises PlacesError for a name that an instruction means otherwise."""
-    for place in places:
-        for name in (place.name, *place.aliases):
-            if means_otherwise(name):
-                raise PlacesError(
-                    f'{source}: place {name!r}: is a word that instructions are made of, so none '
-                    'could name the place; call it otherwise'
-                )
+    for name in (name for place in places for name in (place.name, *place.aliases)):
+        if means_otherwise(name):
+            why = 'is a word that instructions are made of, so none could name the place'
+            raise PlacesError(f'{source}: place {name!r}: {why}; call it otherwise')
     return places
 
 
@@ -207,15 +204,11 @@ def means_otherwise(name: str) -> bool:
 
     One letter is a name: 'A' may be a gate.
     """
-    words = read_words(name)
-    if len(name) < 2 or not words:
-        return False
+    words = read_words(name) if len(name) > 1 else []
     for known in map(vocabulary, LANGUAGES):
         count, meanings = known.phrases.longest(words, 0)
         kinds = {meaning[0][0] for meaning in meanings if count == len(words)}
-        if (
-            kinds & NO_NAMES
-            or {word.text for word in words} <= known.articles | known.any_articles
-        ):
+        is_article = len(words) == 1 and words[0].text in known.articles | known.any_articles
+        if is_article or kinds & NO_NAMES:
             return True
     return False

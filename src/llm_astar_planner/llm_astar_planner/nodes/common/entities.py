@@ -13,11 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from rclpy.callback_groups import (
-    CallbackGroup,
-    MutuallyExclusiveCallbackGroup,
-    ReentrantCallbackGroup,
-)
+from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
@@ -31,6 +27,7 @@ from llm_astar_planner.nodes.common.qos import CALLS
 _T = TypeVar('_T')
 # Requests of one service that wait at most, and that are taken before they are looked at.
 MOST_WAITING, MOST_AT_ONCE = 128, 1024
+QUIET_SECONDS = 1.0
 
 
 class Entities:
@@ -93,34 +90,12 @@ class Entities:
             self._undo.pop()()
 
 
-class LimitedCallbackGroup(ReentrantCallbackGroup):
-    """Lets at most so many callbacks run at a time; more wait in the middleware.
-
-    So a flood of one kind leaves threads of the executor for all the others.
-    """
-
-    def __init__(self, limit: int) -> None:
-        """Take how many may run at a time."""
-        super().__init__()
-        self._limit = limit
-        self._lock = threading.Lock()
-        self._running = 0
+class UntakenCallbackGroup(MutuallyExclusiveCallbackGroup):
+    """Keeps an executor from taking what is taken in another way."""
 
     def can_execute(self, _: Any) -> bool:  # noqa: ANN401 - rclpy's own
-        """Tell whether another callback may run now."""
-        return self._running < self._limit
-
-    def beginning_execution(self, _: Any) -> bool:  # noqa: ANN401 - rclpy's own
-        """Let a callback run if another one may."""
-        with self._lock:
-            may_run = self._running < self._limit
-            self._running += may_run
-            return may_run
-
-    def ending_execution(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Take note of a callback that has ended."""
-        with self._lock:
-            self._running -= 1
+        """Tell that nothing may run."""
+        return False
 
 
 class QueuedService(Waitable):
@@ -135,25 +110,23 @@ class QueuedService(Waitable):
         entities: Entities,
         kind: Any,  # noqa: ANN401 - a service type
         name: str,
-        answer: Callable[[Any, Any, float], Any],
-        refuse: Callable[[Any, str, int], Any],
+        answer: Callable[[Any, Any, float, str], Any],
         *,
         threads: int,
     ) -> None:
         """Serve on so many threads, the oldest request first.
 
-        `answer` gets a request, its response to fill, and when it arrived in monotonic seconds.
-        Requests that come while MOST_WAITING wait are refused: `refuse` fills the one response to
-        all those that arrived together, from a sentence and their number.
+        `answer` gets a request, its response to fill, when it arrived in monotonic seconds, and
+        ''. Of requests that come while MOST_WAITING wait it gets the first, and why all those that
+        came together are refused with its response.
         """
         super().__init__(MutuallyExclusiveCallbackGroup())
         self._kind = kind
-        self._answer, self._refuse = answer, refuse
+        self._answer = answer
         self._logger = entities.node.get_logger()
         self._lock = threading.Lock()
         self._waiting = self._index = 0
-        # It is taken from here, so the executor must not.
-        self.service = entities.service(kind, name, None, LimitedCallbackGroup(0))
+        self.service = entities.service(kind, name, None, UntakenCallbackGroup())
         self._pool = ThreadPoolExecutor(threads, 'callers')
         entities.on_close(lambda: self._pool.shutdown(wait=False, cancel_futures=True))
         entities.node.add_waitable(self)
@@ -200,19 +173,22 @@ class QueuedService(Waitable):
             for one in taken[:count]:
                 self._pool.submit(self._serve, *one, now)
         if refused := taken[count:]:
-            busy = f'busy: {MOST_WAITING} requests are waiting'
-            response = self._refuse(self._kind.Response(), busy, len(refused))
-            for _, header in refused:
-                self._send(response, header)
+            busy = f'busy: {MOST_WAITING} requests are waiting; {len(refused)} more were refused'
+            self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
+            self._respond(refused, now, busy)
 
     def _serve(self, request: Any, header: Any, arrived: float) -> None:  # noqa: ANN401
         with self._lock:
             self._waiting -= 1
+        self._respond([(request, header)], arrived, '')
+
+    def _respond(self, requests: list[tuple[Any, Any]], arrived: float, busy: str) -> None:
+        """Answer the first request, and all with its response."""
         try:
-            self._send(self._answer(request, self._kind.Response(), arrived), header)
+            response = self._answer(requests[0][0], self._kind.Response(), arrived, busy)
+            for _, header in requests:
+                self.service.send_response(response, header)
+        except InvalidHandle:  # the node has left the graph
+            pass
         except Exception:  # noqa: BLE001 - its thread serves others too
             self._logger.error(traceback.format_exc())
-
-    def _send(self, response: Any, header: Any) -> None:  # noqa: ANN401 - rclpy's own
-        with contextlib.suppress(InvalidHandle):  # the node has left the graph
-            self.service.send_response(response, header)

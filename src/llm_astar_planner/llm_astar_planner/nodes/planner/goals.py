@@ -83,10 +83,10 @@ class CancellationToken:
     `arrived` is when its goal came, in monotonic seconds: its time runs from there.
     """
 
-    def __init__(self, arrived: float | None = None) -> None:
-        """Make a token that is not cancelled, of a goal that came now by default."""
+    def __init__(self, arrived: float | None = None, reason: str = '') -> None:
+        """Make the token of a goal that came now by default; with a reason it is cancelled."""
         self.stop = np.zeros(1, dtype=np.uint8)
-        self.reason = ''
+        self.reason = reason
         self.arrived = time.monotonic() if arrived is None else arrived
 
     def cancel(self, reason: str) -> None:
@@ -137,8 +137,6 @@ class PlanResponse:
 
 # Plans for a goal: PlannerNode.answer_goal.
 Answer = Callable[..., PlanResponse]
-# Says that goals are refused, from a sentence: PlannerNode.refuse_goals.
-Refuse = Callable[[str], PlanResponse]
 
 
 def refusal(code: ResultCode, message: str) -> Plan:
@@ -147,11 +145,7 @@ def refusal(code: ResultCode, message: str) -> Plan:
 
 
 def serve_goals(
-    entities: Entities,
-    answer: Answer,
-    refuse: Refuse,
-    is_active: Callable[[], bool],
-    introspection: str,
+    entities: Entities, answer: Answer, is_active: Callable[[], bool], introspection: str
 ) -> None:
     """Serve `~/get_plan` and Nav2's path actions; goals of these are taken while `is_active()`.
 
@@ -160,17 +154,13 @@ def serve_goals(
     """
 
     def on_get_plan(
-        request: GetPlan.Request, response: GetPlan.Response, arrived: float
+        request: GetPlan.Request, response: GetPlan.Response, arrived: float, busy: str
     ) -> GetPlan.Response:
         goal = PlanGoal((request.goal,), request.start, float(request.tolerance))
-        response.plan = answer(goal, CancellationToken(arrived)).path
+        response.plan = answer(goal, CancellationToken(arrived, busy)).path
         return response
 
-    def on_flood(response: GetPlan.Response, busy: str, count: int) -> GetPlan.Response:
-        response.plan = refuse(f'{busy}, so {count} were refused').path
-        return response
-
-    calls = QueuedService(entities, GetPlan, '~/get_plan', on_get_plan, on_flood, threads=CALLERS)
+    calls = QueuedService(entities, GetPlan, '~/get_plan', on_get_plan, threads=CALLERS)
     state = INTROSPECTION_STATES[introspection]
     calls.service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():

@@ -99,13 +99,6 @@ class PlannerNode(LifecycleNodeMixin, Node):
         server.monitor.watch(response)
         return response
 
-    def refuse_goals(self, message: str) -> PlanResponse:
-        """Refuse goals for want of time, in one report of its own stamp; never raises."""
-        server = self._server
-        if server is None:
-            return PlanResponse(PlanGoal(()), refusal(ResultCode.TIMEOUT, message), Path())
-        return server.handler.refuse(message)
-
     def start(self) -> None:
         """Configure and activate. Raises ParameterError if that fails."""
         self.destroy_timer(self._start_timer)
@@ -144,13 +137,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         with self._lock:
             self._goals = Entities(self)
             introspection = self._settings['introspection_mode']
-            serve_goals(
-                self._goals,
-                self.answer_goal,
-                self.refuse_goals,
-                lambda: self.is_active,
-                introspection,
-            )
+            serve_goals(self._goals, self.answer_goal, lambda: self.is_active, introspection)
         from llm_astar_planner.nodes.planner.planner_server import (  # noqa: PLC0415
             PlannerServer,
         )

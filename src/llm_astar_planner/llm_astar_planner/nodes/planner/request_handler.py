@@ -286,14 +286,6 @@ class RequestHandler:
                 self._ended.notify_all()
         return replace(response, seconds=time.monotonic() - job.begin)
 
-    def refuse(self, message: str) -> PlanResponse:
-        """Publish that goals are refused, and return what each of their callers gets."""
-        now = time.monotonic()
-        job = Job(PlanGoal(()), CancellationToken(now), self.next_stamp(), now, 0.0)
-        response = self.failed(job, ResultCode.TIMEOUT, message)
-        self._publisher.publish_report(response, job.stamp, is_cancelled=False)
-        return response
-
     def next_stamp(self) -> Time:
         """Return the time now, a nanosecond later for each earlier plan at this time.
 
