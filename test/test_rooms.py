@@ -15,7 +15,7 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 39_129, 324
+ALL_LINES, ALL_MODULES = 38_891, 319
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 124, 'maps': 1_134, 'messages': 570},
@@ -24,25 +24,25 @@ LIMITS = {
         'search': 5_370,
         'costmap': 910,
         'planning': 3_284,
-        'waypoints': 3_026,
+        'waypoints': 2_944,
         'instructions': 7_505,
-        'nodes': 4_107,
-        'cli': 1_595,
+        'nodes': 4_110,
+        'cli': 1_571,
     },
     LAB: {
-        '': 10,
-        'bags': 1_060,
-        'evaluation': 750,
-        'datasets': 540,
-        'runner': 840,
+        '': 20,
+        'bags': 1_050,
+        'evaluation': 730,
+        'datasets': 515,
+        'runner': 845,
         'results': 650,
         'analysis': 840,
         'report': 1_340,
-        'instruct_bench': 1_240,
-        'pictures': 940,
-        'play': 927,
-        'commands': 1_365,
-        'nodes': 577,
+        'instruct_bench': 1_130,
+        'pictures': 946,
+        'play': 1_008,
+        'commands': 1_278,
+        'nodes': 574,
     },
 }
 ROOMS = [(package, room) for package, rooms in LIMITS.items() for room in rooms]

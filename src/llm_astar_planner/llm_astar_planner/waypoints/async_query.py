@@ -21,15 +21,16 @@ import numpy as np
 
 from llm_astar_planner.plugins import PluginError, checked_count
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
-from llm_astar_planner.waypoints.plugins import checked_point, checked_seconds
 from llm_astar_planner.waypoints.source import (
-    MAX_WAYPOINTS,
     Provenance,
     SourceStatus,
     Waypoint,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    checked_point,
+    checked_seconds,
+    limit_waypoints,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -280,13 +281,3 @@ def plain_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
     x, y = checked_point(point)
     is_plain = type(point) is tuple and {type(value) for value in point} <= {int, float}
     return point if is_plain else (x, y)
-
-
-def limit_waypoints(reply: WaypointReply) -> WaypointReply:
-    """Return the reply with at most MAX_WAYPOINTS waypoints; the detail says if some were cut."""
-    count = len(reply.waypoints)
-    if count <= MAX_WAYPOINTS:
-        return reply
-    cut = f'only the first {MAX_WAYPOINTS} of {count} waypoints are taken'
-    detail = f'{reply.detail}; {cut}' if reply.detail else cut
-    return replace(reply, waypoints=reply.waypoints[:MAX_WAYPOINTS], detail=detail)
