@@ -287,7 +287,7 @@ def test_the_shipped_transcript_is_of_that_version_and_is_replayed():
 
 GONE = ('remember_plans', 'lifecycle')
 # Since then a robot inside the marks of an obstacle plans its way out.
-CHANGED = {'start_tolerance': 0.0}
+CHANGED = {'start_tolerance': 0.0, 'source': 'embedded'}
 PARAMETERS = OLD / 'planner.yaml'
 
 
