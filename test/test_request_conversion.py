@@ -515,3 +515,15 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(
     assert goal.ended == 'c'
     assert (goal.result.error_code, len(goal.result.path.poses)) == (0, 0)
     assert goal.action._tokens == {}
+
+
+def test_goals_of_an_action_beyond_a_limit_are_rejected_until_some_have_ended(monkeypatch):
+    monkeypatch.setattr(goals, 'ActionServer', Mock())
+    action = PathAction(Mock(), SimpleNamespace(), 'plan', Mock(), lambda: True)
+    under_way = [SimpleNamespace(goal_id=SimpleNamespace(uuid=[n])) for n in range(goals.CALLERS)]
+    for handle in under_way:
+        assert action.on_goal(None) is goals.GoalResponse.ACCEPT
+        action.token_of(handle)
+    assert action.on_goal(None) is goals.GoalResponse.REJECT
+    del action._tokens[bytes([0])]
+    assert action.on_goal(None) is goals.GoalResponse.ACCEPT

@@ -148,9 +148,17 @@ def open_places(name: str, map_name: str | None) -> place_files.Places:
     Raises PlacesError for a malformed file, FileNotFoundError for one that does not exist.
     """
     if name:
-        return place_files.load_places(find_file(name, 'maps'))
+        return named_places(find_file(name, 'maps'))
     beside = place_files.places_beside(find_file(map_name, 'maps')) if map_name else None
-    return place_files.NO_PLACES if beside is None else place_files.load_places(beside)
+    return place_files.NO_PLACES if beside is None else named_places(beside)
+
+
+def named_places(path: Path) -> place_files.Places:
+    """Return the places of a file that instructions can name. Raises PlacesError."""
+    # Its tables take a tenth of a second to read.
+    from llm_astar_planner.instructions.grammar.vocabulary import check_names  # noqa: PLC0415
+
+    return check_names(place_files.load_places(path), str(path))
 
 
 def warn_of_places(places: place_files.Places, grid_map: GridMap) -> None:

@@ -122,6 +122,14 @@ REQUESTS = (
         unit='s',
         between=(0.0, 3600.0),
     ),
+    NodeParameter(
+        'costmap_timeout',
+        0.0,
+        'After how long without a map or an update goals are refused (`TIMEOUT`), if they came at '
+        'regular times before: the world is not known any more. 0: never, there is a warning',
+        unit='s',
+        between=(0.0, 3600.0),
+    ),
     Parameter(
         'tolerance',
         0.5,

@@ -55,6 +55,7 @@ from llm_astar_planner.search.result import (
     empty_path,
 )
 from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.waypoints.async_query import name_of
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -282,7 +283,7 @@ class PathPlanner:
             method=request.method,
             start=endpoints.start,
             goal=endpoints.goal,
-            source='none' if request.source is None else request.source.name,
+            source='none' if request.source is None else name_of(request.source),
             reply=reply,
             seconds_source=sum(map(attrgetter('seconds_source'), segments), 0.0),
             seconds_search=sum(map(attrgetter('seconds_search'), segments), 0.0),

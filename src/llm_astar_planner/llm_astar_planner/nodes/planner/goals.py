@@ -23,8 +23,8 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.service_introspection import ServiceIntrospectionState
 
-from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
-from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.nodes.common.entities import Entities, QueuedService
+from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 
 # The services are there before what plans is imported: see planner_node.
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 ACTION_NAMES = ('compute_path_to_pose', 'compute_path_through_poses')
 GET_PLAN, GOAL_POSE = '~/get_plan', 'goal_pose'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
+# An action takes as many goals, which preempt each other, and rejects more.
 CALLERS = 16
 INTROSPECTION_STATES = {
     'disabled': ServiceIntrospectionState.OFF,
@@ -56,6 +57,7 @@ CANCELED = 'the caller canceled'
 REACHABLE_LATER = ResultCode.NO_VALID_PATH.name
 # Seconds to wait until rclpy's goal handle knows of a cancel that was announced.
 CANCEL_SECONDS = 1.0
+QUIET_SECONDS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +84,16 @@ class PlanGoal:
 
 
 class CancellationToken:
-    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs."""
+    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs.
 
-    def __init__(self) -> None:
-        """Make a token that is not cancelled."""
+    `arrived` is when its goal came, in monotonic seconds: its time runs from there.
+    """
+
+    def __init__(self, arrived: float | None = None, reason: str = '') -> None:
+        """Make the token of a goal that came now by default; with a reason it is cancelled."""
         self.stop = np.zeros(1, dtype=np.uint8)
-        self.reason = ''
+        self.reason = reason
+        self.arrived = time.monotonic() if arrived is None else arrived
 
     def cancel(self, reason: str) -> None:
         """Cancel, once and for all; the first reason counts."""
@@ -153,16 +159,17 @@ def serve_goals(
     import is needed.
     """
 
-    def on_get_plan(request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
+    def on_get_plan(
+        request: GetPlan.Request, response: GetPlan.Response, arrived: float, busy: str
+    ) -> GetPlan.Response:
         tolerance = float(request.tolerance)
         goal = PlanGoal((request.goal,), request.start, tolerance, client=GET_PLAN)
-        response.plan = answer(goal).path
+        response.plan = answer(goal, CancellationToken(arrived, busy)).path
         return response
 
-    callers = LimitedCallbackGroup(CALLERS)
-    service = entities.service(GetPlan, GET_PLAN, on_get_plan, callers)
+    calls = QueuedService(entities, GetPlan, GET_PLAN, on_get_plan, threads=CALLERS)
     state = INTROSPECTION_STATES[introspection]
-    service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
+    calls.service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():
         PathAction(entities, kind, name, answer, is_active)
     served = 'with' if ACTIONS else 'without nav2_msgs, so without'
@@ -237,6 +244,7 @@ class PathAction:
     ) -> None:
         """Serve the action; goals are taken while `is_active()`."""
         self._kind, self._name = kind, name
+        self._logger = entities.node.get_logger()
         self._answer, self._is_active = answer, is_active
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
@@ -252,13 +260,20 @@ class PathAction:
             handle_accepted_callback=self.on_accepted,
             cancel_callback=self.on_cancel,
             result_timeout=RESULT_SECONDS,
+            goal_service_qos_profile=CALLS,
+            result_service_qos_profile=CALLS,
+            cancel_service_qos_profile=CALLS,
         )
         entities.on_close(server.destroy)
         entities.on_close(lambda: self._slot.cancel('the node ends'))
 
     def on_goal(self, _: Any) -> GoalResponse:  # noqa: ANN401 - any goal
-        """Accept a goal if the node is active."""
-        return GoalResponse.ACCEPT if self._is_active() else GoalResponse.REJECT
+        """Accept a goal if the node is active and few others wait for their end."""
+        is_busy = len(self._tokens) >= CALLERS
+        if is_busy:
+            busy = f'{self._name}: busy: {len(self._tokens)} goals are waiting'
+            self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
+        return GoalResponse.ACCEPT if self._is_active() and not is_busy else GoalResponse.REJECT
 
     def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Cancel the previous goal and execute this one."""

@@ -82,6 +82,13 @@ class Job:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
         return True
 
+    def begins(self, limit: float) -> None:
+        """Raise RequestError if its turn came after `limit` seconds, or it was cancelled."""
+        seconds = time.monotonic() - self.begin
+        if self.goes_on() and seconds > limit:
+            message = f'its turn came after {seconds:.1f} s, and it has {limit:g} s'
+            raise RequestError(ResultCode.TIMEOUT, message)
+
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
         return self.goes_on() and time.monotonic() < self.begin + self.limit
@@ -220,6 +227,8 @@ class RequestHandler:
     ) -> None:
         """Take the parts it works with."""
         self.is_active = False
+        # No goal's time runs before the node is active and what a first plan takes is compiled.
+        self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         self._ways = Ways()
@@ -237,6 +246,7 @@ class RequestHandler:
 
     def activate(self) -> None:
         """Answer goals from now on."""
+        self._ready_since = time.monotonic()
         self.is_active = True
 
     def deactivate(self, reason: str) -> None:
@@ -264,14 +274,15 @@ class RequestHandler:
         token = token or CancellationToken()
         stamp = self.next_stamp()
         limit = self._settings.current['max_planning_time']
-        job = Job(goal, token, stamp, time.monotonic(), limit)
+        job = Job(goal, token, stamp, max(token.arrived, self._ready_since), limit)
         with self._ended:
             self._running.add(token)
         try:
             try:
                 if self.is_active and not self._compiler.is_ready:
                     self._compiler.wait(job.goes_on)
-                    job = replace(job, begin=time.monotonic())
+                    self._ready_since = time.monotonic()
+                    job = replace(job, begin=self._ready_since)
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
@@ -322,9 +333,11 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self.is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
+        job.begins(max(job.limit, self._settings.current['first_path_time_limit']))
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
+            self.check_age()
             # A replan follows a new map, and is no retry.
             is_retry = not replan_reason and self._waits.is_retry(job.goal)
             waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
@@ -385,6 +398,13 @@ class RequestHandler:
             warnings = (*plan.warnings, *waited.warnings, *left_out)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
+
+    def check_age(self) -> None:
+        """Raise RequestError where the costmap has been silent for longer than it may be."""
+        limit = self._settings.current['costmap_timeout']
+        if limit > 0.0 and (problems := self._maps.arrivals.warnings(limit)):
+            message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
+            raise RequestError(ResultCode.TIMEOUT, message)
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
