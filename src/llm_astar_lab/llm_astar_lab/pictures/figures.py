@@ -13,6 +13,7 @@ from pathlib import Path
 from textwrap import fill
 
 import numpy as np
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -32,11 +33,8 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_lab.pictures import raster, style
-from llm_astar_lab.pictures.instructions import (
-    InstructedPath,
-    add_instruction_legend,
-    draw_instruction,
-)
+from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
+from llm_astar_lab.pictures.instructions import add_instruction_legend, draw_instruction
 from llm_astar_lab.pictures.places import Labels, draw_places, write_names
 from llm_astar_lab.pictures.style import Mark
 
@@ -82,7 +80,8 @@ class Picture:
     their names, `instructed` says what became of an instruction, the `footprint` is drawn along
     the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
     the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
-    `recorded` [n, 2] is another path, the one that a bag holds.
+    `recorded` [n, 2] is another path, the one that a bag holds, and `ways` are those to choose
+    from.
     """
 
     grid_map: GridMap
@@ -101,6 +100,7 @@ class Picture:
     shown: raster.Window | None = None
     has_scale_bar: bool = True
     recorded: NDArray[np.float64] | None = None
+    ways: Sequence[NDArray[np.int32]] = ()
 
     @property
     def in_metres(self) -> bool:
@@ -160,16 +160,13 @@ def picture_of(
         guidance = describe_plan(plan)
     outcome = describe_outcome(plan, grid_map.resolution)
     places = NO_PLACES if route is None else route.places
-    path, instructed = plan.path, None
-    if plan.any_angle is not None and len(path):
-        # The path that leaves the planner, on which the instruction is verified too.
-        path = plan.any_angle.points
-    if route is not None and plan.instruction is not None and len(path):
-        instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
+    path = plan.path if plan.any_angle is None else plan.any_angle.points
+    instructed = None if route is None else instructed_path(plan, route)
     inflated = costmap.blocked & ~grid_map.blocked()
     return Picture(
         grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',
         offset, places, instructed, plan.footprint, inflated, plan.via,
+        ways=[way.path for way in plan.alternatives],
     )  # fmt: skip
 
 
@@ -235,9 +232,10 @@ def write_figure(figure: Figure, path: str | Path) -> None:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # Without a format matplotlib adds an ending to a name that has none.
-    figure.savefig(
-        path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
-    )
+    with naming(path):
+        figure.savefig(
+            path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
+        )
 
 
 def draw_panels(figure: Figure, panels: Sequence[Axes], pictures: Sequence[Picture]) -> None:
@@ -259,6 +257,8 @@ def draw(axes: Axes, picture: Picture) -> None:
     if picture.recorded is not None and len(picture.recorded):
         x, y = picture.on_axes(picture.recorded).T
         axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
+    for number, way in enumerate(picture.ways, start=1):
+        axes.plot(*picture.on_axes(way).T, linewidth=5, alpha=0.4, label=f'way {number}')
     if len(picture.path):
         x, y = picture.on_axes(picture.path).T
         axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')
