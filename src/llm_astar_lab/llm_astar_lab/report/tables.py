@@ -200,7 +200,7 @@ def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
     table = Table.of('over_none', title, COMPARISON_COLUMNS, comparisons)
     table = table.with_column(*failure_column(comparisons))
     without = [item.answered[0] if item.failures else '-' for item in comparisons]
-    return table.with_column(*percents('Operation / none without them (%)'), without)
+    return table.with_column(percents('Operation / none without them (%)')[0], without)
 
 
 def failure_column(
