@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import nctdtr, stdtr, stdtrit
 
 Floats = NDArray[np.float64]
 DRAWS = 2000
@@ -34,8 +35,6 @@ LEVEL = 0.95
 FEW_MAPS = 20
 # A standard error of values that are equal but for their last digits.
 ROUNDING = 1e-12
-# Draws of a standard error, for the power of a test.
-POWER_DRAWS = 2000
 # Lengths that differ by less than this share count as equal.
 LENGTH_TOLERANCE = 1e-9
 
@@ -135,7 +134,7 @@ class Estimate(NamedTuple):
         """Return the mean with the 95 % interval of Student's t, NaN of a single map."""
         if not self.degrees:
             return Interval(self.value, math.nan, math.nan)
-        half = student_quantile((1.0 - LEVEL) / 2.0, self.degrees) * self.error
+        half = float(stdtrit(self.degrees, (1.0 + LEVEL) / 2.0)) * self.error
         return Interval(self.value, self.value - half, self.value + half)
 
     def p_above(self, limit: float) -> float:
@@ -144,7 +143,7 @@ class Estimate(NamedTuple):
             return math.nan
         if self.error == 0.0:
             return 0.0 if self.value > limit else 1.0
-        return student_tail((self.value - limit) / self.error, self.degrees)
+        return float(stdtr(self.degrees, (limit - self.value) / self.error))
 
     def power(self, beyond: float, level: float) -> float:
         """Return how probably a mean that lies so far `beyond` the limit has p < `level`."""
@@ -152,10 +151,8 @@ class Estimate(NamedTuple):
             return math.nan
         if self.error == 0.0:
             return 1.0
-        draws = np.random.default_rng(0).chisquare(self.degrees, POWER_DRAWS) / self.degrees
-        needed = student_quantile(level, self.degrees) * np.sqrt(draws)
-        above = map(NormalDist().cdf, (beyond / self.error - needed).tolist())
-        return float(np.mean(list(above)))
+        needed = stdtrit(self.degrees, 1.0 - level)
+        return float(1.0 - nctdtr(self.degrees, beyond / self.error, needed))
 
 
 def estimate(values: ArrayLike, groups: ArrayLike) -> Estimate:
@@ -174,33 +171,6 @@ def estimate(values: ArrayLike, groups: ArrayLike) -> Estimate:
     squares = float(np.square(sums - mean * counts).sum())
     error = math.sqrt(len(sums) / max(degrees, 1) * squares) / len(numbers)
     return Estimate(mean, 0.0 if error < ROUNDING else error, degrees)
-
-
-@lru_cache(maxsize=100_000)
-def student_tail(t: float, degrees: int) -> float:
-    """Return the probability that Student's t is above `t`, by its finite series.
-
-    Abramowitz and Stegun, Handbook of Mathematical Functions, 26.7.3 and 26.7.4.
-    """
-    angle, odd = math.atan(t / math.sqrt(degrees)), degrees % 2
-    k = np.arange(1.0, (degrees - odd) // 2)
-    factors = np.cumprod((2 * k - 1 + odd) / (2 * k + odd) * math.cos(angle) ** 2)
-    inside = math.sin(angle) * (1.0 + factors.sum()) if degrees > 1 else 0.0
-    if odd:
-        inside = 2.0 / math.pi * (angle + math.cos(angle) * inside)
-    return max(0.0, 0.5 - inside / 2.0)
-
-
-@lru_cache(maxsize=1000)
-def student_quantile(tail: float, degrees: int) -> float:
-    """Return what Student's t is above with a probability of `tail`, at most 0.5."""
-    low, high = 0.0, 1.0
-    while student_tail(high, degrees) > tail:
-        high *= 2.0
-    for _ in range(60):
-        middle = (low + high) / 2.0
-        low, high = (middle, high) if student_tail(middle, degrees) > tail else (low, middle)
-    return high
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
