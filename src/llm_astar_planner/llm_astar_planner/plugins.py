@@ -87,8 +87,10 @@ def description(error: BaseException) -> str:
         name += f': {error}' if str(error) else ''
     except BaseException:  # noqa: BLE001 - its __str__ is foreign code, too
         name += ' without a readable message'
-    frames = traceback.extract_tb(error.__traceback__)[-1:]
-    where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in frames)
+    frames = traceback.extract_tb(error.__traceback__)
+    # Those of the import system, called <frozen ...>, are nobody's to mend.
+    known = [at for at in frames if not at.filename.startswith('<')][-1:]
+    where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in known)
     return printable(shortened(name, MAX_MESSAGE) + where)
 
 

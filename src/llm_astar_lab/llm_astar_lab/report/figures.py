@@ -76,6 +76,9 @@ def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
             draw_interval(axes, position, mean, colour)
         name = {'operation': 'expansions', 'length': 'path length'}[quantity]
         end_panel(axes, f'{name}, % of A* (95 % interval)')
+    for colour, name in ((style.CHART, 'with waypoints'), (style.SOFT, 'without')):
+        panels[0].plot([], [], 'o', color=colour, label=name)
+    figure.legend(loc='outside lower right', ncols=2, fontsize=8, frameon=False)
     return figure
 
 
