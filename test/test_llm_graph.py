@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode, NoMapError
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.planning.parameters import FIXED, SOURCE
+from llm_astar_planner.planning.parameters import FIXED
 from llm_astar_planner.waypoints.transcript import read_transcript
 from local_llm import LocalLlm, needs_llm
 from nav_msgs.msg import OccupancyGrid
@@ -27,6 +28,7 @@ from rcl_interfaces.msg import Log, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import Parameter
 
+HOUSE = Path(__file__).resolve().parents[1] / 'maps' / 'instructions' / 'house.yaml'
 KEY = 'planted-secret-0123456789'
 KEY_ENV = 'LLM_ASTAR_TEST_API_KEY'
 GOOD = 'Generated Path: [[39, 18], [31, 10], [27, 9], [12, 9], [7, 19]]'
@@ -239,7 +241,7 @@ def test_a_costmap_is_kept_until_the_map_or_a_rule_changes(client_node):
     assert client_node.costmap() is not second
 
 
-def test_the_embedded_model_is_the_default_and_says_it_is_no_llm():
+def test_the_embedded_model_says_it_is_no_llm():
     map_node, client, planner, caller = graph(['-p', 'source:=embedded', '-p', 'candidates:=1'])
     with map_node, client, planner, caller as caller:
         caller.wait_until_ready(client='llm_client_node')
@@ -253,8 +255,27 @@ def test_the_embedded_model_is_the_default_and_says_it_is_no_llm():
         assert report.guided_by.startswith('embedded:learned waypoint model')
         assert {verdict for *_, verdict in report.waypoints} == {'accepted'}
     assert exchange.label.endswith('not an LLM')
-    default = next(item for item in SOURCE if item.name == 'source')
-    assert default.default == 'embedded'
+
+
+def test_by_default_nobody_is_asked_on_a_map_where_waypoints_save_no_time():
+    start, goal = Pose2D(10.05, 9.45), Pose2D(14.15, 2.15)
+    processes = (
+        process('map_node', '-p', f'map_file:={HOUSE}', namespace=ALONE),
+        process('llm_client_node', '-p', 'source:=auto', namespace=ALONE),
+        process('planner_node', '-p', 'search_while_waiting:=false', namespace=ALONE),
+    )
+    with processes[0], processes[1], processes[2], calling(ALONE) as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        asked, not_asked = (caller.call(start, goal)[1] for _ in range(2))
+        assert set_parameter(caller, 'llm_client_node', 'source', 'straight').successful
+        wait_for(
+            lambda: caller.call(start, goal)[1].source_status == 'OK', 'the source that is named'
+        )
+    for report in (asked, not_asked):
+        assert (report.code, report.source_status) == (0, 'NONE')
+        assert report.source_detail == 'they save no time on such a map'
+    assert asked.seconds_source > 0.0
+    assert not_asked.seconds_source == 0.0
 
 
 def test_an_endpoint_guides_and_gets_one_request_for_equal_queries(chat_server, monkeypatch):

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, cover
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
     from llm_astar_planner.search.coarse import CoarseGraph
     from llm_astar_planner.search.visibility import LineOfSightChecker
+
+# The most straight barriers in a map of the paper's kind.
+MAX_BARRIERS = 30
 
 
 class Costmap:
@@ -145,6 +149,14 @@ class Costmap:
         from llm_astar_planner.search.coarse import CoarseGraph  # noqa: PLC0415
 
         return CoarseGraph(self.components, self.grid_graph)
+
+    @cached_property
+    def is_barrier_map(self) -> bool:
+        """Whether a few dozen straight barriers block all that is blocked, as in the paper."""
+        if max(self.blocked.shape) > MAX_SIDE:
+            return False
+        barriers, are_all = cover(self.blocked, MAX_BARRIERS, only_all=True)
+        return are_all and bool(barriers)
 
     @cached_property
     def line_of_sight(self) -> LineOfSightChecker:

@@ -47,6 +47,7 @@ from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
+from llm_astar_planner.search import coarse
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -180,6 +181,8 @@ def compile_kernels() -> None:
             for is_graded in (False, True):
                 compile_for(config, replace(request, via=VIA), is_graded)
     compile_footprint_kernels()
+    # The source `auto` takes them on large graded maps.
+    coarse.compile_kernels()
 
 
 def compile_map_kernels(

@@ -98,6 +98,14 @@ REQUESTS = (
         cli_reason='since no robot is waiting, and a language model may take half a minute',
         short_flags=('time_limit',),
     ),
+    Parameter(
+        'first_path_time_limit',
+        0.0,
+        'Time limit for a search that has no path yet, for each stretch between via points; where '
+        'it is longer than `max_planning_time`, that one only ends improving the path',
+        unit='s',
+        between=(0.0, 3600.0),
+    ),
     NodeParameter(
         'costmap_update_timeout',
         2.5,
@@ -336,6 +344,7 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'heuristic': values['heuristic'],
         'weight': values['weight'],
         'time_limit': values['max_planning_time'],
+        'first_path_time_limit': values['first_path_time_limit'],
         'source_time_limit': values['source_timeout'],
         'max_suboptimality': values['max_suboptimality'] or None,
         'search_while_waiting': values['search_while_waiting'],

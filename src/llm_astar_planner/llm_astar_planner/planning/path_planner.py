@@ -160,6 +160,7 @@ class PathPlanner:
                 if not (is_found or ended is SearchStatus.FOUND):
                     raise no_path(request, segments)
             if request.footprint is not None:
+                fit_deadline = max(fit_deadline, begin + request.first_path_time_limit)
                 endpoints = fit_footprint(self.costmap, request, endpoints, segments, fit_deadline)
             # 4. Only a path that passes the independent check leaves.
             result = concatenate_results(segments) if request.via else segment.result
@@ -255,7 +256,7 @@ class PathPlanner:
         # Where there are via points, no source is asked.
         reply = first.reply if first else NOT_ASKED
         if request.source is not None and not (first and first.is_asked):
-            reply = not_asked(request)
+            reply = not_asked(request, self.costmap)
         if first and first.checked_waypoints:
             path = empty_path() if result is None else result.path
             fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)

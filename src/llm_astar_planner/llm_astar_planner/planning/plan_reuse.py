@@ -15,6 +15,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.caches import Recent
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
@@ -27,6 +28,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    helps_on,
 )
 
 # How many cells a robot may be off an earlier path and still count as following it.
@@ -124,6 +126,10 @@ class CachedWaypointSource:
             completion_tokens=0,
             seconds=0.0,
         )
+
+    def helps_on(self, costmap: Costmap) -> bool:
+        """Tell whether `inner` is worth asking on a costmap."""
+        return helps_on(self._inner, costmap)
 
     def clear(self) -> None:
         """Drop everything: `inner` may answer differently from now on."""

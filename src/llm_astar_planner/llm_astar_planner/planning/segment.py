@@ -45,11 +45,13 @@ from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, S
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
 from llm_astar_planner.waypoints.source import (
+    SAVES_NOTHING,
     SourceStatus,
     Waypoint,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    helps_on,
 )
 
 if TYPE_CHECKING:
@@ -121,8 +123,9 @@ class SegmentPlanner:
         request, waypoints = self.request, list[Waypoint]()
         arrivals: deque[NDArray[np.float64]] = deque()
         task = None
-        if self.method.uses_waypoints and request.source and request.start != request.goal:
-            task = self.query(request.source, waypoints, arrivals)
+        source = request.source if self.method.uses_waypoints else None
+        if source and request.start != request.goal and helps_on(source, self.costmap):
+            task = self.query(source, waypoints, arrivals)
         problem = SearchProblem(
             self.costmap.grid_graph,
             request.start,
@@ -136,6 +139,7 @@ class SegmentPlanner:
             request.weight,
             self.landmarks,
             arrivals,
+            time.monotonic() + request.first_path_time_limit,
         )
         begin = time.monotonic()
         answer = self.method(problem)
@@ -187,11 +191,17 @@ class SegmentPlanner:
             done = describe_expansions(expansions)
             code, message = ResultCode.TIMEOUT, f'cancelled after {done}'
             if not self.stop[0]:
-                limit = f'the limit is {self.request.time_limit:g} s, max_planning_time'
-                message = f'out of time after {done} ({limit})'
+                message = f'out of time after {done} ({self.describe_limit()})'
         start += f' {self.costmap.describe_cell(self.request.start)}'
         goal += f' {self.costmap.describe_cell(self.request.goal)}'
         return PlanningFailure(code, f'{message}, from {start} to {goal}')
+
+    def describe_limit(self) -> str:
+        """Say which time limit a search without a path has, and how it is called."""
+        name, seconds = 'max_planning_time', self.request.time_limit
+        if self.request.first_path_time_limit > seconds:
+            name, seconds = 'first_path_time_limit', self.request.first_path_time_limit
+        return f'the limit is {seconds:g} s, {name}'
 
     def take(self, found: BoundedResult, seconds: float) -> None:
         """Take the path of a search by heading, which took so many seconds, instead of its own.
@@ -297,7 +307,7 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     )
 
 
-def not_asked(request: PlanRequest) -> WaypointReply:
+def not_asked(request: PlanRequest, costmap: Costmap) -> WaypointReply:
     """Return the reply of a source that was not asked, which says why if there is one."""
     reason = ''
     if not uses_waypoints(request.method):
@@ -308,6 +318,8 @@ def not_asked(request: PlanRequest) -> WaypointReply:
         reason = 'the start is the goal'
     elif request.instruction is not None:
         reason = 'the instruction decides the route'
+    elif request.source is not None and not helps_on(request.source, costmap):
+        reason = SAVES_NOTHING
     return replace(NOT_ASKED, detail=reason)
 
 

@@ -110,6 +110,8 @@ class PlanRequest:
     - `source`: the waypoint source, or None to search without waypoints.
     - `time_limit`: seconds for everything; of these the source gets at most
       `source_time_limit`.
+    - `first_path_time_limit`: seconds for a search without a path, where that is longer than
+      `time_limit`, which then only ends improving; for each stretch between via points.
     - `max_suboptimality`: `guided` searches until its path is proven to cost at most this many
       times the cheapest, 1 or more; None takes its first path.
     - `search_while_waiting`: `guided` starts after 30 ms, even if the waypoints are not there
@@ -156,6 +158,7 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
+    first_path_time_limit: float = 0.0
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -181,7 +184,7 @@ def check_request(request: PlanRequest) -> None:
             continue
         if limits.between is None or not limits.between[0] <= value <= limits.between[1]:
             problem = problem or limits.problem(value)
-    for name in ('time_limit', 'source_time_limit'):
+    for name in ('time_limit', 'first_path_time_limit', 'source_time_limit'):
         if math.isnan(getattr(request, name)):
             problem = f'{name}: not a number of seconds'
     if len(request.via) > MAX_VIA:

@@ -149,6 +149,7 @@ def exact_astar(
     corner_cutting: bool = False,
     stop: StopFlag | None = None,
     deadline: float = math.inf,
+    first_path_deadline: float = -math.inf,
     landmarks: Landmarks | None = None,
     want_expanded: bool = True,
     every_move: bool = False,
@@ -156,8 +157,9 @@ def exact_astar(
     """Find a cheapest path with A*; on uniform costs exact to 5e-8 of the length.
 
     `blocked` is a prepared grid, or bool [height, width], which is prepared first. Another
-    thread ends the search by raising `stop`, and `deadline` (monotonic seconds) ends it too; the
-    status is then STOPPED, with the best path found so far, if any. `landmarks`, which must be
+    thread ends the search by raising `stop`, and `deadline` (monotonic seconds) ends it too,
+    without a path `first_path_deadline` if that is later; the status is then STOPPED, with the
+    best path found so far, if any. `landmarks`, which must be
     admissible on the grid, save expansions. `every_move` also tries the moves that uniform costs
     make pointless, as a textbook A* does: about as many expansions, more states stored. Raises
     ValueError for a cell off the grid and PathTooLongError beyond 30 million cells.
@@ -167,14 +169,16 @@ def exact_astar(
     grid = blocked
     search = PlainSearch(grid, start, goal, landmarks, every_move=every_move)
     stop = no_stop() if stop is None else stop
+    deadlines = deadline, max(deadline, first_path_deadline)
     try:
-        return complete(search, stop, deadline, want_expanded=want_expanded)
+        return complete(search, stop, deadlines, want_expanded=want_expanded)
     except OverflowError:
         if grid.coarse() is grid:
             message = f'the cost of a path from {start} to {goal} does not fit'
             raise PathTooLongError(message) from None
     return exact_astar(
-        grid.coarse(), start, goal, stop=stop, deadline=deadline, want_expanded=want_expanded,
+        grid.coarse(), start, goal, stop=stop, deadline=deadline,
+        first_path_deadline=first_path_deadline, want_expanded=want_expanded,
         every_move=every_move,
     )  # fmt: skip
 
@@ -184,7 +188,7 @@ def exact_method(problem: SearchProblem) -> BoundedResult:
     """Search by `exact_astar`."""
     return exact_astar(
         problem.grid, problem.start, problem.goal, stop=problem.stop, deadline=problem.deadline,
-        want_expanded=problem.want_expanded,
+        first_path_deadline=problem.first_path_deadline, want_expanded=problem.want_expanded,
     )  # fmt: skip
 
 
@@ -202,22 +206,29 @@ def shortest_path(
 
 
 def complete(
-    search: PlainSearch, stop: StopFlag, deadline: float, *, want_expanded: bool
+    search: PlainSearch, stop: StopFlag, deadlines: tuple[float, float], *, want_expanded: bool
 ) -> BoundedResult:
     """Run a search to its end, or until it is stopped, and close it; return what it proves.
+
+    `deadlines` are those of a search with a path and of one without.
 
     Raises OverflowError.
     """
     try:
-        run(search, stop, deadline)
+        run(search, stop, *deadlines)
         return make_result(search, want_expanded=want_expanded)
     finally:
         search.grid.give_back(search.workspace)
 
 
-def run(search: PlainSearch, stop: StopFlag, deadline: float) -> None:
-    """Run a search to its end, or until it is stopped. Raises OverflowError."""
-    while search.status is None and not stop[0] and time.monotonic() < deadline:
+def run(search: PlainSearch, stop: StopFlag, deadline: float, without_path: float) -> None:
+    """Run a search to its end, or until it is stopped. Raises OverflowError.
+
+    It ends at `deadline` (monotonic seconds), at `without_path` where it has no path.
+    """
+    while search.status is None and not stop[0]:
+        if time.monotonic() >= (deadline if search.best < kernels.NO_PATH else without_path):
+            return
         search.advance(EXPANSION_SLICE)
 
 

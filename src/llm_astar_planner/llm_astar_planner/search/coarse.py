@@ -88,4 +88,6 @@ def compile_kernels() -> None:
     """Compile what routes run, or load it from numba's cache, so that the first need not."""
     blocked = np.zeros((24, 24), dtype=np.bool_)
     blocked[4:, 12] = True
+    # As those of costmaps are; numba compiles once more for arrays that can be written to.
+    blocked.flags.writeable = False
     CoarseGraph(Tiles.build(blocked), GridGraph(blocked)).turns((2, 20), (21, 20))

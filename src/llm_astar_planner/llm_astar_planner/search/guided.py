@@ -88,8 +88,9 @@ class GuidedSearch:
     without waypoints the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
     when the path is proven to cost at most w times the optimum, without it at the first path.
     `landmarks`, which must be admissible on the grid, make search and proof cheap. It also ends
-    at `deadline` (monotonic seconds, looked at between slices of the search) and when another
-    thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are not returned.
+    at `deadline` (monotonic seconds, looked at between slices of the search), without a path at
+    `first_path_deadline` if that is later, and when another thread sets `stop[0] = 1`; the
+    expanded cells of a search cancelled that way are not returned.
     `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
     may cost, as a multiple of those of the search without any (None: as many as take its time).
     A `recorder` notes in which order cells are expanded. Into an `inbox` other threads may put
@@ -107,6 +108,7 @@ class GuidedSearch:
         landmarks: Landmarks | None = None,
         stop: StopFlag | None = None,
         deadline: float = math.inf,
+        first_path_deadline: float = -math.inf,
         weight: float = WEIGHT,
         work_factor: float | None = None,
         recorder: ExpansionRecorder | None = None,
@@ -131,7 +133,8 @@ class GuidedSearch:
         self._grid, self._landmarks = blocked, landmarks
         self.start, self.goal, self.stop = start, goal, no_stop() if stop is None else stop
         self.max_suboptimality, self.recorder = max_suboptimality, recorder
-        self.deadline, self.weight, self.work_factor = deadline, weight, work_factor
+        self.weight, self.work_factor = weight, work_factor
+        self.deadline, self.last_deadline = deadline, max(deadline, first_path_deadline)
         # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
         self.inbox: deque[NDArray[np.float64]] = deque() if inbox is None else inbox
         self._result: GuidedResult | None = None
@@ -217,7 +220,8 @@ class GuidedSearch:
 
     def _step(self) -> AnytimeSolution | None:
         """Search one slice; return the path that it found, None if it is not better."""
-        if self.stop[0] or time.monotonic() >= self.deadline:
+        deadline = self.deadline if self._best < plain_kernels.NO_PATH else self.last_deadline
+        if self.stop[0] or time.monotonic() >= deadline:
             self._status = SearchStatus.STOPPED
             return None
         if self.inbox:
@@ -322,7 +326,7 @@ def guided_method(problem: SearchProblem) -> Generator[AnytimeSolution, None, Gu
     search = GuidedSearch(
         problem.grid, problem.start, problem.goal, max_suboptimality=problem.max_suboptimality,
         landmarks=problem.landmarks, stop=problem.stop, deadline=problem.deadline,
-        inbox=problem.arrivals,
+        first_path_deadline=problem.first_path_deadline, inbox=problem.arrivals,
     )  # fmt: skip
     if problem.waypoints:
         problem.arrivals.appendleft(np.array(problem.waypoints, dtype=np.float64))

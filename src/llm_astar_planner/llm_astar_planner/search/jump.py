@@ -90,4 +90,4 @@ def jump_search(
     its 32 bits (beyond 900 thousand cells).
     """
     search = JumpSearch(grid, start, goal, landmarks)
-    return complete(search, stop, deadline, want_expanded=False)
+    return complete(search, stop, (deadline, deadline), want_expanded=False)

@@ -51,7 +51,7 @@ NO_DISTANCES = np.zeros((0, 0), dtype=np.int32)
 NONE_ACTIVE = np.zeros((0, 2), dtype=np.int64)
 
 
-def landmark_count(grid: GridGraph, count: int | None, max_bytes: int) -> int:
+def landmark_count(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_BYTES) -> int:
     """Return how many landmarks to measure on a grid: `count`, or as many as pay, if they fit.
 
     0 if fewer than MIN_COUNT fit in `max_bytes`.

@@ -128,8 +128,8 @@ def search_as_published(method: PaperMethod, problem: SearchProblem) -> SearchRe
     """Search by one of the paper's methods; without waypoints the goal is its only target."""
     grid = problem.grid
     options = SearchOptions(
-        problem.heuristic, problem.weight, grid.corner_cutting, problem.stop, problem.deadline,
-        problem.want_expanded,
+        problem.heuristic, problem.weight, grid.corner_cutting, problem.stop,
+        max(problem.deadline, problem.first_path_deadline), problem.want_expanded,
     )  # fmt: skip
     targets = problem.waypoints or [problem.goal]
     return method(grid.blocked, problem.start, problem.goal, targets, options)

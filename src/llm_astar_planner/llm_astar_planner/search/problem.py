@@ -32,6 +32,7 @@ class SearchProblem:
       that use none. They are on the map, on no obstacle, and connected to the start.
     - `stop`, `deadline`: the search should end soon after `stop[0]` is 1, and at `deadline`
       (seconds of `time.monotonic()`).
+      A search that has no path yet goes on until `first_path_deadline`, if that is later.
     - `want_expanded`: whether the result needs the picture of expanded cells.
     - `max_suboptimality`: the path may cost so many times the cheapest, 1 or more; None: any.
     - `heuristic`, `weight`: those of the paper's methods. `landmarks`: distances that are known,
@@ -52,6 +53,7 @@ class SearchProblem:
     weight: float = 1.0
     landmarks: Landmarks | None = None
     arrivals: deque[NDArray[np.float64]] = field(default_factory=deque)
+    first_path_deadline: float = -math.inf
 
     @property
     def blocked(self) -> NDArray[np.bool_]:

@@ -129,6 +129,7 @@ SOURCES = Plugins(
     'source',
     GROUP,
     {
+        'auto': f'{HERE}.auto:AutoSource',
         'none': f'{HERE}.replay:make_none',
         'embedded': f'{HERE}.learned.source:make_embedded',
         'replay': f'{HERE}.replay:make_replay',

@@ -27,6 +27,8 @@ RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
 KEY_NAMES = '*_API_KEY, *_TOKEN'
 # Characters of the name of a model or a prompt, which stands in logs, tables and file names.
 MAX_NAME = 200
+# Why the source `auto` is not asked on a map.
+SAVES_NOTHING = 'they save no time on such a map'
 # More waypoints than any route needs; checking an unlimited number would take unlimited time.
 MAX_WAYPOINTS = 1000
 
@@ -163,7 +165,8 @@ class WaypointSource(Protocol):
     """Anything that can be queried for waypoints.
 
     `waypoints` does not raise for failures outside the program (network, endpoint, files): it
-    returns a reply with a status and no waypoints. It returns within `query.time_limit`.
+    returns a reply with a status and no waypoints. It returns within `query.time_limit`. Where a
+    source also has `helps_on(costmap)`, it is asked only on costmaps for which that is true.
     """
 
     @property
@@ -172,3 +175,9 @@ class WaypointSource(Protocol):
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return waypoints for a query. Thread-safe."""
+
+
+def helps_on(source: WaypointSource, costmap: Costmap) -> bool:
+    """Tell whether a source is worth asking on a costmap: not where it says that it is not."""
+    asked = getattr(source, 'helps_on', None)
+    return asked is None or bool(asked(costmap))

@@ -1,5 +1,6 @@
 """The facade: always a code, whatever the request, the map or the source may be."""
 
+import math
 import threading
 import time
 from dataclasses import replace
@@ -14,6 +15,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.search import any_angle
 from llm_astar_planner.search.any_angle import string_pull
+from llm_astar_planner.search.guided import GuidedSearch
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.problem import search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
@@ -216,6 +218,37 @@ def test_a_search_past_its_time_is_a_timeout_not_no_path(halved, method):
     assert plan.code is ResultCode.TIMEOUT
     assert 'out of time after' in plan.message
     assert len(plan.path) == 0
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_first_path_is_looked_for_longer_than_a_better_one(halved, method):
+    request = PlanRequest(
+        (800, 1900), (1200, 1900), method, time_limit=0.005, first_path_time_limit=300.0
+    )
+    plan = halved.plan(request)
+    assert plan.code is ResultCode.NONE
+    assert len(plan.path) > 0
+    assert plan.path[-1].tolist() == [1200, 1900]
+
+
+def test_the_longer_limit_is_named_when_it_is_over(halved):
+    request = PlanRequest((800, 1900), (1200, 1900), time_limit=0.001, first_path_time_limit=0.005)
+    plan = halved.plan(request)
+    assert plan.code is ResultCode.TIMEOUT
+    assert 'the limit is 0.005 s, first_path_time_limit' in plan.message
+
+
+def test_with_a_path_the_search_ends_at_the_shorter_limit():
+    blocked = np.random.default_rng(5).random((300, 300)) < 0.3
+    blocked[0, 0] = blocked[-1, -1] = False
+    search = GuidedSearch(
+        blocked, (0, 0), (299, 299), max_suboptimality=1.0, deadline=-1.0,
+        first_path_deadline=math.inf, corner_cutting=True,
+    )  # fmt: skip
+    search.guide([(150, 150)])
+    found = list(search.solutions())
+    assert len(found) == 1
+    assert search.result().status is SearchStatus.STOPPED
 
 
 @pytest.mark.parametrize('method', METHODS)

@@ -332,6 +332,8 @@ class RequestHandler:
                     if on_better is not None:
                         on_better()
         job.goes_on()
+        # A first path that came late is written whole all the same.
+        deadline = max(deadline, time.monotonic() + min(FINISH_SECONDS, FINISH_SHARE * job.limit))
         path, left_out = writer.write_plan(plan, deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.goes_on()
