@@ -111,9 +111,8 @@ class VariantChange:
         if grown < LEVEL:
             mean = self.metrics[metric].mean
             low, high = (100.0 * end for end in mean[1:])
-            return (
-                f'{metric} is {100 * mean.value:.2f} % ({low:.2f} to {high:.2f}), p = {grown:.2g}'
-            )
+            text = f'{metric} is {100 * mean.value:.2f} % ({low:.2f} to {high:.2f})'
+            return f'{text}, p = {grown:.2g}'
         if lost < LEVEL:
             return f'valid paths changed by {100 * self.valid.value:.2f} points, p = {lost:.2g}'
         return None

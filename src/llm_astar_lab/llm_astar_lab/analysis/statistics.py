@@ -124,7 +124,10 @@ def middle_of(value: float, means: Floats) -> Interval:
 
 
 class Estimate(NamedTuple):
-    """A mean, its standard error over maps, and the degrees of freedom: one less than maps."""
+    """A mean, its standard error over maps, and the degrees of freedom: one less than maps.
+
+    The error of a single map is NaN.
+    """
 
     value: float
     error: float
@@ -132,23 +135,17 @@ class Estimate(NamedTuple):
 
     def interval(self) -> Interval:
         """Return the mean with the 95 % interval of Student's t, NaN of a single map."""
-        if not self.degrees:
-            return Interval(self.value, math.nan, math.nan)
         half = float(stdtrit(self.degrees, (1.0 + LEVEL) / 2.0)) * self.error
         return Interval(self.value, self.value - half, self.value + half)
 
     def p_above(self, limit: float) -> float:
         """Return the one-sided p-value of a mean of at most `limit`; NaN of a single map."""
-        if not self.degrees:
-            return math.nan
         if self.error == 0.0:
             return 0.0 if self.value > limit else 1.0
         return float(stdtr(self.degrees, (limit - self.value) / self.error))
 
     def power(self, beyond: float, level: float) -> float:
         """Return how probably a mean that lies so far `beyond` the limit has p < `level`."""
-        if not self.degrees:
-            return math.nan
         if self.error == 0.0:
             return 1.0
         needed = stdtrit(self.degrees, 1.0 - level)
@@ -169,7 +166,8 @@ def estimate(values: ArrayLike, groups: ArrayLike) -> Estimate:
     sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
     mean, degrees = float(numbers.mean()), len(sums) - 1
     squares = float(np.square(sums - mean * counts).sum())
-    error = math.sqrt(len(sums) / max(degrees, 1) * squares) / len(numbers)
+    factor = len(sums) / degrees if degrees else math.nan
+    error = math.sqrt(factor * squares) / len(numbers)
     return Estimate(mean, 0.0 if error < ROUNDING else error, degrees)
 
 

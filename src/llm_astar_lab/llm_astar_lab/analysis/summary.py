@@ -406,10 +406,8 @@ def compared(stored: StoredRows, variant: Variant, none: Variant, seed: int) -> 
     pairs = solved_pairs(stored, variant, none)
     _, maps = stats.known(pairs['operation'], pairs['map'])
     answered = np.where(pairs['failed'], np.nan, pairs['operation'])
-    work, length, without = (
-        stats.ratio_interval(ratios, pairs['map'], seed)
-        for ratios in (pairs['operation'], pairs['length'], answered)
-    )
+    every = (pairs['operation'], pairs['length'], answered)
+    work, length, without = (stats.ratio_interval(own, pairs['map'], seed) for own in every)
     asked = len(stored.arrays(OWN_NUMBERS, *variant)['map'])
     return PairedComparison(
         variant, len(maps), len(np.unique(maps)), work, length, asked,

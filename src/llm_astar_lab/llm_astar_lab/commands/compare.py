@@ -32,13 +32,8 @@ import math
 
 from llm_astar_planner.cli.flags import option
 
-from llm_astar_lab.analysis.run_comparison import (
-    MAX_SAMPLES,
-    METRICS,
-    compare_runs,
-    judge,
-    load_run,
-)
+from llm_astar_lab.analysis import run_comparison as runs
+from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, load_run
 from llm_astar_lab.report.comparison import Judgement, sample_table
 from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan
@@ -74,10 +69,11 @@ def run(args: argparse.Namespace) -> int:
     """Compare, print and write what is asked for; return the exit code. Raises ResultsError."""
     base = load_run(args.base)
     comparisons = [
-        compare_runs(base, load_run(path, base), args.metric, args.variant) for path in args.runs
+        runs.compare_runs(base, load_run(path, base), args.metric, args.variant)
+        for path in args.runs
     ]
     threshold = TOLERATED.get(args.metric, 0.0) if args.threshold is None else args.threshold
-    comparisons = judge(comparisons, args.metric, threshold / 100.0)
+    comparisons = runs.judge(comparisons, args.metric, threshold / 100.0)
     judgement = Judgement(base, comparisons, args.metric, threshold / 100.0)
     if args.out:
         write_comparison(ResultsFolder(args.out), judgement)

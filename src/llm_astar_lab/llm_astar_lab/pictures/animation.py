@@ -160,8 +160,7 @@ class AnimationFigure:
             text += f': path of {search.outcome}' if ended else ''
             # A caption that is wider than its panel would run into the next one.
             wide = pen.multiline_textbbox((0, 0), text, font=self.font)[2]
-            size = TITLE_SIZE * min(1.0, (right - left) / wide)
-            font = self.font.font_variant(size=size)
+            font = self.font.font_variant(size=TITLE_SIZE * min(1.0, (right - left) / wide))
             pen.text((left, top - 2.6 * TITLE_SIZE), text, fill=style.INK, font=font)
             if ended:
                 done.append((left, top, right, bottom))

@@ -89,12 +89,8 @@ class Judgement:
 
     def power_sentence(self) -> str:
         """Say how probably a growth by SMALL would be found where that is least probable."""
-        known = [
-            change
-            for item in self.comparisons
-            for change in item.changes
-            if not math.isnan(change.power)
-        ]
+        changes = [change for item in self.comparisons for change in item.changes]
+        known = [change for change in changes if not math.isnan(change.power)]
         if not known:
             return ''
         least = min(known, key=lambda change: change.power)

@@ -96,11 +96,8 @@ def headline(comparisons: Sequence[PairedComparison]) -> str:
     chosen = min(usable, key=rank)
     others = {item.variant[1:]: item for item in usable if item.failures}
     others.pop(chosen.variant[1:], None)
-    failed = [
-        f'With {describe_waypoints(item.variant)} the source {failure_text(item)}.'
-        for item in others.values()
-    ]
-    return ' '.join([*failed, sentence(chosen)])
+    named = [(describe_waypoints(item.variant), failure_text(item)) for item in others.values()]
+    return ''.join(f'With {name} the source {text}. ' for name, text in named) + sentence(chosen)
 
 
 def failure_text(comparison: PairedComparison) -> str:

@@ -98,7 +98,6 @@ WAYPOINT_COLUMNS = (
     *texts({'Status (% of waypoints)': lambda item: shares_text(item.verdicts)}),
     *counts({'Tokens in': 'prompt_tokens', 'Tokens out': 'completion_tokens'}),
     Column('Cost', digits=4, value='cost'),
-    *counts({'Unanswered': 'unanswered'}),
 )
 # The shares of a model's replies, by their names in `reply_shares`.
 REPLY_SHARES = {
@@ -203,15 +202,10 @@ def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
     return table.with_column(percents('Operation / none without them (%)')[0], without)
 
 
-def failure_column(
-    items: Sequence[VariantSummary] | Sequence[PairedComparison],
-) -> tuple[Column, list[Cell]]:
+def failure_column(items: Sequence[Any]) -> tuple[Column, list[Cell]]:
     """Return the column of a source's failures, with how many samples each status has."""
-    cells: list[Cell] = [
-        ', '.join(f'{name} {count}' for name, count in item.failures.items()) or '-'
-        for item in items
-    ]
-    return Column('Failed'), cells
+    counts_of = (map('{0[0]} {0[1]}'.format, item.failures.items()) for item in items)
+    return Column('Failed'), [', '.join(texts) or '-' for texts in counts_of]
 
 
 def terminal_table(summaries: Sequence[VariantSummary]) -> Table:
