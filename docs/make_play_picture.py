@@ -13,19 +13,18 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 TARGET = Path(__file__).parent / 'images' / 'play.png'
-VIEW = 'map=instructions/museum.yaml&start=20,20&goal=100,90&method=llm_astar'
 SERVER = ('-m', 'llm_astar_planner.cli.main', 'play', '--no-browser', '--port', '0')
 
 
 def main() -> None:
-    """Serve the page, open the view, and write what a window of 1400 x 900 pixels shows."""
+    """Serve the page, open it, and write what a window of 1400 x 900 pixels shows."""
     target = sys.argv[1] if len(sys.argv) > 1 else str(TARGET)
     server = subprocess.Popen([sys.executable, *SERVER], stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own command
     try:
         found = re.search(r'http://\S+', server.stdout.readline() if server.stdout else '')
         if found is None:
             sys.exit('llm-astar play has not said where its page is')
-        take(f'{found.group()}#{VIEW}', target)
+        take(found.group(), target)
     finally:
         server.terminate()
         server.wait()

@@ -22,7 +22,8 @@ ARGUMENTS = [
 # The first plan may have to wait for kernels to be compiled.
 TIMEOUT_MS = 60_000
 expect.set_options(timeout=TIMEOUT_MS)
-DEMO = 'map=demo.json:0'
+DEMO = 'map=demo.json:0&method=llm_astar&source=embedded'
+HOUSE = 'map=instructions/house.yaml&start=27,30&goal=135,95'
 HOSTILE = "<img src=x onerror=\"document.title='hit'\"><script>document.title='hit'</script>"
 
 
@@ -105,6 +106,203 @@ def test_dragging_the_goal_changes_the_figures(open_page):
     expect(page.locator('#hint')).to_be_hidden()
     expect(page.locator('#verdict')).to_contain_text('expansions')
     assert len(expansions(page)) == 3
+
+
+class Person:
+    """Counts what a person does on the page."""
+
+    def __init__(self, page):
+        self.page = page
+        self.actions = 0
+
+    def click(self, button):
+        self.actions += 1
+        self.page.get_by_role('button', name=button, exact=True).click()
+
+    def write(self, text):
+        """Write into the box and press Enter."""
+        self.actions += 1
+        self.page.locator('#instruction').fill(text)
+        self.page.keyboard.press('Enter')
+
+    def press_map(self, x, y):
+        self.actions += 1
+        self.page.mouse.click(*self.at(x, y))
+
+    def drag(self, start, end):
+        self.actions += 1
+        drag(self.page, self.at(*start), self.at(*end))
+
+    def at(self, x, y):
+        """Return the pixel of a cell of the house, whose map is as high as its box."""
+        box = self.page.locator('#board canvas').bounding_box()
+        scale = (box['height'] - 48) / 120
+        left = box['x'] + 46 + (box['width'] - 54 - 160 * scale) / 2
+        return left + (x + 0.5) * scale, box['y'] + 8 + (119.5 - y) * scale
+
+
+def plan_somewhere_else(person):
+    person.drag((135, 95), (140, 20))
+    expect(person.page).to_have_url(re.compile(r'goal=140,20'))
+
+
+def keep_out_of_a_room(person):
+    person.press_map(100, 100)
+    person.click('Keep out')
+    kept = person.page.locator('#clauses li', has_text='avoid the green bedroom')
+    expect(kept.locator('.status')).to_have_text('kept')
+
+
+def see_why_not(person):
+    person.write('avoid the hall')
+    expect(person.page.locator('#verdict')).to_contain_text('The instruction is impossible:')
+    expect(person.page.locator('#clauses .status')).to_have_text('impossible')
+    expect(person.page.locator('#clauses .detail')).to_contain_text('m inside')
+
+
+def draw_a_wall(person):
+    before = person.page.locator('.panel.main .figures').text_content()
+    person.click('Draw wall')
+    person.drag((27, 42), (20, 64))
+    expect(person.page.locator('.panel.main .figures')).not_to_have_text(before)
+    expect(person.page.locator('#legend')).to_contain_text('drawn wall')
+
+
+def share(person):
+    person.click('Share link')
+    expect(person.page.locator('#toast')).to_have_text('The link is copied.')
+    copied = person.page.evaluate('navigator.clipboard.readText()')
+    assert 'instruction=visit' in copied
+
+
+@pytest.mark.parametrize(
+    'task', [plan_somewhere_else, keep_out_of_a_room, see_why_not, draw_a_wall, share]
+)
+def test_a_person_who_knows_only_the_page_does_each_task_in_three_actions(open_page, task):
+    page = open_page(permissions=['clipboard-read', 'clipboard-write'])
+    expect(page.locator('#verdict')).to_contain_text('The instruction is kept')
+    person = Person(page)
+    task(person)
+    expect(page.locator('#main')).to_have_attribute('aria-busy', 'false')
+    assert person.actions <= 3
+
+
+def test_each_example_shows_what_its_name_says(open_page):
+    page = open_page()
+    shows = {
+        'Instruction kept': 'The instruction is kept',
+        'Impossible': 'The instruction is impossible',
+        'A question': 'A question first',
+        'A drawn wall': 'Path found',
+        'Good waypoints': 'The waypoints win',
+        'Bad waypoints': 'The search without waypoints wins',
+        'Graded costs': 'Path found',
+        'The paper': 'The waypoints win',
+    }
+    assert page.locator('#examples button').all_text_contents() == list(shows)
+    for name, words in shows.items():
+        page.get_by_role('button', name=name, exact=True).click()
+        expect(page.locator('#verdict')).to_contain_text(words)
+        expect(page.locator('#examples [aria-pressed=true]')).to_have_text(name)
+        expect(page.locator('#example-about')).not_to_be_empty()
+
+
+def test_a_place_and_a_zone_are_drawn_named_planned_with_and_saved(open_page):
+    page = open_page(HOUSE)
+    person = Person(page)
+    person.click('Place')
+    person.drag((55, 95), (70, 110))
+    page.locator('#place-name').fill('charger')
+    page.keyboard.press('Enter')
+    person.write('visit the charger')
+    expect(page.locator('#clauses .status')).to_have_text('kept')
+    person.click('Zone')
+    for corner in ((60, 60), (75, 60), (75, 66), (60, 60)):
+        person.press_map(*corner)
+    expect(page.locator('#legend')).to_contain_text('closed zone')
+    page.mouse.move(*person.at(74, 61))
+    expect(page.locator('#readout')).to_contain_text('closed, hall, zone 1')
+    expect(page.locator('#places')).to_contain_text('charger')
+    again = open_page(page.url.split('#')[1])
+    expect(again.locator('#legend')).to_contain_text('closed zone')
+    with (
+        page.expect_download(lambda file: 'places' in file.suggested_filename) as places_file,
+        page.expect_download(lambda file: 'zones' in file.suggested_filename) as zones_file,
+    ):
+        page.get_by_role('button', name='Save GeoJSON').click()
+    places, zones = (
+        json.loads(file.value.path().read_text()) for file in (places_file, zones_file)
+    )
+    assert [zone['properties']['cost'] for zone in zones['features']] == [100]
+    listed = [place['properties']['name'] for place in places['features']]
+    assert listed[0] == 'hall'
+    assert listed[-1] == 'charger'
+    page.get_by_role('button', name='Undo').click()
+    expect(page.locator('#legend')).not_to_contain_text('closed zone')
+
+
+def test_a_painted_cost_turns_the_path_aside_and_is_read_under_the_pointer(open_page):
+    page = open_page(HOUSE)
+    before = page.locator('.panel.main .figures').text_content()
+    person = Person(page)
+    person.click('Draw cost')
+    page.locator('#brush').select_option('15')
+    person.drag((52, 45), (88, 45))
+    expect(page.locator('.panel.main .figures')).not_to_have_text(before)
+    page.mouse.move(*person.at(60, 45))
+    expect(page.locator('#readout')).to_contain_text('free, cost 50 of 100, dining room')
+    expect(page).to_have_url(re.compile('costs=50'))
+
+
+MAP_YAML = """image: room.pgm
+resolution: 0.1
+origin: [0.0, 0.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+DESK = {
+    'type': 'Feature',
+    'properties': {'name': 'desk'},
+    'geometry': {'type': 'Polygon', 'coordinates': [[[2, 1], [3, 1], [3, 2], [2, 2], [2, 1]]]},
+}
+
+
+def dropped_files():
+    room = b'P5 60 40 255 ' + bytes([254] * 2400)
+    places = json.dumps({'type': 'FeatureCollection', 'features': [DESK]}).encode()
+    return [
+        {'name': 'room.yaml', 'mimeType': 'text/plain', 'buffer': MAP_YAML.encode()},
+        {'name': 'room.pgm', 'mimeType': 'image/x-portable-graymap', 'buffer': room},
+        {'name': 'room.geojson', 'mimeType': 'application/geo+json', 'buffer': places},
+    ]
+
+
+def test_a_map_with_its_places_is_opened_from_files(open_page):
+    page = open_page()
+    page.locator('#files').set_input_files(dropped_files())
+    expect(page.locator('#map-about')).to_contain_text('0.1 m a cell')
+    expect(page.locator('#places')).to_have_text('desk')
+    page.locator('#instruction').fill('avoid the desk')
+    page.keyboard.press('Enter')
+    expect(page.locator('#verdict')).to_contain_text('The instruction is kept')
+
+
+def test_files_dropped_anywhere_are_opened_and_what_is_none_is_named(open_page):
+    page = open_page()
+    page.evaluate(
+        """(text) => {
+            const data = new DataTransfer();
+            data.items.add(new File([text], 'desk.geojson'));
+            dispatchEvent(new DragEvent('drop', { dataTransfer: data, cancelable: true }));
+        }""",
+        json.dumps({'type': 'FeatureCollection', 'features': [DESK]}),
+    )
+    expect(page.locator('#places')).to_contain_text('desk')
+    page.locator('#files').set_input_files(
+        {'name': 'bad.geojson', 'mimeType': 'text/plain', 'buffer': b'{'}
+    )
+    expect(page.locator('[data-error=map]')).to_contain_text('bad.geojson: ')
 
 
 def test_arrow_keys_move_the_start(open_page):
@@ -283,7 +481,7 @@ def test_foreign_text_is_shown_as_text(open_page):
     assert 'hit' not in page.title()
 
 
-def test_a_start_that_was_moved_is_said_below_the_map(open_page):
+def test_a_start_that_was_moved_is_said_above_the_map(open_page):
     moved = 'the start (3, 4) is occupied; the path begins at (3, 5), 0.05 m off'
 
     def warn(route):
@@ -292,7 +490,7 @@ def test_a_start_that_was_moved_is_said_below_the_map(open_page):
         route.fulfill(json=reply)
 
     page = open_page(DEMO, lambda page: page.route('**/api/plan', warn))
-    expect(page.locator('#verdict')).to_contain_text(f'Note: {moved}.')
+    expect(page.locator('#moved')).to_have_text(f'{moved.capitalize()}.')
 
 
 def test_a_link_to_an_unknown_map_says_so(open_page):
@@ -310,6 +508,9 @@ def test_a_phone_shows_everything_without_scrolling_sideways(open_page):
         box = page.locator(selector).bounding_box()
         assert box['x'] >= 0
         assert box['x'] + box['width'] <= 390
+    # The box and its answer are in sight together, and the map below them.
+    for selector in ('#instruction', '#verdict', '#tools'):
+        assert page.locator(selector).bounding_box()['y'] < 400
 
 
 def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
@@ -336,9 +537,10 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
     page = open_page(DEMO, stub)
     page.get_by_role('button', name='Running graph').click()
     expect(page.locator('#verdict')).to_contain_text('Path found')
-    expect(page.locator('#verdict')).to_contain_text('<img src=x')
+    expect(page.locator('#report')).to_contain_text('<img src=x')
     expect(page.locator('#report')).to_contain_text('Expansions')
     expect(page.locator('#waypoints')).to_contain_text('(6, 6) accepted')
-    expect(page.locator('#controls')).to_be_hidden()
+    expect(page.locator('#map')).to_be_hidden()
+    expect(page.locator('#instruction')).to_be_hidden()
     page.get_by_role('button', name='Plan here').click()
     expect(page.locator('#figures')).to_be_visible()

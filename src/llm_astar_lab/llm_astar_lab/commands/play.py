@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plan in the browser: drag start and goal, draw walls, and watch the search.
+"""Plan in the browser: say how the robot is to go, drag its goal, draw walls, watch the search.
 
 A small server on this machine shows the page; nothing is sent anywhere else.
 
@@ -11,12 +11,14 @@ examples:
   llm-astar play --port 9000 --no-browser
   llm-astar play --live --namespace /robot1
 
-The page shows how a search expands the map cell by cell, what became of each waypoint, and the
-figures beside those without waypoints and of A*. Its address holds the whole view, so a link shows
-it again, and it gives the `llm-astar plan` command that makes the same plan.
+The page says whether the path keeps the instruction, shows how a search expands the map cell by
+cell, and its figures beside those without waypoints and of A*. A map may be dropped onto it, and
+places and zones that are drawn are saved as GeoJSON. Its address holds the whole view, so a link
+shows it again, and it gives the `llm-astar plan` command that makes the same plan.
 
 Ctrl-C ends the server. Only this machine reaches it; --host 0.0.0.0 opens it to the network, whose
-members may then plan on the listed maps and watch the graph of --live, but read no other file.
+members may then plan on the listed maps, add ten of their own and watch the graph of --live, but
+read no other file.
 
 exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
 """

@@ -32,11 +32,8 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_lab.pictures import raster, style
-from llm_astar_lab.pictures.instructions import (
-    InstructedPath,
-    add_instruction_legend,
-    draw_instruction,
-)
+from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
+from llm_astar_lab.pictures.instructions import add_instruction_legend, draw_instruction
 from llm_astar_lab.pictures.places import Labels, draw_places, write_names
 from llm_astar_lab.pictures.style import Mark
 
@@ -160,12 +157,8 @@ def picture_of(
         guidance = describe_plan(plan)
     outcome = describe_outcome(plan, grid_map.resolution)
     places = NO_PLACES if route is None else route.places
-    path, instructed = plan.path, None
-    if plan.any_angle is not None and len(path):
-        # The path that leaves the planner, on which the instruction is verified too.
-        path = plan.any_angle.points
-    if route is not None and plan.instruction is not None and len(path):
-        instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
+    path = plan.path if plan.any_angle is None else plan.any_angle.points
+    instructed = None if route is None else instructed_path(plan, route)
     inflated = costmap.blocked & ~grid_map.blocked()
     return Picture(
         grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',

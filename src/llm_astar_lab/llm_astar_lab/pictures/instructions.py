@@ -8,39 +8,24 @@ The regions and the parts of the path are those that the verification measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import dataclass
-from functools import cached_property
 from textwrap import fill
 from typing import Any
 
 import numpy as np
 import shapely
-from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.clauses.stay_in import StayIn
-from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
-from llm_astar_planner.instructions.regions import WALLS, Along
-from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.verification.geometry import Area, polyline
-from llm_astar_planner.instructions.verification.measurement import Measurement
-from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.visit import attempts
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.planning.types import clause_line
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from llm_astar_lab.pictures import style
+from llm_astar_lab.pictures.instructed import SHORT, InstructedPath
 from llm_astar_lab.pictures.places import Projection, draw_region
 
 COLOURS = {status: style.CLAUSES[status.name] for status in ClauseStatus}
-# What a path falls short of, the worst first.
-SHORT = (ClauseStatus.NOT_KEPT, ClauseStatus.IMPOSSIBLE, ClauseStatus.AS_FAR_AS_POSSIBLE)
 # Where the path is not to be is hatched, where it is to be is not.
 HATCH = '////'
 TINT = 0.16
@@ -48,62 +33,6 @@ TINT = 0.16
 SIZE = 9.0
 LINE_INCHES = 0.18
 CHARACTERS_PER_INCH = 13
-
-
-@dataclass(frozen=True, eq=False)
-class InstructedPath:
-    """A path with what became of its instruction; `points` [n, 2], n > 0, are metres."""
-
-    outcome: InstructionOutcome
-    route: Route
-    points: NDArray[np.float64]
-
-    @cached_property
-    def measurement(self) -> Measurement:
-        """The path as the verification measures it."""
-        specification = self.outcome.interpretation.specification
-        return Measurement(specification, polyline(self.points), self.route)
-
-    def shown_areas(self, clause: Clause) -> Iterator[Area]:
-        """Yield the areas that a clause is about; those of unknown names are left out."""
-        regions, reach = self.measurement.regions, reach_of(clause)
-        resolve = regions.resolve_avoided if isinstance(clause, Avoid) else regions.resolve
-        for region in clause.regions:
-            # All walls together cannot be drawn as a region.
-            if not (isinstance(region, Along) and region.place == WALLS):
-                with suppress(RegionError):
-                    area = resolve(region).area
-                    yield area.grown(reach) if reach else area
-        if clause.is_closed and not clause.regions:
-            yield self.measurement.walls.zone(reach)
-
-    def violating_parts(self, outcome: ClauseOutcome) -> Iterator[NDArray[np.float64]]:
-        """Yield the stretches of the path, points [n, 2], that violate a clause about lengths."""
-        is_closed, is_bound = outcome.clause.is_closed, isinstance(outcome.clause, StayIn)
-        if outcome.status not in SHORT or not (is_closed or is_bound):
-            return
-        path = self.measurement.path
-        for area in self.shown_areas(outcome.clause):
-            spans = area.spans(path)
-            if is_bound:
-                edges = np.concatenate(([0.0], spans.ravel(), [path.length]))
-                spans = edges.reshape(-1, 2)
-            for first, last in spans:
-                if last > first:
-                    yield path.part(first, last).corners
-
-    def visited_points(self) -> Iterator[tuple[float, float]]:
-        """Yield the points at which the path visits regions, in the order of the clauses."""
-        for group in attempts(self.measurement):
-            for attempt in group:
-                if attempt.done and attempt.place >= self.measurement.begin:
-                    yield self.measurement.drive.point(attempt.place)
-
-
-def reach_of(clause: Clause) -> float:
-    """Return how many metres around its regions a path is not to come."""
-    reach = getattr(clause, 'metres', 0.0) or getattr(clause, 'margin', 0.0)
-    return float(reach) if clause.is_closed else 0.0
 
 
 def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> None:
@@ -129,9 +58,13 @@ def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> N
 
 
 def region_style(outcome: ClauseOutcome) -> dict[str, Any]:
-    """Return how the region of a clause is drawn: filled if kept, or where no path should be."""
-    colour = COLOURS[outcome.status]
+    """Return how the region of a clause is drawn: filled if kept, or where no path should be.
+
+    What is avoided is not in the colour of what is visited.
+    """
     is_closed = outcome.clause.is_closed
+    is_kept = outcome.status is ClauseStatus.KEPT
+    colour = style.AVOIDED if is_closed and is_kept else COLOURS[outcome.status]
     tint = 0.0 if outcome.status in SHORT and not is_closed else TINT
     hatch = HATCH if is_closed else None
     return {'facecolor': (colour, tint), 'edgecolor': colour, 'hatch': hatch, 'linewidth': 1.6}

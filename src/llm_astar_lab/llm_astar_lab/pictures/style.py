@@ -54,6 +54,8 @@ CLAUSES = {
     'NOT_UNDERSTOOD': '#7f7f7f',
     'UNSUPPORTED': '#7f7f7f',
 }
+# Where a path is not to be, and is not.
+AVOIDED = '#b5533c'
 # Named places.
 AREA, OBJECT = '#5b7f95', '#8c6d46'
 
@@ -78,5 +80,6 @@ def page_colours() -> dict[str, str | dict[str, str]]:
         'via': VIA.colour,
         'footprint': FOOTPRINT,
         'waypoint': {status: mark.colour for status, mark in WAYPOINTS.items()},
+        'avoided': AVOIDED,
         'clause': dict(CLAUSES),
     }

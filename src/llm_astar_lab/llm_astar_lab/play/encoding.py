@@ -13,11 +13,13 @@ import numpy as np
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import clause_price, finite_or_none
 from llm_astar_planner.search.methods import HEURISTIC_NAMES, METHODS
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
 from llm_astar_lab.pictures.style import page_colours
 from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
 from llm_astar_lab.play.planning import PlayedPlan
@@ -26,7 +28,7 @@ from llm_astar_planner import __version__
 
 # Cells of an expansion order that are sent, at most.
 MAX_ORDER = 1_000_000
-EDITED = 'the walls are edited, and a command plans on the map as it is'
+EDITED = 'the map is edited (walls, costs, places or zones), and a command plans on its file'
 ABOUT_METHODS = {
     'guided': 'follows waypoints, and proves how good its path is',
     'exact_astar': 'shortest path, with costs',
@@ -98,6 +100,7 @@ def grid_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
         'origin': list(grid_map.origin),
         'cells': encoded(grid_map.cells.astype(np.uint8)),
         'places': [place_json(place, grid_map) for place in places],
+        'geojson': places.to_geojson(),
     }
 
 
@@ -105,8 +108,7 @@ def place_json(place: Place, grid_map: GridMap) -> dict[str, Any]:
     """Return a place with its outline, or its point, in cells."""
     geometry = place.geometry
     outline = geometry.exterior if geometry.geom_type == 'Polygon' else geometry
-    points = grid_map.world_to_grid(shapely.get_coordinates(outline))
-    return {'name': place.name, 'polygon': points.round(3).tolist()}
+    return {'name': place.name, 'polygon': cells_of(shapely.get_coordinates(outline), grid_map)}
 
 
 def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) -> dict[str, Any]:
@@ -117,16 +119,17 @@ def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) 
     )
     command = command_of(request)
     return {
-        'plans': [plan_json(played, planner.grid_map) for played in plans],
+        'plans': [plan_json(played, planner, request.places) for played in plans],
         'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)),
         'command': command,
         'command_note': EDITED if command is None else '',
     }
 
 
-def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
+def plan_json(played: PlayedPlan, planner: Planner, places: Places) -> dict[str, Any]:
     """Return one plan."""
-    plan = played.plan
+    plan, grid_map = played.plan, planner.grid_map
+    instructed = instructed_path(plan, Route(planner.costmap, plan.start, plan.goal, places))
     order = np.flatnonzero(plan.expanded) if played.order is None else played.order
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     shown = report_json(
@@ -142,9 +145,33 @@ def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
         'path': plan.path.tolist(),
         'any_angle': None if plan.any_angle is None else plan.any_angle.points.tolist(),
         'via': [list(cell) for cell in plan.via],
+        'regions': None if instructed is None else regions_json(instructed, grid_map),
         'expanded': {'order': encoded(order[:MAX_ORDER].astype('<i4'))},
         'order_is_known': played.order is not None,
     }
+
+
+def regions_json(path: InstructedPath, grid_map: GridMap) -> dict[str, Any]:
+    """Return in cells what an instruction is about: areas, parts that violate it, and visits.
+
+    Areas around all walls are left out: they are most of a map.
+    """
+    areas, parts = [], []
+    for outcome in path.outcome.clauses:
+        for area in path.shown_areas(outcome.clause) if outcome.clause.regions else ():
+            shape = area.outline & path.measurement.regions.map_outline
+            rings = [cells_of(line.coords, grid_map) for line in shapely.get_parts(shape.boundary)]
+            look = {'is_avoided': outcome.clause.is_closed, 'status': outcome.status.name}
+            areas.append(look | {'rings': rings})
+        parts += [cells_of(part, grid_map) for part in path.violating_parts(outcome)]
+    visits = [*path.visited_points()]
+    return {'areas': areas, 'violations': parts, 'visits': cells_of(visits, grid_map)}
+
+
+def cells_of(points: ArrayLike, grid_map: GridMap) -> list[list[float]]:
+    """Return points in metres in cells."""
+    cells: list[list[float]] = grid_map.world_to_grid(points).round(2).tolist()
+    return cells
 
 
 def report_json(

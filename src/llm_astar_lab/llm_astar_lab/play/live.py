@@ -26,10 +26,6 @@ KEEP_ALIVE_S = 10.0
 # Pages that may watch at once.
 MAX_PAGES = 8
 MAX_POINTS = 1_000_000
-# Fields of a report that the page lists besides its figures.
-REPORTED = (
-    'source', 'source_status', 'map_digest', 'map_age', 'start_shift', 'goal_shift', 'footprint',
-)  # fmt: skip
 
 
 class LiveFeed:
@@ -149,11 +145,9 @@ def live_plan_json(
     waypoints = [(x, y, status) for (x, y), (*_, status) in zip(places, report['waypoints'])]
     metres = report['length']
     cells = None if metres is None else metres / grid_map.resolution
-    shown = report_json(report, waypoints, cells, metres)
-    return shown | {
+    return report_json(report, waypoints, cells, metres) | {
         'role': 'live',
         'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
         'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(),
         'via': [],
-        'report': shown['figures'] | {name: report[name] for name in REPORTED},
     }

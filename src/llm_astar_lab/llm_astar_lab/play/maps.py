@@ -5,23 +5,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from base64 import b64decode
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.map_server import FORMATS
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
+from PIL import Image
 
 # What the page can still draw and the server plan on while somebody waits.
 MAX_CELLS = 4_000_000
 # Maps taken of one file, and start-goal pairs of one map.
 MAX_MAPS = 10
 MAX_PAIRS = 10
+# Maps dropped onto the page that are kept, the newest, and what an image without a yaml is.
+MAX_DROPPED = 10
+DROPPED = 'dropped/'
+BARE_IMAGE = b'{resolution: 0.05, origin: [0, 0, 0], occupied_thresh: 0.65, free_thresh: 0.196}'
 # The files in maps/ that the page offers, those of robots first.
 SHIPPED = (
     'demo.json',
@@ -96,7 +106,23 @@ class Maps:
 
     def __iter__(self) -> Iterator[PlayMap]:
         """Iterate over the maps."""
-        return iter(self._maps.values())
+        return iter(tuple(self._maps.values()))
+
+    def drop(self, files: object) -> PlayMap:
+        """Take a map that is dropped onto the page, and return it; thread-safe. Raises PlayError.
+
+        `files` are the contents of files by name, in base64.
+        """
+        try:
+            contents = {name: b64decode(text) for name, text in dict(files).items()}  # type: ignore[call-overload]
+        except (TypeError, ValueError):
+            raise PlayError('files are expected: {name: contents in base64}', 'map') from None
+        dropped = dropped_map(contents)
+        self._maps.pop(dropped.id, None)
+        for key in [key for key in self._maps if key.startswith(DROPPED)][: 1 - MAX_DROPPED]:
+            self._maps.pop(key, None)
+        self._maps[dropped.id] = dropped
+        return dropped
 
     def get(self, map_id: str) -> PlayMap:
         """Return the map with an id. Raises PlayError (404) where there is none."""
@@ -105,6 +131,42 @@ class Maps:
             known = ', '.join(list(self._maps)[:20])
             raise PlayError(f'map: there is no map {map_id[:80]!r}; there is {known}', 'map', 404)
         return play_map
+
+
+def dropped_map(files: Mapping[str, bytes]) -> PlayMap:
+    """Return the map of an image, and of its yaml where it is there, by their names.
+
+    The image is the one that was dropped, whatever the yaml calls it. Raises PlayError.
+    """
+    names = sorted(files, key=lambda name: Path(name).suffix.lower() not in YAML)
+    are_yaml = [Path(name).suffix.lower() in YAML for name in names]
+    if are_yaml not in ([False], [True, False]):
+        what = 'drop an image, or a yaml together with its image'
+        raise PlayError(f'{what}, not {", ".join(names)[:200] or "nothing"}', 'map')
+    named, image_name = names[0], names[-1]
+    with TemporaryDirectory() as folder:
+        path, image = Path(folder, 'map.yaml'), Path(folder, 'image')
+        image.write_bytes(files[image_name])
+        path.write_bytes(files[named] if are_yaml[0] else BARE_IMAGE)
+        try:
+            with Image.open(image, formats=FORMATS) as picture:
+                check_size(image_name, *picture.size)
+            fields = read_yaml(path, PlayError)
+            if isinstance(fields, dict):
+                path.write_text(yaml.safe_dump(fields | {'image': image.name}))
+            found = next(read_maps(str(path)))
+        except (LlmAstarError, OSError, Image.DecompressionBombError) as error:
+            problem = str(error).replace(str(path), named).replace(str(image), image_name)
+            raise PlayError(problem, 'map') from None
+    name = Path(named).stem
+    return replace(found, id=DROPPED + named, name=name, file=f'{name}.yaml')
+
+
+def check_size(file: str, width: int, height: int) -> None:
+    """Raise PlayError for a map with more cells than the page can show."""
+    if width * height > MAX_CELLS:
+        what = f'{width} x {height} cells are over the {MAX_CELLS} that the page can show'
+        raise PlayError(f'{file}: {what}; cut out or coarsen the map')
 
 
 def read_maps(file: str) -> Iterator[PlayMap]:
@@ -118,11 +180,7 @@ def read_maps(file: str) -> Iterator[PlayMap]:
     several = len(problems) > 1
     for problem in problems[:MAX_MAPS]:
         grid_map = problem.to_grid()
-        if grid_map.cells.size > MAX_CELLS:
-            raise PlayError(
-                f'{file}: {grid_map.width} x {grid_map.height} cells are over the {MAX_CELLS} '
-                'that the page can show; cut out or coarsen the map'
-            )
+        check_size(file, grid_map.width, grid_map.height)
         key, name, map_id = file, path.name.split('.')[0], None
         if several:
             key, name, map_id = f'{file}:{problem.id}', f'{name}, map {problem.id}', problem.id

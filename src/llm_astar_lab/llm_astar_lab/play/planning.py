@@ -69,8 +69,8 @@ class PlanningService:
     def planner_for(self, request: PlayRequest) -> Planner:
         """Return a prepared planner for the map, the rules and the walls of a request."""
         config = costmap_config(request.values)
-        barriers = None if request.walls.are_edited else request.play_map.barriers
-        grid_map = request.walls.apply(request.play_map.grid_map)
+        barriers = None if request.is_edited else request.play_map.barriers
+        grid_map = request.edited_map()
         key = request.play_map.id, config, barriers is None, grid_map.digest
         if self._planners.get(key) is None:
             self._planners[key] = Planner(grid_map, config, barriers).prepare()
@@ -93,7 +93,7 @@ class PlanningService:
         start, goal, values = request.start, request.goal, request.values
         instruction = route_instruction(
             values,
-            request.play_map.places,
+            request.places,
             INTERPRETATION_S,
             lambda: self._interpreter,
             partial(settled, confirm=request.confirm),

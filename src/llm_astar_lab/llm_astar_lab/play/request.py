@@ -12,10 +12,15 @@ from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.places import Places, features_of, places_from_geojson
+from llm_astar_planner.costmap.zone_file import zones_from_geojson
+from llm_astar_planner.costmap.zone_layer import ZoneLayer
+from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.parameters import PLANNER, defaults
+from llm_astar_planner.planning.parameters import PLANNER, costmap_config, defaults
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 from numpy.typing import NDArray
@@ -31,33 +36,13 @@ SETTINGS = (
     'any_angle', 'instruction',
 )  # fmt: skip
 MAX_REPLY = 65_536
+MAX_DRAWN = 500_000
 MAX_VIA = 100
-MAX_EDITED = 100_000
-FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'confirm', *SETTINGS}
+MAX_EDITED = 60_000
+OTHERS = ('map', 'start', 'goal', 'source', 'reply', 'via', 'walls', 'drawn', 'confirm')
+FIELDS = {*SETTINGS, *OTHERS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
-
-
-@dataclass(frozen=True)
-class Walls:
-    """Cells that the page's user has drawn and erased: int32 [n, 2], (x, y)."""
-
-    blocked: NDArray[np.int32]
-    freed: NDArray[np.int32]
-
-    @property
-    def are_edited(self) -> bool:
-        """Whether there are any."""
-        return bool(len(self.blocked) or len(self.freed))
-
-    def apply(self, grid_map: GridMap) -> GridMap:
-        """Return the map with these walls."""
-        if not self.are_edited:
-            return grid_map
-        cells = grid_map.cells.copy()
-        cells[self.freed[:, 1], self.freed[:, 0]] = FREE
-        cells[self.blocked[:, 1], self.blocked[:, 0]] = OCCUPIED
-        return replace(grid_map, cells=cells)
 
 
 @dataclass(frozen=True)
@@ -65,8 +50,9 @@ class PlayRequest:
     """A plan that the page asks for; cells are (x, y) on the map.
 
     `values` are those of all planning parameters, of which the page has `given` some. `reply` is
-    the text of a model's answer, used instead of the `source`; None for none. `confirm`
-    answers the questions on the instruction.
+    the text of a model's answer, used instead of the `source`; None for none. `places` are those
+    of the map with those that were drawn, `zones` were drawn too. `confirm` answers the questions
+    on the instruction. `walls` are cells that were drawn, int32 [n, 3], (x, y, occupancy).
     """
 
     play_map: PlayMap
@@ -77,8 +63,25 @@ class PlayRequest:
     source: str
     reply: str | None
     via: tuple[Cell, ...]
-    walls: Walls
+    walls: NDArray[np.int32]
+    places: Places
+    zones: tuple[Zone, ...] = ()
     confirm: bool | None = None
+
+    @property
+    def is_edited(self) -> bool:
+        """Whether something was drawn, which is in no file that a command could name."""
+        return bool(len(self.walls) or self.zones or self.places is not self.play_map.places)
+
+    def edited_map(self) -> GridMap:
+        """Return the map with what was drawn on it."""
+        grid_map = self.play_map.grid_map
+        if len(self.walls):
+            cells, (x, y, occupancy) = grid_map.cells.copy(), self.walls.T
+            cells[y, x] = occupancy
+            grid_map = replace(grid_map, cells=cells)
+        rules = costmap_config(self.values)
+        return ZoneLayer(grid_map, self.zones, config=rules).compose(grid_map)
 
 
 def read_request(body: object, maps: Maps) -> PlayRequest:
@@ -104,6 +107,7 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
         reply,
         tuple(read_cells(body.get('via'), 'via', play_map.grid_map, MAX_VIA)),
         read_walls(body.get('walls'), play_map.grid_map),
+        *read_drawn(read_text(body, 'drawn', MAX_DRAWN), play_map.places),
         read_confirm(body.get('confirm')),
     )
 
@@ -180,23 +184,42 @@ def read_cells(value: object, name: str, grid_map: GridMap, limit: int) -> list[
     return [read_cell(cell, name, grid_map) for cell in value]
 
 
-def read_walls(value: object, grid_map: GridMap) -> Walls:
-    """Return the edited walls, none for null. Raises PlayError."""
-    fields: Any = {} if value is None else value
-    if not isinstance(fields, dict) or not set(fields) <= {'blocked', 'freed'}:
-        raise PlayError('walls: {"blocked": [cells], "freed": [cells]} is expected', 'walls')
-    blocked, freed = (
-        np.array(read_cells(fields.get(name), 'walls', grid_map, MAX_EDITED), dtype=np.int32)
-        for name in ('blocked', 'freed')
-    )
-    if len(blocked) + len(freed) > MAX_EDITED:
-        raise PlayError(f'walls: over {MAX_EDITED} cells; edit fewer', 'walls')
-    return Walls(blocked.reshape(-1, 2), freed.reshape(-1, 2))
+def read_walls(value: object, grid_map: GridMap) -> NDArray[np.int32]:
+    """Return cells with their occupancy, int32 [n, 3], none for null. Raises PlayError."""
+    items = [] if value is None else value
+    if not isinstance(items, list) or len(items) > MAX_EDITED:
+        raise PlayError(f'walls: up to {MAX_EDITED} [x, y, occupancy] are expected', 'walls')
+    for item in items:
+        read_cell(item[:2] if isinstance(item, list) else item, 'walls', grid_map)
+        if len(item) != 3 or type(item[2]) is not int or not FREE <= item[2] <= OCCUPIED:
+            raise PlayError(f'walls: {short_repr(item)} is not [x, y, 0 to {OCCUPIED}]', 'walls')
+    return np.array(items, dtype=np.int32).reshape(-1, 3)
+
+
+def read_drawn(text: str | None, places: Places) -> tuple[Places, tuple[Zone, ...]]:
+    """Return places with those that were drawn, and the zones: features with a `cost`.
+
+    A drawn place replaces one of its name. Raises PlayError.
+    """
+    if not text:
+        return places, ()
+    try:
+        parts: tuple[list[Any], list[Any]] = ([], [])
+        for feature in features_of(parse_json(text), 'drawn'):
+            properties = feature.get('properties') if isinstance(feature, dict) else None
+            parts[isinstance(properties, dict) and 'cost' in properties].append(feature)
+        added, zones = ({'type': 'FeatureCollection', 'features': part} for part in parts)
+        drawn = places_from_geojson(added, 'drawn')
+        kept = [place for place in places if drawn.get(place.name) is None]
+        merged = Places([*kept, *drawn]) if len(drawn) else places
+        return merged, zones_from_geojson(zones, 0.0)[0] if parts[1] else ()
+    except ValueError as error:
+        raise PlayError(str(error), 'drawn') from None
 
 
 def command_of(request: PlayRequest) -> str | None:
-    """Return the command line, None where the walls are edited."""
-    if request.walls.are_edited:
+    """Return the command line, None where the map is edited."""
+    if request.is_edited:
         return None
     words = ['llm-astar', 'plan', '--map', request.play_map.file]
     if request.play_map.map_id is not None:

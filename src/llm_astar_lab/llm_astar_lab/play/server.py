@@ -40,7 +40,9 @@ from llm_astar_lab.play.request import PlayRequest, read_request
 
 PAGE = Path(__file__).parent / 'page'
 MAX_BODY = 2**20
-TOO_LONG = f'the body is over {MAX_BODY} bytes; edit fewer walls'
+# Of a map that is dropped onto the page.
+MAX_DROPPED_BODY = 2**23
+TOO_LONG = 'the body is over {} bytes; edit fewer walls, or cut out a part of the map'
 # A request holds walls, these cells, and these numbers.
 MAX_DEPTH = 5
 # Seconds in which a body has to arrive.
@@ -82,6 +84,7 @@ class PlayApp:
                 Route('/', self.index),
                 Route('/api/options', self.options),
                 Route('/api/map', self.map),
+                Route('/api/map', self.drop_map, methods=['POST']),
                 Route('/api/plan', self.plan, methods=['POST']),
                 Route('/api/live', self.live),
                 Mount('/page', StaticFiles(directory=PAGE)),
@@ -107,6 +110,11 @@ class PlayApp:
         """Send a map."""
         return JSONResponse(map_json(self._maps.get(request.query_params.get('id', ''))))
 
+    async def drop_map(self, request: Request) -> Response:
+        """Take a dropped map, {file name: its contents in base64}, and send its id."""
+        files = await read_body(request, MAX_DROPPED_BODY)
+        return JSONResponse((await asyncio.to_thread(self._maps.drop, files)).id)
+
     async def plan(self, request: Request) -> Response:
         """Plan, and send the plans; stop when the page has asked anew or is gone."""
         asked = read_request(await read_body(request), self._maps)
@@ -129,13 +137,13 @@ class PlayApp:
         return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
 
 
-async def read_body(request: Request) -> object:
+async def read_body(request: Request, limit: int = MAX_BODY) -> object:
     """Return the JSON value in the body of a request. Raises PlayError."""
     declared = request.headers.get('content-length', '0')
-    if not declared.isdecimal() or int(declared[:20]) > MAX_BODY:
-        raise PlayError(TOO_LONG, status=413)
+    if not declared.isdecimal() or int(declared[:20]) > limit:
+        raise PlayError(TOO_LONG.format(limit), status=413)
     try:
-        body = await asyncio.wait_for(received(request), BODY_S)
+        body = await asyncio.wait_for(received(request, limit), BODY_S)
     except asyncio.TimeoutError:
         raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
     try:
@@ -150,13 +158,13 @@ async def read_body(request: Request) -> object:
     return value
 
 
-async def received(request: Request) -> bytes:
-    """Return a body of at most MAX_BODY bytes. Raises PlayError."""
+async def received(request: Request, limit: int) -> bytes:
+    """Return a body of at most `limit` bytes. Raises PlayError."""
     body = bytearray()
     async for chunk in request.stream():
         body += chunk
-        if len(body) > MAX_BODY:
-            raise PlayError(TOO_LONG, status=413)
+        if len(body) > limit:
+            raise PlayError(TOO_LONG.format(limit), status=413)
     return bytes(body)
 
 

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 import shapely
 from llm_astar_lab.pictures.figures import Picture, save_picture
-from llm_astar_lab.pictures.instructions import (
-    InstructedPath,
-    add_instruction_legend,
-    draw_instruction,
-)
+from llm_astar_lab.pictures.instructed import InstructedPath
+from llm_astar_lab.pictures.instructions import add_instruction_legend, draw_instruction
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.costmap import Costmap

@@ -4,6 +4,7 @@ import asyncio
 import base64
 import concurrent.futures
 import contextlib
+import io
 import json
 import socket
 import threading
@@ -15,8 +16,10 @@ import pytest
 from llm_astar_lab.play import server as play_app
 from llm_astar_lab.play.planning import Worker
 from llm_astar_planner.search.methods import METHODS
+from PIL import Image
 
 DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}
+HOUSE = 'instructions/house.yaml'
 
 
 # Python reads lists within lists up to about a thousand, and writes them up to some fewer.
@@ -27,6 +30,16 @@ def plan(page, status=200, **fields):
     answer = page.post('/api/plan', json={**DEMO, **fields})
     assert answer.status_code == status, answer.text
     return answer.json()
+
+
+SQUARE = [[2.0, 2.0], [4.0, 2.0], [4.0, 4.0], [2.0, 4.0]]
+
+
+def drawn(name, corners, **properties):
+    """Return a place as the page sends it, or a zone, which has a cost."""
+    geometry = {'type': 'Polygon', 'coordinates': [[*corners, corners[0]]]}
+    feature = {'type': 'Feature', 'properties': {'name': name, **properties}, 'geometry': geometry}
+    return json.dumps({'type': 'FeatureCollection', 'features': [feature]})
 
 
 def cells_of(reply, height, width):
@@ -103,15 +116,124 @@ def test_a_reply_typed_as_a_model_would_is_used_instead_of_the_source(page):
 def test_drawn_walls_are_walls_and_erased_ones_are_none(page):
     free = plan(page)['plans'][0]
     middle = free['path'][len(free['path']) // 2]
-    drawn = plan(page, walls={'blocked': [middle], 'freed': []})
+    drawn = plan(page, walls=[[*middle, 100]])
     assert middle not in drawn['plans'][0]['path']
     assert drawn['command'] is None
     assert 'walls' in drawn['command_note']
     demo = page.get('/api/map', params={'id': 'demo.json:0'}).json()
     cells = cells_of(demo, demo['height'], demo['width'])
-    walls = [[int(x), int(y)] for y, x in np.argwhere(cells[1:-1, 1:-1]) + 1]
-    erased = plan(page, walls={'freed': walls}, method='exact_astar')['plans'][0]
+    walls = [[int(x), int(y), 0] for y, x in np.argwhere(cells[1:-1, 1:-1]) + 1]
+    erased = plan(page, walls=walls, method='exact_astar')['plans'][0]
     assert erased['figures']['length'] == pytest.approx(31 + 2**0.5)
+
+
+def test_a_drawn_cost_and_a_drawn_zone_turn_the_path_aside(page):
+    ask = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95], 'method': 'exact_astar'}
+    ask['robot_radius'] = 0.2
+    assert crossed(plan(page, **ask))
+    costs = [[x, y, 50] for y in range(41, 50) for x in range(54, 86)]
+    corners = [[5.4, 4.1], [8.6, 4.1], [8.6, 5.0], [5.4, 5.0]]
+    for changed in ({'walls': costs}, {'drawn': drawn('spill', corners, cost=100)}):
+        reply = plan(page, **ask, **changed)
+        assert reply['command'] is None
+        assert not crossed(reply)
+
+
+def crossed(reply):
+    path = reply['plans'][0]['path']
+    return [cell for cell in path if 54 <= cell[0] < 86 and 41 <= cell[1] < 50]
+
+
+def test_a_drawn_place_is_understood_and_replaces_one_of_its_name(page):
+    ask = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95]}
+    for name in ('charger', 'sofa'):
+        asked = ask | {'drawn': drawn(name, SQUARE), 'instruction': f'visit the {name}'}
+        shown = plan(page, **asked)['plans'][0]
+        assert shown['instruction']['satisfied']
+        (x, y), *_ = shown['regions']['visits']
+        assert 19 <= x <= 40
+        assert 19 <= y <= 40
+
+
+def test_the_areas_of_an_instruction_are_sent_with_what_became_of_them(page):
+    ask = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95]}
+    ask['instruction'] = 'visit the blue bedroom and avoid the hall'
+    regions = plan(page, **ask)['plans'][0]['regions']
+    assert [(a['is_avoided'], a['status']) for a in regions['areas']] == [
+        (False, 'KEPT'),
+        (True, 'IMPOSSIBLE'),
+    ]
+    assert regions['areas'][1]['rings'][0][0] == pytest.approx([159.5, 51.0], abs=1)
+    assert regions['violations']
+    assert len(regions['visits']) == 1
+
+
+def png(rows):
+    file = io.BytesIO()
+    Image.fromarray(np.array(rows, dtype=np.uint8)).save(file, 'png')
+    return file.getvalue()
+
+
+def drop(page, status=200, **files):
+    body = {
+        name.replace('_', '.'): base64.b64encode(content).decode()
+        for name, content in files.items()
+    }
+    answer = page.post('/api/map', json=body)
+    assert answer.status_code == status, answer.text
+    return answer.json()
+
+
+ROOM = np.full((20, 30), 254)
+ROOM[10, :20] = 0
+YAML = b"""image: /etc/passwd
+resolution: 0.1
+origin: [-1.0, 2.0, 0.0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+
+
+def test_a_dropped_map_is_planned_on_with_the_image_that_came_with_it(page):
+    key = drop(page, room_yaml=YAML, room_png=png(ROOM))
+    sent = page.get('/api/map', params={'id': key}).json()
+    assert (sent['width'], sent['height'], sent['resolution']) == (30, 20, 0.1)
+    assert sent['origin'] == [-1.0, 2.0, 0.0]
+    reply = plan(page, map=key, start=[2, 2], goal=[2, 17])
+    assert reply['plans'][0]['found']
+    assert '--map room.yaml' in reply['command']
+    alone = drop(page, room_png=png(ROOM))
+    assert page.get('/api/map', params={'id': alone}).json()['resolution'] == 0.05
+
+
+@pytest.mark.parametrize(
+    ('files', 'words'),
+    [
+        ({}, 'drop an image'),
+        ({'room_yaml': YAML}, 'drop an image, or a yaml together with its image, not room.yaml'),
+        ({'a_png': png(ROOM), 'b_png': png(ROOM)}, 'not a.png, b.png'),
+        ({'room_yaml': b'resolution: x', 'room_png': png(ROOM)}, 'room.yaml: '),
+        ({'room_yaml': b'[', 'room_png': png(ROOM)}, 'room.yaml: not yaml'),
+        ({'room_yaml': YAML, 'room_png': b'no image'}, "cannot identify image file 'room.png'"),
+        ({'room_png': png(np.zeros((3000, 3000)))}, 'room.png: 3000 x 3000 cells are over'),
+        ({'room_png': png(np.zeros((9, 9)))}, 'room.png: no two of its free cells'),
+    ],
+)
+def test_files_that_are_no_map_are_refused_by_their_names(page, files, words):
+    reply = drop(page, status=422, **files)
+    assert words in reply['error']
+    assert 'map.yaml' not in reply['error']
+    assert reply['field'] == 'map'
+
+
+def test_dropped_maps_are_kept_up_to_a_number(page, played_maps):
+    shipped = len([known for known in played_maps if not known.id.startswith('dropped/')])
+    for number in range(12):
+        drop(page, **{f'room{number}_png': png(ROOM)})
+    assert len(list(played_maps)) == shipped + 10
+    assert page.post('/api/map', json={'a.png': 3}).status_code == 422
+    assert page.post('/api/map', json=[1]).status_code == 422
 
 
 def test_a_radius_closes_cells_and_the_path_keeps_off_them(page):
@@ -264,10 +386,18 @@ def test_what_is_no_json_is_refused(page, body, word):
         ({'confirm': 'yes'}, 'instruction'),
         ({'via': [[5, 5]] * 101}, 'via'),
         ({'via': 'here'}, 'via'),
-        ({'walls': {'blocked': [[0, 0]] * 100_001}}, 'walls'),
-        ({'walls': {'blocked': [[0, 99]]}}, 'walls'),
-        ({'walls': {'dug': []}}, 'walls'),
+        ({'walls': [[0, 0, 0]] * 60_001}, 'walls'),
+        ({'walls': [[0, 99, 0]]}, 'walls'),
+        ({'walls': [[0, 0]]}, 'walls'),
+        ({'walls': [[0, 0, 101]]}, 'walls'),
+        ({'walls': [[0, 0, 1.5]]}, 'walls'),
         ({'walls': 3}, 'walls'),
+        ({'drawn': '{'}, 'drawn'),
+        ({'drawn': '[' * 100_000}, 'drawn'),
+        ({'drawn': '{"type": "FeatureCollection", "features": [3]}'}, 'drawn'),
+        ({'drawn': drawn('dock', [[0, 0], [2, 2], [2, 0], [0, 2]])}, 'drawn'),
+        ({'drawn': drawn('spill', SQUARE, cost=101)}, 'drawn'),
+        ({'drawn': 7}, 'drawn'),
         ({'base_url': 'http://evil.example'}, ''),
     ],
 )

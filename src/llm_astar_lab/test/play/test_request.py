@@ -1,5 +1,7 @@
 """Whatever a page sends is a request or a sentence that names what is wrong."""
 
+import json
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,14 +18,15 @@ VALUES = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=8), inner),
     max_leaves=8,
 )
-WALLS = st.dictionaries(st.sampled_from(['blocked', 'freed', 'more']), st.lists(CELLS) | VALUES)
+WALLS = st.lists(st.lists(st.integers(-2, 110), min_size=3, max_size=3) | VALUES)
 BODIES = st.dictionaries(st.sampled_from(sorted(FIELDS)) | st.text(max_size=8), VALUES)
 
 
 @settings(max_examples=30)
 @given(BODIES, WALLS | VALUES, st.sampled_from(SOURCES) | VALUES, CELLS | VALUES)
 def test_any_json_is_read_or_refused(body, walls, source, start):
-    changed = {'walls': walls, 'source': source, 'start': start, 'via': [start]}
+    drawn = json.dumps({'type': 'FeatureCollection', 'features': walls})
+    changed = {'walls': walls, 'source': source, 'start': start, 'via': [start], 'drawn': drawn}
     for fields in (source, body, DEMO | body, *(DEMO | {k: v} for k, v in changed.items())):
         check(fields)
 
@@ -44,5 +47,4 @@ def check(fields):
         assert error.field in FIELDS | {''}
         return
     assert isinstance(request, PlayRequest)
-    changed = request.walls.apply(request.play_map.grid_map)
-    assert changed.cells.shape == request.play_map.grid_map.cells.shape
+    assert request.edited_map().cells.shape == request.play_map.grid_map.cells.shape

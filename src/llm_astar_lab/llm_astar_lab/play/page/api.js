@@ -34,13 +34,18 @@ export const options = () => fetched('api/options');
 /** Return a map by its id. */
 export const mapOf = (id) => fetched(`api/map?id=${encodeURIComponent(id)}`);
 
-/** Return the plans for a request. */
-export const plan = (request) =>
-  fetched('api/plan', {
+const posted = (path, value) =>
+  fetched(path, {
     method: 'POST',
     headers: { 'Content-Type': 'application/json' },
-    body: JSON.stringify(request),
+    body: JSON.stringify(value),
   });
+
+/** Add a map of files, {name: contents in base64}, and return its id. */
+export const addMap = (files) => posted('api/map', files);
+
+/** Return the plans for a request. */
+export const plan = (request) => posted('api/plan', request);
 
 /** Plans one request at a time; of those that come meanwhile only the newest is sent. */
 export class PlanQueue {

@@ -1,14 +1,30 @@
-// The map one can touch: handles for start, goal and via points, the brush, panning, the keyboard.
+// The map one can touch: handles for start, goal and via points, the brush, outlines, panning, the
+// keyboard.
+
+import { FREE, WALL } from './edits.js';
+import { UNKNOWN } from './gridmap.js';
+import { isClosed } from './shapes.js';
 
 const $ = (id) => document.getElementById(id);
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 const FAR = 10;
+// Pixels around the first corner that close an outline, and that a press may move by.
+const NEAR = 10;
+const STILL = 5;
+
+const box = ([x0, y0], [x1, y1]) => [
+  [x0, y0],
+  [x1, y0],
+  [x1, y1],
+  [x0, y1],
+];
 
 export class Board {
   /**
    * Take the main panel and callbacks: `moved(name, cell, isDone)` for 'start', 'goal' or a via
-   * point's index, `painted(indices, isDone)`, `added(cell)` and `removed(index)` for via points, `panned()`,
-   * and `state()`, which returns {map, ends, walls}.
+   * point's index, `painted(indices, isDone)`, `added(cell)` and `removed(index)` for via points,
+   * `drafted(polygon)` and `outlined(polygon, tool)` for places and zones, `pressed(point)` in cells
+   * for a press on the map, `panned()`, and `state()`, which returns {map, ends, edits, shapes}.
    */
   constructor(panel, callbacks) {
     this.panel = panel;
@@ -17,6 +33,8 @@ export class Board {
     this.tool = 'move';
     // The cell of the brush when it is moved by keys.
     this.cursor = null;
+    // Of an area that is being outlined.
+    this.corners = [];
     this.handles = [];
     this.listen();
   }
@@ -30,14 +48,25 @@ export class Board {
     this.showBrush(null);
     for (const button of $('tools').children)
       button.setAttribute('aria-pressed', String(button.dataset.tool === tool));
-    $('brush-row').hidden = !['wall', 'erase'].includes(tool);
+    for (const part of document.querySelectorAll('[data-tools]'))
+      part.hidden = !part.dataset.tools.split(' ').includes(tool);
+    this.draft([]);
     this.canvas.style.cursor = tool === 'move' ? 'default' : 'crosshair';
     for (const { button } of this.handles)
-      button.style.pointerEvents = this.isPainting ? 'none' : '';
+      button.style.pointerEvents = this.isPainting || this.isOutlining ? 'none' : '';
   }
 
   get isPainting() {
-    return ['wall', 'erase'].includes(this.tool);
+    return ['wall', 'cost', 'erase'].includes(this.tool);
+  }
+
+  get isOutlining() {
+    return ['place', 'zone'].includes(this.tool);
+  }
+
+  /** The occupancy that the brush gives to cells. */
+  get paint() {
+    return { wall: WALL, cost: Number($('level').value), erase: FREE }[this.tool];
   }
 
   listen() {
@@ -70,86 +99,144 @@ export class Board {
   }
 
   readOut(cell) {
-    const { map, walls } = this.callbacks.state();
-    if (!cell || !map?.has(cell)) {
-      $('readout').textContent = '';
-      this.showBrush(null);
-      return;
-    }
-    this.showBrush(cell);
+    const { map } = this.callbacks.state();
+    const isOn = Boolean(cell && map?.has(cell));
+    this.showBrush(isOn ? cell : null);
+    $('readout').textContent = isOn ? `${map.described(cell)}: ${this.valuesAt(cell)}` : '';
+  }
+
+  /** Return in words what a cell is, and what lies there. */
+  valuesAt(cell) {
+    const { map, edits, shapes, lethal } = this.callbacks.state();
     const index = cell[1] * map.width + cell[0];
-    const blocked = walls ? walls.isBlocked(index) : map.isBlocked(index);
-    const isUnknown = map.isUnknown(index) && walls?.edits.get(index) === undefined;
-    $('readout').textContent =
-      `${map.described(cell)}: ${isUnknown ? 'unknown' : blocked ? 'obstacle' : 'free'}`;
+    const value = edits ? edits.valueOf(index) : map.cells[index];
+    const isBlocked = edits ? edits.isBlocked(index) : map.isBlocked(index);
+    const around = shapes(cell);
+    const isShut = around.some(isClosed);
+    const word =
+      value === UNKNOWN ? 'unknown' : isBlocked ? 'obstacle' : isShut ? 'closed' : 'free';
+    const here = around.map(({ name, cost }) =>
+      cost === undefined || isShut ? name : `${name} (cost ${cost} of 100)`,
+    );
+    return [
+      word,
+      word === 'free' && value > 0 && `cost ${value} of 100`,
+      word === 'free' && lethal?.[index] && 'too close for the robot',
+      ...here.slice(0, 4),
+    ]
+      .filter(Boolean)
+      .join(', ');
   }
 
   onDown(event) {
     const { map, ends } = this.callbacks.state();
     if (!map || event.button) return;
     const cell = this.cellOf(event);
-    if (ends && this.isPainting) this.paint(event, cell);
+    this.readOut(cell);
+    if (ends && this.isPainting) this.paintFrom(event, cell);
+    else if (ends && this.isOutlining) this.outline(event);
     else if (ends && this.tool === 'via') this.callbacks.added(map.clamped(cell));
     else this.pan(event);
   }
 
-  /** Follow the pointer on an element until it is let go. */
+  /** Follow the pointer on an element until it is let go, or taken away, as by scrolling. */
   follow(target, event, onMove, onEnd) {
     target.setPointerCapture(event.pointerId);
-    const end = () => {
+    const end = ({ type }) => {
       target.removeEventListener('pointermove', onMove);
       target.removeEventListener('pointerup', end);
       target.removeEventListener('pointercancel', end);
-      onEnd();
+      onEnd(type === 'pointercancel');
     };
     target.addEventListener('pointermove', onMove);
     target.addEventListener('pointerup', end);
     target.addEventListener('pointercancel', end);
   }
 
-  paint(event, cell) {
-    const { walls } = this.callbacks.state();
+  paintFrom(event, cell) {
+    const { edits } = this.callbacks.state();
     let last = cell;
-    walls.begin();
-    walls.paint(cell, this.brush, this.tool === 'wall');
-    this.callbacks.painted(walls.stroke.keys(), false);
+    edits.begin();
+    edits.paint(cell, this.brush, this.paint);
+    this.callbacks.painted(edits.stroke.keys(), false);
     this.follow(
       this.canvas,
       event,
       (move) => {
         const next = this.cellOf(move);
-        this.strokeTo(last, next, walls);
+        this.strokeTo(last, next, edits);
         last = next;
-        this.callbacks.painted(walls.stroke.keys(), false);
+        this.callbacks.painted(edits.stroke.keys(), false);
       },
-      () => this.callbacks.painted([], walls.end()),
+      () => this.callbacks.painted([], edits.end()),
     );
   }
 
   /** Paint every cell between two. */
-  strokeTo(from, to, walls) {
+  strokeTo(from, to, edits) {
     const steps = Math.max(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1]), 1);
     for (let i = 1; i <= steps; i += 1) {
       const cell = [0, 1].map((axis) =>
         Math.round(from[axis] + ((to[axis] - from[axis]) * i) / steps),
       );
-      walls.paint(cell, this.brush, this.tool === 'wall');
+      edits.paint(cell, this.brush, this.paint);
     }
   }
 
-  pan(event) {
-    if (this.panel.viewport.zoom === 1) return;
-    const { map } = this.callbacks.state();
-    const held = this.positionOf(event);
+  /** Outline an area: drag a rectangle, or press its corners; on the first again closes it. */
+  outline(event) {
+    const edge = (pointer) => this.positionOf(pointer).map((value) => Math.round(value + 0.5) - 0.5);
+    const from = edge(event);
+    let to = from;
     this.follow(
       this.canvas,
       event,
       (move) => {
+        to = edge(move);
+        this.callbacks.drafted(this.corners.length ? [...this.corners, to] : box(from, to));
+      },
+      () => {
+        const isBox = !this.corners.length && from[0] !== to[0] && from[1] !== to[1];
+        if (isBox) this.close(box(from, to));
+        else this.addCorner(to);
+      },
+    );
+  }
+
+  addCorner(point) {
+    const [x, y] = this.corners[0] ?? [];
+    const reach = NEAR / this.panel.view.scale;
+    if (Math.hypot(point[0] - x, point[1] - y) <= reach) this.close(this.corners);
+    else this.draft([...this.corners, point]);
+  }
+
+  draft(corners) {
+    this.corners = corners;
+    this.callbacks.drafted(corners);
+  }
+
+  close(corners) {
+    this.draft([]);
+    if (corners.length > 2) this.callbacks.outlined(corners, this.tool);
+  }
+
+  /** Move the map with the pointer; one that stays has pressed it. */
+  pan(event) {
+    const { map } = this.callbacks.state();
+    const held = this.positionOf(event);
+    let isStill = true;
+    this.follow(
+      this.canvas,
+      event,
+      (move) => {
+        const far = Math.hypot(move.clientX - event.clientX, move.clientY - event.clientY);
+        isStill = isStill && far < STILL;
+        if (isStill || this.panel.viewport.zoom === 1) return;
         const now = this.positionOf(move);
         this.panel.viewport.pan(held[0] - now[0], held[1] - now[1], map);
         this.callbacks.panned();
       },
-      () => {},
+      (isCancelled) => isStill && !isCancelled && this.callbacks.pressed(held),
     );
   }
 
@@ -166,6 +253,8 @@ export class Board {
     const { map, ends } = this.callbacks.state();
     const isDrawing = ends && this.tool !== 'move';
     if (!map || !(isDrawing || this.panel.viewport.zoom > 1)) return;
+    if (event.key === 'Enter') this.close(this.corners);
+    if (event.key === 'Escape') this.draft([]);
     if (!arrow && !(isDrawing && event.key === ' ')) return;
     event.preventDefault();
     if (!isDrawing) this.panByKey(arrow, map);
@@ -192,10 +281,15 @@ export class Board {
       this.callbacks.added(cell);
       return;
     }
-    const { walls } = this.callbacks.state();
-    walls.begin();
-    walls.paint(cell, this.brush, this.tool === 'wall');
-    this.callbacks.painted([...walls.stroke.keys()], walls.end());
+    if (this.isOutlining) {
+      this.addCorner(cell);
+      return;
+    }
+    const { edits } = this.callbacks.state();
+    edits.begin();
+    edits.paint(cell, this.brush, this.paint);
+    const indices = [...edits.stroke.keys()];
+    this.callbacks.painted(indices, edits.end());
     this.readOut(cell);
   }
 
@@ -255,11 +349,14 @@ export class Board {
 
   placeHint(x, y, isShown) {
     $('hint').hidden = !(this.isHinting && isShown);
+    const isBelow = y < 60;
     const half = $('hint').offsetWidth / 2 + 2;
     const width = this.canvas.clientWidth;
     $('hint').style.left = `${Math.min(width - half, Math.max(half, x))}px`;
     $('hint').style.top = `${y}px`;
-    $('hint').classList.toggle('below', y < 60);
+    $('hint').classList.toggle('below', isBelow);
+    const middle = isBelow ? y + 38 : y - 32;
+    this.panel.hint = $('hint').hidden ? null : { x, y: middle, half, tall: 24 };
   }
 
   makeHandle(name) {

@@ -32,7 +32,7 @@ export class Controls {
     }
     for (const name of ['reply', 'instruction']) this.listenToText(name);
     $('drop-instruction').addEventListener('click', () => this.setText('instruction', ''));
-    $('controls').addEventListener('submit', (event) => event.preventDefault());
+    $('ask').addEventListener('submit', (event) => event.preventDefault());
   }
 
   listenToText(name) {
@@ -92,18 +92,24 @@ export class Controls {
       (cells, axis) => `${map.offset[axis]} to ${cells - 1 + map.offset[axis]}`,
     );
     $('reply-about').textContent = `In cells: x ${xs}, y ${ys}. Ctrl+Enter plans with it.`;
-    const hasPlaces = map.places.length > 0;
-    const first = hasPlaces ? map.places[0].name : '';
-    $('instruction').placeholder = hasPlaces
-      ? `avoid the ${first}`
-      : 'keep 2 m away from the walls';
-    $('instruction-about').textContent = hasPlaces
-      ? 'Press a place to write its name.'
-      : 'This map has no named places.';
-    $('places').replaceChildren(
-      ...map.places.slice(0, MAX_CHIPS).map((place) => this.chip(place.name)),
-    );
+    this.showPlaces(map.places);
     this.show();
+  }
+
+  /** List the names of places; one that is pressed is written into the instruction. */
+  showPlaces(places) {
+    $('instruction').placeholder = places.length
+      ? `avoid the ${places[0].name}`
+      : 'keep 2 m away from the walls';
+    $('places').replaceChildren(
+      ...places.slice(0, MAX_CHIPS).map((place) => this.chip(place.name)),
+    );
+  }
+
+  /** Add to the instruction that a place is to be driven through or avoided, and plan. */
+  addClause(verb, name) {
+    const before = this.settings.instruction.trim();
+    this.setText('instruction', `${before ? `${before}, ` : ''}${verb} the ${name}`);
   }
 
   /** Return what fits the map where nothing else is asked: the paper's rules, or a small robot. */
@@ -170,7 +176,8 @@ export class Controls {
   /** Write an error next to its field; with null, remove all. */
   showError(error) {
     for (const place of document.querySelectorAll('[data-error]')) place.hidden = true;
-    for (const input of $('controls').elements) input.removeAttribute('aria-invalid');
+    for (const input of document.querySelectorAll('[aria-invalid]'))
+      input.removeAttribute('aria-invalid');
     if (!error) return;
     const field = ON_STAGE.includes(error.field) ? 'stage' : error.field;
     const place =

@@ -29,6 +29,8 @@ export class GridMap {
     this.places = (Array.isArray(raw.places) ? raw.places : [])
       .slice(0, 400)
       .map((place) => ({ name: text(place.name, 80), polygon: points(place.polygon, 2000) }));
+    // The places as they are in a file, to be saved with others.
+    this.features = Array.isArray(raw.geojson?.features) ? raw.geojson.features : [];
   }
 
   has(cell) {
@@ -75,6 +77,25 @@ export class GridMap {
     const name = axis === 0 ? 'x' : 'y';
     if (!this.isMetric) return `${name} (cells)`;
     return this.isUpright ? `${name} (m)` : `${name} from the corner (m)`;
+  }
+
+  /** Return the metres in the map's frame of a point in cells. */
+  toWorld([x, y]) {
+    const [left, bottom, yaw] = this.origin;
+    const [dx, dy] = [(x + 0.5) * this.resolution, (y + 0.5) * this.resolution];
+    const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
+    return [left + cos * dx - sin * dy, bottom + sin * dx + cos * dy];
+  }
+
+  /** Return the point in cells of metres in the map's frame. */
+  toGrid([x, y]) {
+    const [left, bottom, yaw] = this.origin;
+    const [cos, sin] = [Math.cos(yaw), Math.sin(yaw)];
+    const [dx, dy] = [x - left, y - bottom];
+    return [
+      (cos * dx + sin * dy) / this.resolution - 0.5,
+      (cos * dy - sin * dx) / this.resolution - 0.5,
+    ];
   }
 
   /** Return a cell in words. */

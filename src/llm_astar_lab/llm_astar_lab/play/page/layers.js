@@ -38,7 +38,7 @@ class Layer {
   }
 }
 
-/** The map with edited walls, and the cells that the robot's radius closes. */
+/** The map with what is drawn on it, and the cells that the robot's radius closes. */
 export class MapLayer extends Layer {
   constructor(map) {
     super(map.width, map.height);
@@ -46,7 +46,7 @@ export class MapLayer extends Layer {
   }
 
   /** Draw all; `lethal` has 1 for each cell that is closed to the robot, or is null. */
-  render(walls, lethal, palette) {
+  render(edits, lethal, palette) {
     this.lethal = lethal;
     this.setColours(palette);
     const { cells } = this.map;
@@ -58,13 +58,13 @@ export class MapLayer extends Layer {
           lethal?.[index] && !this.isSolid[value] ? this.closed : this.ofValue[value];
       }
     }
-    this.paint(walls, walls?.edits.keys() ?? []);
+    this.paint(edits, edits?.cells.keys() ?? []);
   }
 
   setColours(palette) {
     const [free, inflated] = [rgb(palette.free), rgb(palette.inflated)];
-    const mixed = (part) =>
-      pixelOf(free.map((from, i) => Math.round(from + part * (inflated[i] - from))));
+    const mixed = (part, other = inflated) =>
+      pixelOf(free.map((from, i) => Math.round(from + part * (other[i] - from))));
     this.isSolid = Uint8Array.from(
       { length: 256 },
       (_, value) => value >= OCCUPIED && value !== UNKNOWN,
@@ -74,22 +74,25 @@ export class MapLayer extends Layer {
     );
     this.ofValue.fill(pixelOf(rgb(palette.obstacle)), OCCUPIED);
     this.ofValue[UNKNOWN] = pixelOf(rgb(palette.unknown));
-    [this.closed, this.wall, this.freed] = ['inflated', 'wall', 'freed'].map((name) =>
-      pixelOf(rgb(palette[name])),
-    );
+    const [wall, freed] = [rgb(palette.wall), rgb(palette.freed)];
+    this.closed = pixelOf(inflated);
+    this.ofDrawn = Uint32Array.from({ length: OCCUPIED }, (_, value) => mixed(value / 100, wall));
+    this.ofDrawn[0] = pixelOf(freed);
+    this.wall = pixelOf(wall);
   }
 
   /** Draw some cells again, by their indices. */
-  paint(walls, indices) {
-    for (const index of indices) this.put(index, this.pixelAt(index, walls.edits.get(index)));
+  paint(edits, indices) {
+    for (const index of indices) this.put(index, this.pixelAt(index, edits.cells.get(index)));
     this.finish();
   }
 
-  pixelAt(index, edit) {
+  pixelAt(index, drawn) {
     const value = this.map.cells[index];
-    if (edit === true) return this.wall;
-    if (this.lethal?.[index] && (edit === false || !this.isSolid[value])) return this.closed;
-    return edit === false ? this.freed : this.ofValue[value];
+    if (drawn >= OCCUPIED) return this.wall;
+    const isOpen = drawn !== undefined || !this.isSolid[value];
+    if (this.lethal?.[index] && isOpen) return this.closed;
+    return drawn === undefined ? this.ofValue[value] : this.ofDrawn[drawn];
   }
 }
 

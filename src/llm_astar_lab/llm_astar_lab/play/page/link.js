@@ -1,12 +1,15 @@
 // The view as the fragment of the page's address, and back. A fragment is untrusted text.
 
+import { FREE, MAX_EDITED, WALL } from './edits.js';
+import { featuresOf } from './shapes.js';
+
 const MAX_FRAGMENT = 60_000;
 // What a link that would be too long leaves out.
-const LARGE = ['walls', 'freed', 'reply', 'instruction'];
+const LARGE = ['walls', 'freed', 'costs', 'drawn', 'reply', 'instruction'];
 const MAX_VIA = 100;
 const DEFAULTS = {
-  method: 'llm_astar',
-  source: 'embedded',
+  method: 'guided',
+  source: 'none',
   heuristic: 'euclidean',
   weight: 2,
   max_suboptimality: 1.1,
@@ -39,7 +42,7 @@ function encodeRuns(indices) {
 }
 
 /** Return the cell indices of runs that are below `size`, at most `limit` of them. */
-export function decodeRuns(encoded, size, limit) {
+function decodeRuns(encoded, size, limit) {
   const indices = [];
   const numbers = encoded
     .slice(0, MAX_FRAGMENT)
@@ -55,6 +58,26 @@ export function decodeRuns(encoded, size, limit) {
   return indices;
 }
 
+/** Put what a view has drawn into the edits of its map. */
+export function applyDrawn(view, edits) {
+  const put = (runs, occupancy) => {
+    const size = edits.map.cells.length;
+    for (const index of decodeRuns(runs, size, MAX_EDITED - edits.cells.size))
+      edits.cells.set(index, occupancy);
+  };
+  put(view.walls ?? '', WALL);
+  put(view.freed ?? '', FREE);
+  for (const part of (view.costs ?? '').split('~').slice(0, WALL)) {
+    const [, cost, runs] = /^(\d{1,2})\.(.*)$/.exec(part) ?? [];
+    if (Number(cost) > 0) put(runs, Number(cost));
+  }
+  try {
+    edits.features = featuresOf(JSON.parse(view.drawn || '[]'));
+  } catch {
+    edits.features = [];
+  }
+}
+
 /** Return the fragment for a view, and whether all of it fits. */
 export function toFragment(view) {
   const query = new URLSearchParams();
@@ -66,8 +89,13 @@ export function toFragment(view) {
     query.set(name, typeof value === 'boolean' ? String(Number(value)) : String(value));
   }
   if (view.via.length) query.set('via', view.via.map((cell) => cell.join(',')).join(';'));
-  if (view.blocked.length) query.set('walls', encodeRuns(view.blocked));
-  if (view.freed.length) query.set('freed', encodeRuns(view.freed));
+  for (const occupancy of view.edits.levels()) {
+    const name = { [FREE]: 'freed', [WALL]: 'walls' }[occupancy] ?? 'costs';
+    const runs = encodeRuns(view.edits.indices(occupancy));
+    const before = query.has(name) ? `${query.get(name)}~` : '';
+    query.set(name, name === 'costs' ? `${before}${occupancy}.${runs}` : runs);
+  }
+  if (view.edits.features.length) query.set('drawn', JSON.stringify(view.edits.features));
   const fits = query.toString().length <= MAX_FRAGMENT;
   if (!fits) for (const name of LARGE) query.delete(name);
   return { fragment: query.toString().replaceAll('%2C', ',').replaceAll('%3B', ';'), fits };
@@ -93,6 +121,8 @@ export function fromFragment(fragment) {
     via,
     walls: query.get('walls') ?? '',
     freed: query.get('freed') ?? '',
+    costs: query.get('costs') ?? '',
+    drawn: query.get('drawn') ?? '',
   };
 }
 

@@ -1,6 +1,12 @@
 // A running graph: its map, plans and reports, as server-sent events.
 
-import { showInstruction, showReport, showVerdict, showWaypoints } from './results.js';
+import {
+  showInstruction,
+  showReport,
+  showVerdict,
+  showWarnings,
+  showWaypoints,
+} from './results.js';
 import { points, text } from './codec.js';
 import { GridMap } from './gridmap.js';
 import { say } from './toast.js';
@@ -10,7 +16,7 @@ const $ = (id) => document.getElementById(id);
 const WAITING = {
   tone: 'draw',
   head: 'Waiting for a plan.',
-  rest: ' Send a goal to the planner, and it appears here.',
+  rest: ' Send the planner a goal, from RViz, Nav2 or "llm-astar call", and its plan appears here.',
 };
 
 export class Live {
@@ -24,6 +30,7 @@ export class Live {
 
   start() {
     showVerdict(WAITING);
+    showWarnings([]);
     this.source = new EventSource('api/live');
     const on = (name, handle) =>
       this.source.addEventListener(name, (event) => this.take(event, handle));
@@ -57,7 +64,7 @@ export class Live {
   }
 
   onStatus(data) {
-    say(text(data.message, 400));
+    say(plainly(text(data.message, 400)));
   }
 
   onPlan(plan) {
@@ -68,9 +75,11 @@ export class Live {
       goal: points([plan.goal])[0] ?? path.at(-1),
       via: points(plan.via, 1000),
     };
+    plan.regions ??= { areas: areasOf(plan.instruction, this.map.places) };
     this.plan = [plan, ends];
     this.stage.setLivePlan(plan, ends);
-    showVerdict(verdictOf([{ ...plan, role: 'chosen' }]));
+    showVerdict(verdictOf([{ ...plan, role: 'chosen' }], this.map.isMetric));
+    showWarnings(plan.warnings);
     showReport(plan, this.map);
     showInstruction(plan.instruction);
     showWaypoints(
@@ -79,6 +88,26 @@ export class Live {
       this.stage.palette,
     );
   }
+}
+
+/** Return what the planner says of its state in plain words. */
+function plainly(message) {
+  const [, node, size] = /^(\S+): planning on map \w+ of (\d+ x \d+ cells)/.exec(message) ?? [];
+  if (size) return `${node} is ready, on a map of ${size.replace('x', '×')}.`;
+  return `${message.charAt(0).toUpperCase()}${message.slice(1)}.`;
+}
+
+/** Return the areas of the places that clauses name: a report says no more of its regions. */
+function areasOf(instruction, places) {
+  const clauses = Array.isArray(instruction?.clauses) ? instruction.clauses.slice(0, 100) : [];
+  return clauses.flatMap((clause) => {
+    const named = places.filter(({ name }) => text(clause.clause).endsWith(` ${name}`));
+    return named.map(({ polygon }) => ({
+      rings: [polygon],
+      is_avoided: /^(avoid|keep|never)/.test(text(clause.clause)),
+      status: text(clause.status, 40).toUpperCase().replaceAll(' ', '_'),
+    }));
+  });
 }
 
 /** Let the buttons of the header choose between planning here and the running graph. */

@@ -2,21 +2,26 @@
 
 import * as api from './api.js';
 import { Board } from './board.js';
+import { Bubbles } from './bubbles.js';
 import { bits, number, text } from './codec.js';
 import { Controls } from './controls.js';
+import { FREE, WALL } from './edits.js';
+import { EXAMPLES, markExample, showExamples } from './examples.js';
+import { listenToFiles, readFiles } from './files.js';
 import { GridMap } from './gridmap.js';
-import { decodeRuns, defaultSettings, fromFragment, toFragment } from './link.js';
+import { applyDrawn, defaultSettings, fromFragment, toFragment } from './link.js';
 import { listenToModes, Live } from './live.js';
 import { Player } from './player.js';
 import { suggestedReply } from './reply.js';
 import { showReply, showUnordered, showVerdict } from './results.js';
+import { featureOf, freeName, saveFeatures } from './shapes.js';
 import { Stage } from './stage.js';
 import { copy, say } from './toast.js';
-import { MAX_EDITED } from './walls.js';
 
 const $ = (id) => document.getElementById(id);
 const LINK_DELAY_MS = 200;
 const SLOW_MS = 700;
+const COUNTS_COSTS = ['guided', 'exact_astar'];
 // Settings that another map does not keep.
 const OF_THE_MAP = { corner_cutting: null, robot_radius: null, reply: '', instruction: '' };
 
@@ -30,6 +35,11 @@ class Page {
     });
     this.player = new Player(() => this.stage.draw());
     this.board = new Board(this.stage.main, this.callbacks());
+    this.bubbles = new Bubbles(
+      this.stage,
+      (verb, name) => this.controls.addClause(verb, name),
+      (polygon, name) => this.addFeature(polygon, { name }),
+    );
     this.controls = new Controls(
       options,
       this.settings,
@@ -47,21 +57,34 @@ class Page {
     return {
       state: () => ({
         map: this.stage.map,
-        walls: this.stage.walls,
+        edits: this.stage.edits,
         ends: this.live ? null : this.stage.ends,
+        lethal: this.stage.lethal,
+        shapes: (cell) => this.stage.shapesAt(cell),
       }),
       moved: (name, cell, isDone) => this.moved(name, cell, isDone),
       painted: (indices, isDone) => this.painted(indices, isDone),
       added: (cell) => this.changeVia((via) => [...via, cell]),
       removed: (index) => this.changeVia((via) => via.filter((_, i) => i !== index)),
+      drafted: (polygon) => this.stage.showDraft(polygon),
+      outlined: (polygon, tool) => this.outlined(polygon, tool),
+      pressed: (point) => this.pressed(point),
       panned: () => this.stage.draw(),
     };
   }
 
   listen() {
-    $('undo').addEventListener('click', () => this.editWalls(() => this.stage.walls.undo()));
-    $('redo').addEventListener('click', () => this.editWalls(() => this.stage.walls.redo()));
+    $('undo').addEventListener('click', () => this.edit((edits) => edits.undo()));
+    $('redo').addEventListener('click', () => this.edit((edits) => edits.redo()));
     $('clear').addEventListener('click', () => this.clearEdits());
+    $('save').addEventListener('click', () =>
+      saveFeatures(this.stage.map, this.stage.edits.features),
+    );
+    showExamples($('examples'), (view) => {
+      this.board.hideHint();
+      this.openExample(view);
+    });
+    listenToFiles($('main'), $('files'), (files) => this.live || this.openFiles(files));
     $('zoom-in').addEventListener('click', () => this.stage.zoom(1.5));
     $('zoom-out').addEventListener('click', () => this.stage.zoom(1 / 1.5));
     $('zoom-fit').addEventListener('click', () => this.stage.zoom(0));
@@ -78,16 +101,23 @@ class Page {
     new ResizeObserver(() => this.stage.resize()).observe($('main'));
   }
 
-  /** Show what the address says, else the first map. */
+  /** Show what the address says, else the first example. */
   async open() {
-    await this.openLink(fromFragment(location.hash) ?? { map: this.options.maps[0].id });
+    if (fromFragment(location.hash)) await this.openLink(fromFragment(location.hash));
+    else await this.openExample(EXAMPLES[0].view);
     this.board.showHint();
-    if (this.hasPlans && !matchMedia('(prefers-reduced-motion: reduce)').matches)
+    if (this.hasPlans && !this.plans[0]?.instruction && !matchMedia('(prefers-reduced-motion: reduce)').matches)
       this.player.play();
+  }
+
+  async openExample(view) {
+    await this.openLink(fromFragment(view));
+    markExample($('examples'), $('example-about'), view);
   }
 
   async openLink(view) {
     if (!view) return;
+    markExample($('examples'), $('example-about'), null);
     const isKnown = this.options.maps.some((map) => map.id === view.map);
     say(
       isKnown
@@ -105,6 +135,7 @@ class Page {
       const map = new GridMap(await api.mapOf(id));
       if (this.opening !== id || this.live) return;
       this.hasPlans = false;
+      this.bubbles.close();
       this.player.setTotal(0);
       this.stage.setMap(map);
     } catch (error) {
@@ -118,19 +149,12 @@ class Page {
       goal: cell('goal'),
       via: (view.via ?? []).filter((via) => this.stage.map.has(via)),
     };
-    const size = this.stage.map.cells.length;
-    for (const index of decodeRuns(view.walls ?? '', size, MAX_EDITED))
-      this.stage.walls.edits.set(index, true);
-    for (const index of decodeRuns(
-      view.freed ?? '',
-      size,
-      MAX_EDITED - this.stage.walls.edits.size,
-    ))
-      this.stage.walls.edits.set(index, false);
+    applyDrawn(view, this.stage.edits);
     if (view.settings === undefined) Object.assign(this.settings, OF_THE_MAP);
     if (this.settings.source === 'reply' && !this.settings.reply)
-      this.settings.source = 'embedded';
+      this.settings.source = 'none';
     this.controls.setMap(this.stage.map);
+    this.controls.showPlaces(this.stage.places());
     this.stage.renderBase();
     await this.replan();
   }
@@ -138,6 +162,7 @@ class Page {
   request() {
     const { start, goal, via } = this.stage.ends;
     const { reply, instruction, source, ...settings } = this.settings;
+    const { features } = this.stage.edits;
     const isTyped = source === 'reply' && reply.trim() !== '';
     return {
       map: this.stage.map.id,
@@ -148,7 +173,8 @@ class Page {
       source: isTyped || source !== 'reply' ? source : 'none',
       reply: isTyped ? reply : null,
       instruction: instruction.trim() || null,
-      walls: this.stage.walls.toRequest(),
+      walls: this.stage.edits.toRequest(),
+      drawn: features.length ? JSON.stringify({ type: 'FeatureCollection', features }) : null,
     };
   }
 
@@ -178,9 +204,9 @@ class Page {
     this.hasPlans = true;
     this.controls.showError(null);
     $('main').setAttribute('aria-busy', String(!isNewest));
-    document.querySelector('.panels').classList.remove('stale');
+    $('main').classList.remove('stale');
     showReply({ ...reply, plans: this.plans }, this.stage.map, this.stage.palette);
-    showUnordered(this.plans);
+    showUnordered(this.plans, this.ignoresCosts(request.method));
     this.stage.setPlans(this.plans, bits(reply.lethal, this.stage.map.cells.length));
     this.player.setTotal(
       Math.max(0, ...this.plans.map((plan) => number(plan.figures?.expansions) ?? 0)),
@@ -190,7 +216,7 @@ class Page {
   onError(error) {
     $('main').setAttribute('aria-busy', 'false');
     this.controls.showError(error);
-    document.querySelector('.panels').classList.add('stale');
+    $('main').classList.add('stale');
     showVerdict({
       tone: 'fail',
       head: 'This cannot be planned.',
@@ -206,6 +232,7 @@ class Page {
 
   moved(name, cell, isDone) {
     this.board.hideHint();
+    this.bubbles.close();
     if (cell) {
       const target = typeof name === 'number' ? this.stage.ends.via : this.stage.ends;
       if (String(target[name]) === String(cell)) return;
@@ -220,15 +247,56 @@ class Page {
     if (isDone) this.replan();
   }
 
-  editWalls(edit) {
-    edit();
+  /** Change what is drawn on the map. */
+  edit(change) {
+    change(this.stage.edits);
+    this.controls.showPlaces(this.stage.places());
     this.stage.renderBase();
     this.replan();
   }
 
   clearEdits() {
     this.stage.ends.via = [];
-    this.editWalls(() => this.stage.walls.clear());
+    this.edit((edits) => edits.clear());
+  }
+
+  /** Take an area that was outlined: a zone, or a place, which needs a name. */
+  outlined(polygon, tool) {
+    const name = freeName(tool, this.stage.edits.features);
+    if (tool === 'place') this.bubbles.askName(polygon, name);
+    else this.addFeature(polygon, { name, cost: Number($('zone-cost').value) });
+  }
+
+  addFeature(polygon, properties) {
+    const feature = featureOf(this.stage.map, polygon, properties);
+    this.edit((edits) => edits.setFeatures([...edits.features, feature]));
+  }
+
+  /** Offer what can be asked of the place that was pressed. */
+  pressed(point) {
+    this.board.hideHint();
+    const [place] = this.stage.shapesAt(point).filter(({ cost }) => cost === undefined);
+    if (place && !this.live) this.bubbles.showRoom(place.name, point);
+    else this.bubbles.close();
+  }
+
+  /** Open a map that was dropped, and put the GeoJSON that was dropped onto the map. */
+  async openFiles(files) {
+    try {
+      const { maps, features } = await readFiles(files);
+      if (Object.keys(maps).length) await this.openDropped(await api.addMap(maps));
+      const { edits } = this.stage;
+      if (features.length) this.edit(() => edits.setFeatures([...edits.features, ...features]));
+    } catch (error) {
+      this.controls.showError(new api.ServerError(error.message, 'map'));
+    }
+  }
+
+  async openDropped(id) {
+    this.options.maps = (await api.options()).maps;
+    this.controls.fill();
+    Object.assign(this.settings, defaultSettings());
+    await this.openMap(id);
   }
 
   changeVia(change) {
@@ -238,6 +306,8 @@ class Page {
   }
 
   settingChanged(name) {
+    this.bubbles.close();
+    markExample($('examples'), $('example-about'), null);
     if (name === 'source' && this.settings.source === 'reply' && !this.settings.reply) {
       this.settings.reply = suggestedReply(this.stage.main.path, this.stage.map);
       this.controls.show();
@@ -270,13 +340,26 @@ class Page {
     const index = this.pairIndex();
     $('pairs').hidden = pairs.length === 0;
     $('pair-name').textContent =
-      index < 0 ? 'your own start and goal' : `example ${index + 1} of ${pairs.length}`;
-    $('undo').disabled = this.stage.walls.done.length === 0;
-    $('redo').disabled = this.stage.walls.undone.length === 0;
-    $('clear').disabled = !this.stage.walls.isEdited && this.stage.ends.via.length === 0;
+      index < 0 ? 'your own start and goal' : `start and goal ${index + 1} of ${pairs.length}`;
+    const { done, undone, features, isEdited } = this.stage.edits;
+    $('undo').disabled = done.length === 0;
+    $('redo').disabled = undone.length === 0;
+    $('save').disabled = features.length === 0;
+    $('clear').disabled = !isEdited && this.stage.ends.via.length === 0;
+  }
+
+  /** Say that a method counts lengths alone, where costs are drawn. */
+  ignoresCosts(method) {
+    const { edits, main } = this.stage;
+    const isCostly = (cost) => cost > FREE && cost < WALL;
+    const isGraded = edits.levels().some(isCostly) || main.shapes.some((one) => isCostly(one.cost));
+    return isGraded && !COUNTS_COSTS.includes(method)
+      ? `${text(method, 40)} counts lengths alone; guided and exact_astar count what is drawn as cost.`
+      : '';
   }
 
   onKey(event) {
+    if (event.key === 'Escape') this.bubbles.close();
     const isTyping =
       ['TEXTAREA', 'INPUT'].includes(event.target.tagName) && event.target.type !== 'range';
     if (
@@ -287,7 +370,7 @@ class Page {
     )
       return;
     event.preventDefault();
-    this.editWalls(() => (event.shiftKey ? this.stage.walls.redo() : this.stage.walls.undo()));
+    this.edit((edits) => (event.shiftKey ? edits.redo() : edits.undo()));
   }
 
   linkSoon() {
@@ -301,8 +384,7 @@ class Page {
       ...this.stage.ends,
       map: this.stage.map.id,
       settings: this.controls.linkSettings(),
-      blocked: this.stage.walls.indices(true),
-      freed: this.stage.walls.indices(false),
+      edits: this.stage.edits,
     });
     history.replaceState(null, '', `#${fragment}`);
     return fits;
@@ -310,11 +392,12 @@ class Page {
 
   copyLink() {
     const fits = this.writeLink();
+    const isDropped = this.stage.map.id.startsWith('dropped/');
     copy(
       location.href,
       fits
-        ? 'The link is copied.'
-        : 'The link is copied without walls and texts: they are too long for a link.',
+        ? `The link is copied.${isDropped ? ' Whoever opens it has to drop the map first.' : ''}`
+        : 'The link is copied without what is drawn and typed: it is too long for a link.',
     );
   }
 
@@ -328,7 +411,7 @@ class Page {
       this.live?.stop();
       this.live = null;
       $('report-block').hidden = true;
-      this.openLink(fromFragment(location.hash) ?? { map: this.options.maps[0].id });
+      this.openLink(fromFragment(location.hash) ?? fromFragment(EXAMPLES[0].view));
       return;
     }
     this.player.pause();

@@ -3,6 +3,7 @@
 import { drawAxes, drawGrid, drawScaleBar } from './axes.js';
 import { int32s, number, points, text } from './codec.js';
 import { SearchLayer } from './layers.js';
+import { drawAreas, drawLines, drawShapes } from './areas.js';
 import { drawLabel, drawMarker, labelWidth } from './markers.js';
 import { statusShape } from './theme.js';
 
@@ -11,6 +12,8 @@ const MARGIN = { left: 46, top: 8, right: 8, bottom: 40 };
 const SMALL = 420;
 const MAX_BOXES = 600;
 const MAX_WAYPOINTS = 500;
+// How much of the expanded cells' colour is left below an instruction's regions.
+const FADED = 0.4;
 const NO_MARGIN = { left: 0, top: 0, right: 0, bottom: 0 };
 
 export class Panel {
@@ -24,6 +27,9 @@ export class Panel {
     this.margin = hasAxes ? MARGIN : NO_MARGIN;
     this.map = null;
     this.plan = null;
+    // What is drawn here, as `shapeOf` returns it, and an outline that is not yet closed.
+    this.shapes = [];
+    this.draft = [];
   }
 
   /** Take a map and its picture, which the panels share. */
@@ -76,11 +82,18 @@ export class Panel {
     this.drawLayer(this.base, view);
     if (this.search) {
       this.search.show(part, palette);
+      // What is asked for stands out once the search has ended.
+      context.globalAlpha = part >= 1 && this.plan.regions ? FADED : 1;
       this.drawLayer(this.search, view);
+      context.globalAlpha = 1;
     }
     drawGrid(context, this.map, view, palette);
-    if (this.hasAxes) this.drawPlaces(view, palette);
-    if (part >= 1) this.drawPath(view, palette);
+    if (this.hasAxes) {
+      this.drawPlaces(view, palette);
+      drawAreas(context, this.plan?.regions?.areas, view, palette);
+      drawShapes(context, this.shapes, this.draft, view, palette);
+    }
+    if (part >= 1) this.drawPath(ends, view, palette);
     if (this.hasAxes) this.drawNames(ends, view, palette);
     if (this.hasAxes) drawScaleBar(context, this.map, view, box, palette);
     context.restore();
@@ -101,11 +114,21 @@ export class Panel {
     );
   }
 
-  drawPath(view, palette) {
+  drawPath(ends, view, palette) {
     const { context, path } = this;
     if (path.length < 2) return;
     context.lineJoin = 'round';
     context.lineCap = 'round';
+    // A start or a goal that was moved.
+    drawLines(
+      context,
+      [
+        [ends.start, path[0]],
+        [ends.goal, path.at(-1)],
+      ].filter(([asked]) => asked),
+      view,
+      [4, palette.path, [1, 7]],
+    );
     for (const [width, colour] of [
       [6, palette.outline],
       [3, palette.path],
@@ -116,6 +139,8 @@ export class Panel {
       context.strokeStyle = colour;
       context.stroke();
     }
+    const bad = this.plan?.regions?.violations ?? [];
+    drawLines(context, bad, view, [5, palette.clause.NOT_KEPT, []]);
   }
 
   drawPlaces(view, palette) {
@@ -146,7 +171,9 @@ export class Panel {
       return { x, y, half: 10 };
     });
     taken.push(...this.pathBoxes(view), this.scaleBarBox());
-    for (const { name, polygon } of this.map.places) {
+    if (this.hint) taken.push(this.hint);
+    const drawn = this.shapes.map(({ name, rings }) => ({ name, polygon: rings[0] ?? [] }));
+    for (const { name, polygon } of [...drawn, ...this.map.places]) {
       if (polygon.length) this.drawName(name, polygon, view, palette, taken);
     }
   }
@@ -185,7 +212,9 @@ export class Panel {
     const x = Math.min(left + room - half, Math.max(left + half, Math.min(...xs) + width / 2));
     const middle = Math.min(...ys) + height / 2;
     const isFree = (y) =>
-      taken.every((box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= 16);
+      taken.every(
+        (box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= (box.tall ?? 16),
+      );
     const y = [0, 17, -17, 34, -34]
       .filter((shift) => Math.abs(shift) <= Math.max(17, height / 2 - 8))
       .map((shift) => middle + shift)
@@ -231,9 +260,23 @@ export class Panel {
     const numbered = [];
     for (const waypoint of waypoints)
       this.drawNumber(text(waypoint.number, 4), waypoint.at, palette, numbered);
+    if (this.hasAxes) this.drawVisits(view, palette);
     for (const via of ends.via) mark('triangle', via, 8, palette.via);
     mark('square', ends.start, 9, palette.start);
     mark('diamond', ends.goal, 10, palette.goal);
+  }
+
+  /** Mark where the path visits what it is asked to. */
+  drawVisits(view, palette) {
+    const { context } = this;
+    for (const point of points(this.plan?.regions?.visits, MAX_WAYPOINTS)) {
+      const [x, y] = view.toPixel(point);
+      context.beginPath();
+      context.arc(x, y, 8, 0, 2 * Math.PI);
+      context.fillStyle = palette.clause.KEPT;
+      context.fill();
+      drawLabel(context, '✓', [x, y + 0.5], { halo: palette.clause.KEPT }, { colour: '#ffffff' });
+    }
   }
 
   /** Whether a pixel is on the map; a marker at its edge may stick out. */

@@ -1,8 +1,11 @@
 // What is shown in words and numbers: verdict, table, waypoints, clauses, command, report.
 
 import { number, points, shown, text } from './codec.js';
+import { areaIcon } from './areas.js';
+import { FREE, WALL } from './edits.js';
 import { MAX_ORDER } from './layers.js';
 import { drawMarker, markerIcon } from './markers.js';
+import { isClosed } from './shapes.js';
 import { statusName, statusShape } from './theme.js';
 import { verdictOf } from './verdict.js';
 
@@ -27,11 +30,14 @@ export function element(tag, content = '', children = []) {
 }
 
 /** Return what a plan is called beside the others. */
-export function nameOf(plan) {
-  return (
-    { chosen: 'Your plan', no_waypoints: 'No waypoints', astar: 'A*' }[plan.role] ??
-    text(plan.title, 60)
-  );
+export function nameOf(plan, plans = []) {
+  const isFree = plans.some((other) => other.instruction);
+  const names = {
+    chosen: 'Your plan',
+    no_waypoints: 'No waypoints',
+    astar: isFree ? 'A*, without the instruction' : 'A*',
+  };
+  return names[plan.role] ?? text(plan.title, 60);
 }
 
 export function showVerdict({ tone, head, rest }) {
@@ -43,11 +49,8 @@ export function showVerdict({ tone, head, rest }) {
 export function showReply(reply, map, palette) {
   const plans = reply.plans;
   const chosen = plans.find((plan) => plan.role === 'chosen');
-  const verdict = verdictOf(plans);
-  // Such as that the start or the goal was moved.
-  for (const warning of (chosen?.warnings ?? []).slice(0, MAX_WARNINGS))
-    verdict.rest += ` Note: ${text(warning, 400)}.`;
-  showVerdict(verdict);
+  showVerdict(verdictOf(plans, map.isMetric));
+  showWarnings(chosen?.warnings);
   showFigures(plans, map);
   showWaypoints(chosen?.waypoints ?? [], map, palette);
   showInstruction(chosen?.instruction);
@@ -57,6 +60,17 @@ export function showReply(reply, map, palette) {
   $('command-note').textContent = reply.command
     ? ''
     : `There is no command: ${text(reply.command_note, 300)}.`;
+}
+
+/** Say such as that the start or the goal was moved. */
+export function showWarnings(warnings) {
+  const sentences = (Array.isArray(warnings) ? warnings : [])
+    .slice(0, MAX_WARNINGS)
+    .map((warning) => text(warning, 400));
+  $('moved').hidden = !sentences.length;
+  $('moved').textContent = sentences
+    .map((sentence) => `${sentence.charAt(0).toUpperCase()}${sentence.slice(1)}.`)
+    .join(' ');
 }
 
 const ROWS = [
@@ -75,7 +89,7 @@ function showFigures(plans, map) {
     element('tr', '', [
       element('td'),
       ...plans.map((plan) => {
-        const cell = element('th', nameOf(plan));
+        const cell = element('th', nameOf(plan, plans));
         cell.scope = 'col';
         return cell;
       }),
@@ -86,8 +100,8 @@ function showFigures(plans, map) {
     element(
       'tbody',
       '',
-      ROWS.filter(([, key]) => key !== 'any_angle' || plans.some((plan) => plan.any_angle)).map(
-        (row) => figureRow(row, plans, map),
+      ROWS.filter((row) => row[1] === 'bound' || hasFigure(row, plans, map)).map((row) =>
+        figureRow(row, plans, map),
       ),
     ),
   );
@@ -112,6 +126,9 @@ function figureOf(plan, title, key, map) {
   const unit = isLength ? ` (${isMetres ? 'm' : 'cells'})` : '';
   return { name: title + unit, value: isAsked ? value : null };
 }
+
+const hasFigure = ([title, key], plans, map) =>
+  plans.some((plan) => figureOf(plan, title, key, map).value !== null);
 
 function figureRow([title, key, digits, hasBar], plans, map) {
   const figures = plans.map((plan) => figureOf(plan, title, key, map));
@@ -203,17 +220,18 @@ export function showInstruction(instruction) {
   );
 }
 
-/** Say of which searches the order of expansion is not known, so that the animation has none. */
-export function showUnordered(plans) {
+/** Say of which searches the animation has no order, or not all, and a note on the plans. */
+export function showUnordered(plans, note) {
   const names = (isMeant) =>
     plans
       .filter((plan) => plan.figures?.expansions && isMeant(plan))
-      .map(nameOf)
+      .map((plan) => nameOf(plan, plans))
       .join(', ');
   const unordered = names((plan) => plan.order_is_known === false);
   const cut = names((plan) => plan.figures.expansions > MAX_ORDER);
-  $('order-note').hidden = !unordered && !cut;
+  $('order-note').hidden = !unordered && !cut && !note;
   $('order-note').textContent = [
+    note,
     unordered &&
       `The order of expansion is not known for: ${unordered}. The animation shows all these cells at once.`,
     cut && `Only the first ${shown(MAX_ORDER)} expansions are drawn for: ${cut}.`,
@@ -231,15 +249,28 @@ export function showReport(plan, map) {
   const warnings = (Array.isArray(plan.warnings) ? plan.warnings : [])
     .slice(0, MAX_ITEMS)
     .map((warning) => ['Warning', warning]);
-  const entries = [['Plan', plan.title], ...figures, ...warnings].filter(([, value]) => value);
+  const title = text(plan.title, 80).replace('waypoints by none', 'no waypoints');
+  const entries = [['Plan', title], ['In short', plan.message], ...figures, ...warnings].filter(([, value]) => value);
   $('report-block').hidden = false;
   $('report').replaceChildren(
     ...entries.flatMap(([name, value]) => [element('dt', name), element('dd', text(value, 400))]),
   );
 }
 
+const AREA_NAMES = { KEPT: 'kept', AS_FAR_AS_POSSIBLE: 'kept as far as possible', UNSURE: 'unsure' };
+
+/** Return what the areas of an instruction are called, each look once, with how it is drawn. */
+function areaEntries(areas, palette) {
+  const names = areas.map((area) => {
+    const became = AREA_NAMES[area.status] ?? 'not kept';
+    return [`${area.is_avoided ? 'to avoid' : 'asked for'}, ${became}`, area];
+  });
+  return [...new Map(names)].map(([name, area]) => [name, areaIcon(area, palette)]);
+}
+
 /** Show the legend of what is on the map. */
-export function showLegend(palette, { expanded, closed, drawn, erased, via, waypoints }) {
+export function showLegend(palette, shown) {
+  const { expanded, closed, levels, areas, shapes, via, waypoints } = shown;
   const area = (colour) => (context) => {
     context.fillStyle = colour;
     context.strokeStyle = palette.axis;
@@ -253,15 +284,25 @@ export function showLegend(palette, { expanded, closed, drawn, erased, via, wayp
     context.fillStyle = palette.path;
     context.fillRect(1, 8.5, 18, 3);
   };
+  const zone = (name, isMeant) =>
+    shapes.some((shape) => shape.cost !== undefined && isClosed(shape) === isMeant)
+      ? [[name, areaIcon({ zone: isMeant }, palette)]]
+      : [];
   const entries = [
     ['start', mark('square', palette.start)],
     ['goal', mark('diamond', palette.goal)],
     ['path', path],
-    ...(expanded ? [['expanded', area(palette.expanded)]] : []),
+    ...areaEntries(areas, palette),
+    ...(expanded ? [['expanded by the search', area(palette.expanded)]] : []),
     ['obstacle', area(palette.obstacle)],
     ...(closed ? [['too close for the robot', area(palette.inflated)]] : []),
-    ...(drawn ? [['drawn wall', area(palette.wall)]] : []),
-    ...(erased ? [['erased', area(palette.freed)]] : []),
+    ...(levels.at(-1) === WALL ? [['drawn wall', area(palette.wall)]] : []),
+    ...(levels.some((level) => level > FREE && level < WALL)
+      ? [['drawn cost', area(`${palette.wall}88`)]]
+      : []),
+    ...(levels[0] === FREE ? [['erased', area(palette.freed)]] : []),
+    ...zone('closed zone', true),
+    ...zone('zone that costs more', false),
     ...(via ? [['via point', mark('triangle', palette.via)]] : []),
     ...[...waypoints].map((status) => [
       `waypoint ${statusName(status)}`,

@@ -6,13 +6,14 @@ import { Panel } from './panel.js';
 import { nameOf, showLegend } from './results.js';
 import { palette, watchScheme } from './theme.js';
 import { Viewport } from './viewport.js';
-import { Walls } from './walls.js';
+import { Edits } from './edits.js';
+import { isInside, isZone, shapeOf } from './shapes.js';
 
 // Pixels around the main map that are to be seen with it, and its least height.
-const AROUND = 330;
-const LEAST_HEIGHT = 340;
-// By how much two small maps are lower than the main one, so that the columns end together.
-const BETWEEN = 62;
+const AROUND = 405;
+const LEAST_HEIGHT = 360;
+// Of the small maps.
+const SMALL_HEIGHT = 210;
 
 export class Stage {
   /**
@@ -40,7 +41,8 @@ export class Stage {
   setMap(map, isSame = false) {
     this.map = map;
     this.ends = null;
-    this.walls = new Walls(map);
+    this.edits = new Edits(map);
+    this.main.draft = [];
     this.lethal = null;
     if (!isSame) this.viewport.reset();
     this.base = new MapLayer(map);
@@ -51,13 +53,33 @@ export class Stage {
 
   /** Draw the map again, after its walls or its closed cells have changed. */
   renderBase() {
-    this.base.render(this.walls, this.lethal, this.palette);
+    this.main.shapes = this.edits.features.map((feature) => shapeOf(feature, this.map));
+    this.base.render(this.edits, this.lethal, this.palette);
     this.draw();
+  }
+
+  /** Return the places, those of the map first, as {name, polygon}. */
+  places() {
+    const drawn = this.edits.features.filter((feature) => !isZone(feature));
+    const shapes = drawn.map((feature) => shapeOf(feature, this.map));
+    return [
+      ...this.map.places,
+      ...shapes.map(({ name, rings }) => ({ name, polygon: rings[0] ?? [] })),
+    ];
+  }
+
+  /** Return the places and zones at a point in cells, the smallest first. */
+  shapesAt(point) {
+    const zones = this.main.shapes.filter(({ cost }) => cost !== undefined);
+    return [
+      ...this.places().toReversed(),
+      ...zones.map((zone) => ({ ...zone, polygon: zone.rings[0] ?? [] })),
+    ].filter(({ polygon }) => isInside(point, polygon));
   }
 
   /** Draw some cells of the map again, by their indices. */
   paint(indices) {
-    this.base.paint(this.walls, indices);
+    this.base.paint(this.edits, indices);
     this.draw();
   }
 
@@ -83,18 +105,26 @@ export class Stage {
     const work = `${shown(expansions)} expansion${expansions === 1 ? '' : 's'}`;
     const figure = this.map.isMetric ? `${shown(metres, 2)} m` : `${shown(length, 2)} cells`;
     panel.figure.querySelector('.title').textContent =
-      plan.role === 'chosen' ? text(plan.title, 80) : nameOf(plan);
+      plan.role === 'chosen' ? text(plan.title, 80) : nameOf(plan, plans);
     panel.figure.querySelector('.figures').textContent = plan.found
       ? `${work}, ${figure}`
       : `no path, ${work}`;
     const badge = panel.figure.querySelector('.badge');
     badge.textContent = 'fewest expansions';
+    // An instruction has its price, which the other maps do not pay.
     badge.hidden = !(
+      !plans.some((item) => item.instruction) &&
       plan.found &&
       expansions === least &&
       counts.length > 1 &&
       counts.filter((count) => count === least).length === 1
     );
+  }
+
+  /** Show an outline that is not a place or a zone yet. */
+  showDraft(polygon) {
+    this.main.draft = polygon;
+    this.draw();
   }
 
   /** Show one plan of a running graph with its start, goal and via points. */
@@ -126,7 +156,7 @@ export class Stage {
     if (!this.map) return;
     const [main, ...sides] = this.panels;
     main.resize(Math.max(LEAST_HEIGHT, innerHeight - AROUND));
-    for (const side of sides) side.resize((main.canvas.clientHeight - BETWEEN) / 2);
+    for (const side of sides) side.resize(SMALL_HEIGHT);
     this.draw();
   }
 
@@ -142,14 +172,15 @@ export class Stage {
       (this.main.plan?.waypoints ?? []).map((point) => text(point.status, 30)),
     );
     const closed = (this.lethal ?? []).some(
-      (value, index) => value && !this.walls.isBlocked(index),
+      (value, index) => value && !this.edits.isBlocked(index),
     );
     showLegend(this.palette, {
       closed,
       waypoints,
       expanded: this.main.search?.order.length > 0,
-      drawn: this.walls.has(true),
-      erased: this.walls.has(false),
+      levels: this.edits.levels(),
+      areas: this.main.plan?.regions?.areas ?? [],
+      shapes: this.main.shapes,
       via: this.ends?.via.length,
     });
   }

@@ -18,6 +18,8 @@ const FALLBACK = {
   start: '#56b4e9',
   goal: '#e0218a',
   via: '#f0e442',
+  avoided: '#b5533c',
+  clause: { KEPT: '#009e73', NOT_KEPT: '#c8102e', AS_FAR_AS_POSSIBLE: '#b8860b', UNSURE: '#e08a00' },
   waypoint: {
     accepted: '#009e73',
     out_of_order: '#e69f00',
@@ -46,6 +48,8 @@ const DARK = {
   grid: 'rgb(255 255 255 / 5%)',
   wall: '#c7a6e8',
   freed: '#2f4a4a',
+  avoided: '#ef8f78',
+  clause: { KEPT: '#3fc79a', NOT_KEPT: '#ff6b6b', AS_FAR_AS_POSSIBLE: '#e0b040', UNSURE: '#f5b947' },
   place: '#b4c7d8',
   halo: '#151a21',
   axis: '#a2abb9',
@@ -71,11 +75,18 @@ export const statusShape = (status) => SHAPES[status] ?? 'hexagon';
 
 /** Return the colours for the present scheme; `sent` are the server's. */
 export function palette(sent, isDark) {
-  const colours = { ...FALLBACK, waypoint: { ...FALLBACK.waypoint } };
-  for (const name of Object.keys(FALLBACK)) if (HEX.test(sent?.[name])) colours[name] = sent[name];
-  for (const name of Object.keys(FALLBACK.waypoint)) {
-    if (HEX.test(sent?.waypoint?.[name])) colours.waypoint[name] = sent.waypoint[name];
-  }
+  const checked = (own, given) =>
+    Object.fromEntries(
+      Object.entries(own).map(([name, colour]) => [
+        name,
+        typeof colour === 'object'
+          ? checked(colour, given?.[name])
+          : HEX.test(given?.[name])
+            ? given[name]
+            : colour,
+      ]),
+    );
+  const colours = checked(FALLBACK, sent);
   return { ...colours, ...(isDark ? DARK : LIGHT) };
 }
 

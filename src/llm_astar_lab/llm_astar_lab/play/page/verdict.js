@@ -18,6 +18,20 @@ function pathBeside(plan, other) {
   return `a path ${shown(Math.abs(part), 1)}% ${part > 0 ? 'longer' : 'shorter'}`;
 }
 
+/** Return the length of a plan's path in words. */
+function lengthOf({ figures: { length, length_m: metres } = {} }, isMetric) {
+  return isMetric ? `${shown(metres, 1)} m` : `${shown(length, 1)} cells`;
+}
+
+/** Return in words how good a path is proven to be, '' where it is not. */
+function proof({ figures: { bound } = {} }) {
+  const factor = number(bound);
+  if (factor === null) return '';
+  return factor < 1.0005
+    ? ', proven the cheapest'
+    : `, proven at most ${shown(100 * (factor - 1), 1)}% over the cheapest`;
+}
+
 const expansionsOf = (plan) => number(plan.figures?.expansions) ?? 0;
 
 function byWaypoints(chosen, plain) {
@@ -73,14 +87,24 @@ function byInstruction(chosen, other) {
   const { clauses = [], questions = [], satisfied, verdict } = chosen.instruction;
   const path = other ? pathBeside(chosen, other) : '';
   const beside = path && `on ${path} than without it`.replace('long path than', 'long path as');
-  // What follows the first sign says why it is not kept; the question stands below.
+  const isBroken = clauses.some(({ status }) => ['not kept', 'impossible'].includes(status));
+  if (questions.length && !isBroken)
+    return {
+      tone: 'lose',
+      head: 'A question first:',
+      rest: ` the path${path ? `, ${path.replace('a path ', '')} than without it,` : ''} is that of the reading below.`,
+    };
+  // What follows the first sign says why it is not kept; a question stands below.
   const said = text(verdict, 2000).replace(`: ${questions[0]}`, '');
   const [head, why = ''] = said.split(/(?<=[:;]) (.*)/s);
-  const isBroken = clauses.some(({ status }) => ['not kept', 'impossible'].includes(status));
+  const parts = isBroken ? [why] : [why, beside];
   return {
     tone: satisfied === true ? 'win' : isBroken ? 'fail' : 'lose',
-    head: why || !path ? head : `${head},`,
-    rest: `${[why, beside].filter(Boolean).map((part) => ` ${part}`).join(';')}.`,
+    head: why || !path || isBroken ? head : `${head},`,
+    rest: `${parts
+      .filter(Boolean)
+      .map((part) => ` ${part}`)
+      .join(';')}.`,
   };
 }
 
@@ -94,8 +118,11 @@ function failure(chosen, plans) {
   };
 }
 
-/** Return the verdict on plans: {tone, head, rest}; tone is win, lose, draw or fail. */
-export function verdictOf(plans) {
+/**
+ * Return the verdict on plans: {tone, head, rest}; tone is win, lose, draw or fail. `isMetric` says
+ * whether the map counts in metres.
+ */
+export function verdictOf(plans, isMetric = false) {
   const chosen = plans.find((plan) => plan.role === 'chosen');
   const [plain, astar] = ['no_waypoints', 'astar'].map((role) =>
     plans.find((plan) => plan.role === role && plan.found),
@@ -107,11 +134,10 @@ export function verdictOf(plans) {
       chosen,
       plans.find((plan) => plan.found && !plan.instruction),
     );
-  if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${text(chosen.message, 400)}.` };
-  if (!plain) return byAstar(chosen, astar);
-  const verdict = byWaypoints(chosen, plain);
-  if (!astar) return verdict;
-  const path = pathBeside(astar, chosen);
-  verdict.rest += ` A* expands ${shown(expansionsOf(astar))}${path ? ` for ${path}` : ''}.`;
-  return verdict;
+  const length = `${lengthOf(chosen, isMetric)}${proof(chosen)}`;
+  if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${length}.` };
+  const { tone, head, rest } = plain ? byWaypoints(chosen, plain) : byAstar(chosen, astar);
+  const path = plain && astar ? pathBeside(astar, chosen) : '';
+  const last = path ? ` A* expands ${shown(expansionsOf(astar))} for ${path}.` : '';
+  return { tone, head: 'Path found:', rest: ` ${length}. ${head}${rest}${last}` };
 }
