@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from llm_astar_lab.datasets.families import Blocked, maze, rooms
+from llm_astar_lab.datasets.generate import Blocked, maze, rooms
 
 
 def boxes(size: int, random: np.random.Generator) -> Blocked:

@@ -27,10 +27,9 @@ from bag_makers import (
 )
 from fuzzing import Reader, run
 from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
-from llm_astar_lab.bags.messages import barrier_map_text
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.storage import Channel
-from llm_astar_lab.bags.types import Decoder, define
+from llm_astar_lab.bags.types import Decoder, barrier_map_text, define
 from llm_astar_lab.evaluation.requests import RequestReader, load_requests
 from llm_astar_lab.evaluation.topics import TopicSelection, describe
 from llm_astar_lab.instruct_bench.suite import load_suite
@@ -65,7 +64,7 @@ from llm_astar_planner.waypoints.llm.credentials import redact
 from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
-from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.prompts.map_description import parse_query
 from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import load_template, template_path
 from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript

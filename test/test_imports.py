@@ -49,9 +49,9 @@ LAB_ROOMS = {
     'datasets': set(),
     'analysis': {'results'},
     'runner': {'results', 'datasets', 'analysis'},
-    'evaluation': {'results', 'datasets', 'runner', 'bags'},
+    'evaluation': {'results', 'datasets', 'runner', 'bags', 'templates'},
     'report': RESULTS | {'pictures'},
-    'instruct_bench': RESULTS | {'report', 'pictures'},
+    'instruct_bench': RESULTS | {'report', 'pictures', 'templates'},
     'nodes': RESULTS | {'report', 'pictures', 'play'},
 }
 # Of the adapter's messages, those that read any object with a message's fields: no ROS needed.

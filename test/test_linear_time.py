@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_planner.waypoints.prompts.query_parser import MAX_QUERY_CHARS, parse_query
+from llm_astar_planner.waypoints.prompts.map_description import MAX_QUERY_CHARS, parse_query
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS, parse_reply
 
 SMALL, LARGE = MAX_REPLY_CHARS // 8, MAX_REPLY_CHARS
@@ -44,7 +44,7 @@ def read_query(text: str) -> object:
 
 READERS = {
     'reply': Reader(parse_reply, 'llm_astar_planner.waypoints.prompts.reply_parser'),
-    'query': Reader(read_query, 'llm_astar_planner.waypoints.prompts.query_parser'),
+    'query': Reader(read_query, 'llm_astar_planner.waypoints.prompts.map_description'),
 }
 
 

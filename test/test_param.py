@@ -94,7 +94,7 @@ def test_the_command_prints_json_and_names_the_nodes_there_are():
     [
         (('set', NODE, 'map_id'), 'param set NODE NAME VALUE is expected, not '),
         (('get', 'a b', 'x'), 'Invalid topic name'),
-        (('list', '--time-limit', '0'), '--time-limit: 0 is not a number of seconds above 0'),
+        (('list', '--time-limit', '0'), "--time-limit: '0' is not a number of at least 0.001"),
     ],
 )
 def test_wrong_usage_is_one_line(words, message, capfd):

@@ -14,7 +14,7 @@ from llm_astar_planner.cli.doctor import plugin_findings
 from llm_astar_planner.cli.param import ACTIONS
 from llm_astar_planner.nodes.tools.parameter_client import RemoteParameterError, parameter_client
 from llm_astar_planner.search.methods import SEARCH_METHODS
-from llm_astar_planner.waypoints.plugins import SOURCES
+from llm_astar_planner.waypoints.source import SOURCES
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLE = ROOT / 'examples' / 'plugin'

@@ -11,8 +11,13 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.baselines import shortest_route
-from llm_astar_planner.waypoints.learned.features import featurise, place_nodes
-from llm_astar_planner.waypoints.learned.network import hop_logits, read_weights, write_weights
+from llm_astar_planner.waypoints.learned.network import (
+    featurise,
+    hop_logits,
+    place_nodes,
+    read_weights,
+    write_weights,
+)
 from llm_astar_training.batches import (
     HELD_OUT_SEED,
     MAX_BARRIERS,

@@ -16,7 +16,7 @@ from statistics import median
 
 from llm_astar_lab.analysis.summary import VariantSummary, summarise
 from llm_astar_lab.datasets.generate import MapRules, generate
-from llm_astar_lab.datasets.samples import select_samples
+from llm_astar_lab.datasets.named import select_samples
 from llm_astar_lab.report.table import markdown_table
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.runner.engine import (

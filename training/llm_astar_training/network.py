@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from llm_astar_planner.waypoints.learned.features import (
+from llm_astar_planner.waypoints.learned.network import (
     BARRIER_FEATURES,
     NODE_FEATURES,
     PAIR_FEATURES,

@@ -26,8 +26,7 @@ from typing import Any
 import numpy as np
 import torch
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_planner.waypoints.learned.features import featurise
-from llm_astar_planner.waypoints.learned.network import write_weights
+from llm_astar_planner.waypoints.learned.network import featurise, write_weights
 from torch import Tensor
 from torch.nn import functional as fn
 from tqdm import tqdm

@@ -3,14 +3,15 @@
 import json
 
 import numpy as np
-from llm_astar_lab.bags.messages import (
+from llm_astar_lab.bags.types import (
     NANOSECONDS,
+    bag_types,
+    define,
     get_plan_request,
     occupancy_grid,
     path,
     status,
 )
-from llm_astar_lab.bags.types import bag_types, define
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 

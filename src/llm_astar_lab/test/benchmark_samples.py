@@ -6,7 +6,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
-from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.datasets.named import load_samples
 from llm_astar_lab.results.row import Row, Variant
 from llm_astar_lab.runner.config import BenchmarkConfig
 from llm_astar_lab.runner.engine import (

@@ -40,12 +40,12 @@ from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import uses_waypoints
-from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
+from llm_astar_planner.waypoints.source import BASELINE_NAMES
 
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
-from llm_astar_lab.datasets.samples import SelectionError, draw, parse_ranges, select_samples
+from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources

@@ -28,9 +28,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 
-from llm_astar_planner.cli.flags import option
+from llm_astar_planner.cli.flags import at_least, option
 
 from llm_astar_lab.analysis import run_comparison as runs
 from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, load_run
@@ -56,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'begin so; a method alone is the one without waypoints',
     )  # fmt: skip
     text = 'how much the metric may grow (default: 0; 50 for seconds_search)'
-    option(parser, '--threshold PERCENT', text, type=percent)
+    option(parser, '--threshold PERCENT', text, type=at_least(0))
     option(parser, '--json', 'print one JSON object')
     option(
         parser, '--out DIR',
@@ -101,14 +100,3 @@ def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
             folder.write_text(f'changes{end}.csv', csv_table(table))
     figure = change_figure(judgement.comparisons, judgement.metric)
     figure.savefig(folder.path / 'comparison.png', dpi=140)
-
-
-def percent(text: str) -> float:
-    """Parse a number of percent, 0 or more."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number of percent, 0 or more')
-    return value

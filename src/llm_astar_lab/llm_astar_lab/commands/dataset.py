@@ -26,10 +26,10 @@ from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import MAP_KINDS
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
-from llm_astar_lab.bags.messages import GET_PLAN_EVENT, MAP
+from llm_astar_lab.bags.types import GET_PLAN_EVENT, MAP
 from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, validate_file
-from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.datasets.named import load_samples
 
 OK, BAD_INPUT = 0, 2
 

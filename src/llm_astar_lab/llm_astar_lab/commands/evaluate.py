@@ -41,8 +41,8 @@ from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.types import plan_report
 
-from llm_astar_lab.bags.messages import BARRIER_MAP
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
+from llm_astar_lab.bags.types import BARRIER_MAP
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
@@ -94,7 +94,7 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
-    flags.option(group, '--plan-window SECONDS', text, default=10.0)
+    flags.option(group, '--plan-window SECONDS', text, default=10.0, type=flags.at_least(0))
     flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
@@ -171,8 +171,6 @@ def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[L
     requests = args.requests
     if requests not in REQUEST_KINDS:
         listed, requests = load_requests(requests), 'list'
-    if not args.plan_window >= 0.0:
-        raise ValueError(f'--plan-window {args.plan_window} is not 0 seconds or more')
     namespace = args.namespace.strip('/')
     topics = (args.map_topic, args.plan_topic, args.odom_topic)
     return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed

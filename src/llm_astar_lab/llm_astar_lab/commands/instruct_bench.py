@@ -44,7 +44,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -54,36 +53,27 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_instruction_kernels
-from llm_astar_planner.planning.parameters import REQUESTS, SEARCH, SOURCE, defaults
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE, defaults, request_fields
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.instruct_bench import report
-from llm_astar_lab.instruct_bench.runner import (
-    NO_INSTRUCTION,
-    NO_SOURCE,
-    TRUE_SOURCE,
-    TRUTH,
-    InstructionResult,
-    Source,
-    SuiteRunner,
-    interpreter_source,
-)
+from llm_astar_lab.instruct_bench import runner as running
+from llm_astar_lab.instruct_bench.runner import InstructionResult, Source
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
-from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import progress
 
 OWN_SUITE = 'instructions/suite.json'
 GRAMMAR, ENDPOINT, REPLAY = 'grammar', 'endpoint', 'replay'
-SOURCES = (TRUTH, GRAMMAR, ENDPOINT, REPLAY, NO_INSTRUCTION)
+SOURCES = (running.TRUTH, GRAMMAR, ENDPOINT, REPLAY, running.NO_INSTRUCTION)
 # The parameters of llm_client_node that matter to a model that understands instructions.
 MODEL = flags.named(
     SOURCE, 'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature',
     'max_output_tokens', 'timeout_s', 'max_retries', 'transcript', 'record',
 )  # fmt: skip
-TIME = flags.named(REQUESTS, 'max_planning_time')
+TIME = flags.named(PLANNER, 'max_planning_time')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -127,21 +117,18 @@ def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run a suite; return the exit code. Raises ValueError on bad input."""
+    """Run a suite; return the exit code. Raises ValueError or ResultsError on bad input."""
     chosen = list(dict.fromkeys(name for part in args.source for name in part)) or [GRAMMAR]
     check_options(args, chosen)
     suite = load_suite(find_file(args.suite, 'maps'), args.map_folder)
     sources = make_sources(chosen, model_values(args))
     compile_instruction_kernels()
-    runner = SuiteRunner(common_request(args))
+    runner = running.SuiteRunner(common_request(args))
     if args.show:
         return show(args, suite.find(args.show), sources, runner)
     folder = ResultsFolder(args.out) if args.out else None
     if folder is not None:
-        try:
-            folder.require_new()
-        except ResultsError as error:
-            return common.complain(args, str(error), common.BAD_INPUT)
+        folder.require_new()
     code, results = run_suite(args, suite, sources, runner)
     if folder is not None and results:
         write_results(folder, suite, chosen, results)
@@ -182,28 +169,27 @@ def model_values(args: argparse.Namespace) -> dict[str, Any]:
 
 def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
     """Return the sources by name; raises what the interpreters raise for their settings."""
-    made = {TRUTH: TRUE_SOURCE, NO_INSTRUCTION: NO_SOURCE}
+    made = {running.TRUTH: running.TRUE_SOURCE, running.NO_INSTRUCTION: running.NO_SOURCE}
     for name in (name for name in chosen if name not in made):
-        settings = values | {'source': NO_INSTRUCTION if name == GRAMMAR else name}
-        made[name] = interpreter_source(name, make_interpreter(settings), values['timeout_s'])
+        settings = values | {'source': running.NO_INSTRUCTION if name == GRAMMAR else name}
+        made[name] = running.interpreter_source(
+            name, make_interpreter(settings), values['timeout_s']
+        )
     return [made[name] for name in chosen]
 
 
 def common_request(args: argparse.Namespace) -> PlanRequest:
     """Return what all requests have in common, by the defaults of `llm-astar plan`."""
-    values = defaults((*SEARCH, *REQUESTS), cli=True) | flags.given_values(args, TIME)
+    values = defaults(PLANNER, cli=True) | flags.given_values(args, TIME)
     # A picture shows the expanded cells.
-    request = PlanRequest((0, 0), (0, 0), want_expanded=bool(args.png))
-    return replace(
-        request,
-        time_limit=values['max_planning_time'],
-        max_suboptimality=values['max_suboptimality'] or None,
-        tolerance=values['tolerance'],
-    )
+    return PlanRequest((0, 0), (0, 0), want_expanded=bool(args.png), **request_fields(values))
 
 
 def run_suite(
-    args: argparse.Namespace, suite: Suite, sources: Sequence[Source], runner: SuiteRunner
+    args: argparse.Namespace,
+    suite: Suite,
+    sources: Sequence[Source],
+    runner: running.SuiteRunner,
 ) -> tuple[int, list[InstructionResult]]:
     """Run all instructions; return the exit code and the results, those so far if interrupted."""
     results: list[InstructionResult] = []
@@ -237,7 +223,7 @@ def show(
     args: argparse.Namespace,
     instruction: SuiteInstruction,
     sources: Sequence[Source],
-    runner: SuiteRunner,
+    runner: running.SuiteRunner,
 ) -> int:
     """Print one instruction in full for each source, and draw it; return the exit code."""
     results = list(runner.run([instruction], sources))
@@ -259,10 +245,10 @@ def shown_json(result: InstructionResult) -> dict[str, Any]:
 def draw(result: InstructionResult, path: str) -> None:
     """Draw the plan of a result into a file. Raises OSError and ValueError."""
     # Importing matplotlib takes most of a second.
-    from llm_astar_lab.pictures.figures import picture_of, save_picture  # noqa: PLC0415
+    from llm_astar_lab.pictures.of_commands import draw_plan  # noqa: PLC0415
 
     plan, suite_map = result.plan, result.instruction.suite_map
     barriers = suite_map.barrier_map
     offset = (0, 0) if barriers is None else barriers.offset
     route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
-    save_picture(picture_of(plan, route.costmap, offset, route), path)
+    draw_plan(plan, route, offset, path)

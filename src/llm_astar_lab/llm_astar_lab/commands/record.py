@@ -19,8 +19,7 @@ import argparse
 import math
 from functools import partial
 
-from llm_astar_planner.cli.flags import option
-from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.cli.flags import at_least, option
 
 from llm_astar_lab.bags.writing import BagWriter
 
@@ -33,18 +32,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, '--namespace NAME', "the robot's, such as /robot1", default='')
     option(parser, '--topics NAME', 'further topics to record', nargs='+', default=[])
     text = 'stop after this time (default: at Ctrl-C)'
-    option(parser, '--duration SECONDS', text, default=math.inf)
+    option(parser, '--duration SECONDS', text, default=math.inf, type=at_least(0.001))
     text = 'begin a new file after this size (default: one file)'
-    option(parser, '--max-size MB', text, default=0.0)
+    option(parser, '--max-size MB', text, default=0.0, type=at_least(0.0))
     text = 'format of the bag (default: %(default)s)'
     option(parser, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Record; return 0, or 1 where no message came. Raises ParameterError, OSError."""
-    if not arguments.duration > 0 or not arguments.max_size >= 0:
-        sizes = f'--duration {arguments.duration}, --max-size {arguments.max_size}'
-        raise ParameterError(f'{sizes}: numbers above 0 are expected')
+    """Record; return 0, or 1 where no message came. Raises BagWriteError, OSError."""
     # Not at the top, so that `--help` works without ROS.
     from llm_astar_lab.nodes.recorder import TOPICS, record  # noqa: PLC0415
 

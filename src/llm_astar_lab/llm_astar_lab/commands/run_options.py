@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,7 +20,7 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
-from llm_astar_planner.cli.flags import add_parameter_flags, named, option
+from llm_astar_planner.cli.flags import add_parameter_flags, at_least, named, option
 from llm_astar_planner.cli.map_files import add_places_option
 from llm_astar_planner.cli.planning_options import parameter_values, route_instruction
 from llm_astar_planner.instructions.chain import make_interpreter
@@ -31,8 +30,8 @@ from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOU
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
-from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
+from llm_astar_planner.waypoints.source import SOURCES
 from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds
@@ -86,18 +85,7 @@ def parsed_by(parse: Callable[[str], Parsed]) -> Callable[[str], Parsed]:
     return parsed
 
 
-def whole_number(text: str, least: int) -> int:
-    """Parse a whole number of at least `least`."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = least - 1
-    if number < least:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number of at least {least}')
-    return number
-
-
-count, seed = partial(whole_number, least=1), partial(whole_number, least=0)
+count, seed = at_least(1, int), at_least(0, int)
 
 
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

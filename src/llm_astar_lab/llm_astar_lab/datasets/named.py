@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datasets by name: the paper's, MovingAI's sets, and generated families.
+"""Datasets by name, the paper's, MovingAI's sets and generated families; selects their samples.
 
 MovingAI's maps and scenarios are read from a folder that the user has: the archives of
 https://movingai.com/benchmarks/grids.html unpack as `dao-map/x.map` and `dao-scen/x.map.scen`,
@@ -13,19 +13,127 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from llm_astar_msgs_adapter.errors import nearest_name, short_repr
-from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name, short_repr, shortened
+from llm_astar_msgs_adapter.maps.barrier_map import Sample, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
-from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_scenario_problem
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_maps, load_scenario_problem
+from llm_astar_planner.costmap.config import CostmapConfig
 
-from llm_astar_lab.datasets import families
+from llm_astar_lab.datasets import generate as drawing
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, generate
-from llm_astar_lab.datasets.samples import SelectionError
+
+# MovingAI's rules: a diagonal move needs both adjacent cells free, and only lengths count.
+GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_travel_multiplier=0.0)
+# Numbers that ranges may name, and digits of each.
+MAX_NUMBERS, MAX_DIGITS = 1_000_000, 15
+
+
+class SelectionError(LlmAstarError, ValueError):
+    """Samples cannot be selected as asked; the message names the option."""
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkSample:
+    """One start-goal pair, with its unscaled map (without samples) and its index on that map."""
+
+    barrier_map: ProblemMap
+    pair: int
+    sample: Sample
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """The map's id and the pair's index."""
+        return self.barrier_map.id, self.pair
+
+
+def load_samples(
+    path: str | Path, maps: str | None = None, limit: int | None = None, seed: int = 0
+) -> list[BenchmarkSample]:
+    """Load the samples of a dataset in order of map and pair.
+
+    `maps` selects map ids, such as `50-99` or `0-9,12`. `limit` draws that many samples with
+    `seed`; a larger limit includes every sample of a smaller one. Raises what `load_maps` raises
+    on a bad file, and SelectionError where no sample is left.
+    """
+    return select_samples(load_maps(path, limit, seed), str(path), maps, limit, seed)
+
+
+def select_samples(
+    loaded: Sequence[ProblemMap],
+    path: str,
+    maps: str | None = None,
+    limit: int | None = None,
+    seed: int = 0,
+) -> list[BenchmarkSample]:
+    """Select samples from loaded maps as `load_samples` does; messages name `path`."""
+    if maps is not None:
+        wanted = set(parse_ranges(maps, '--map-ids'))
+        known = {barrier_map.id for barrier_map in loaded}
+        if not wanted & known:
+            ids = f'{min(known)} to {max(known)}' if len(known) > 1 else str(*known)
+            message = f'--map-ids {maps}: {path} has none of them, its ids are {ids}'
+            raise SelectionError(message)
+        loaded = [barrier_map for barrier_map in loaded if barrier_map.id in wanted]
+    samples = [
+        BenchmarkSample(bare, pair, sample)
+        for barrier_map in loaded
+        for bare in (replace(barrier_map, samples=()),)
+        for pair, sample in enumerate(barrier_map.samples)
+    ]
+    if not samples:
+        raise SelectionError(f'{path}: its maps have no samples')
+    return samples if limit is None else draw(samples, limit, seed)
+
+
+def draw(samples: Sequence[BenchmarkSample], count: int, seed: int) -> list[BenchmarkSample]:
+    """Draw `count` samples, or all if there are fewer, and return them in their order."""
+    order = list(range(len(samples)))
+    random.Random(seed).shuffle(order)  # noqa: S311 - no secret
+    return [samples[i] for i in sorted(order[:count])]
+
+
+def sample_pairs(
+    samples: Sequence[BenchmarkSample], scales: Sequence[int], count: int, seed: int
+) -> list[tuple[BenchmarkSample, int]]:
+    """Return which samples a run has at which scales: all at scale 1, `count` at the others.
+
+    These are drawn with `seed`, and are at scale 1 too so that the scales can be compared.
+    """
+    pairs = [(sample, 1) for sample in samples if 1 in scales]
+    larger = [scale for scale in scales if scale != 1]
+    if larger:
+        drawn = draw(samples, count, seed)
+        pairs += [(sample, scale) for scale in (1, *larger) for sample in drawn]
+    return pairs
+
+
+def parse_ranges(text: str, option: str) -> list[int]:
+    """Parse whole numbers such as `1-10` or `0-9,12`, ascending.
+
+    Raises SelectionError, also for more than MAX_NUMBERS.
+    """
+    shown = f'{option} {shortened(text)}'
+    numbers: set[int] = set()
+    for part in text.split(','):
+        first, dash, last = part.strip().partition('-')
+        is_range = first.isdecimal() and (last.isdecimal() or not dash)
+        if not is_range or max(len(first), len(last)) > MAX_DIGITS:
+            what = short_repr(part)
+            raise SelectionError(f'{shown}: {what} is not a number or a range such as 50-99')
+        chosen = range(int(first), int(last or first) + 1)
+        if len(chosen) + len(numbers) > MAX_NUMBERS:
+            raise SelectionError(f'{shown}: names over {MAX_NUMBERS} numbers; choose fewer')
+        numbers.update(chosen)
+    if not numbers:
+        raise SelectionError(f'{shown}: is empty')
+    return sorted(numbers)
+
 
 # The sets by their names on the site: Baldur's Gate II (scaled to 512 x 512, and as they are),
 # Dragon Age 2 and Origins, mazes, random cells, rooms, StarCraft, streets and Warcraft III.
@@ -39,7 +147,7 @@ MAX_ENTRIES = 20_000
 PAPER, BARRIERS = 'paper', 'barriers'
 # The file that the paper's code publishes.
 PAPER_FILE = 'environment_50_30.json'
-GENERATED = (BARRIERS, *families.FAMILIES)
+GENERATED = (BARRIERS, *drawing.FAMILIES)
 READ = (PAPER, *(f'{PREFIX}{name}' for name in SETS))
 NAMES = (*GENERATED, *READ)
 DEFAULT_MAPS, DEFAULT_PAIRS = 100, 10
@@ -150,7 +258,7 @@ def draw_family(name: str, rules: DrawRules, scale: int = 1) -> list[ProblemMap]
         return [replace(item.scale(scale), family=BARRIERS) for item in drawn]
     if rules.seed < 0:
         raise GenerationError('--seed: the minimum is 0')
-    grids = families.generate_family(name, rules.seed, rules.maps, rules.pairs)
+    grids = drawing.generate_family(name, rules.seed, rules.maps, rules.pairs)
     return [item.scale(scale) for item in grids]
 
 
@@ -158,7 +266,7 @@ def check_size(name: str, rules: DrawRules, scale: int) -> None:
     """Raise GenerationError where a family would have no map, or too much of something."""
     if min(rules.maps, rules.pairs, scale) < 1:
         raise GenerationError('--maps, --pairs and --scale: the minimum is 1')
-    width, height = rules.size if name == BARRIERS else (families.DEFAULT_SIDE,) * 2
+    width, height = rules.size if name == BARRIERS else (drawing.DEFAULT_SIDE,) * 2
     if rules.maps * width * height * scale**2 > MAX_CELLS:
         raise GenerationError(
             f'--maps {rules.maps}: at scale {scale} they have over {MAX_CELLS} cells; choose fewer'

@@ -19,13 +19,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, values_of_report
+from llm_astar_planner.instructions import interpretation as readings
 from llm_astar_planner.instructions.fields import SpecificationError
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    RouteInstruction,
-    Understanding,
-    status_of,
-)
+from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.messages import interpretation_from_json
 from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 from llm_astar_planner.planning.planner import Planner
@@ -88,10 +84,10 @@ class BagRequest:
             text = clean_instruction(found.text)
         except (InstructionError, SpecificationError):
             return None
-        specification, status = found.specification, status_of(found.specification)
+        specification, status = found.specification, readings.status_of(found.specification)
         if not specification.clauses and found.status is not Understanding.IRRELEVANT:
             status = Understanding.NONE
-        asked = Interpretation(text, specification, found.understood_by, status)
+        asked = readings.Interpretation(text, specification, found.understood_by, status)
         return RouteInstruction(asked, places) if text else None
 
     def columns(self, planner: Planner) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import parse_json, read_json, read_text
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
@@ -34,11 +34,13 @@ RESPONSES = (2, 3)
 # How many calls are remembered, since both client and server may publish an event of one.
 MAX_CALLS = 1000
 # What a message may raise whose type the bag defines otherwise than ROS does.
-UNFIT = (LlmAstarError, AttributeError, TypeError, ValueError, LookupError, OverflowError)
+UNFIT = (AttributeError, TypeError, ValueError, LookupError, OverflowError)
 MAX_REQUESTS = 100_000
 MAX_LIST_BYTES = 8_000_000
 # Roles of the topics with the robot's pose, besides tf, and their names; the better one first.
 POSE_ROLES = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
+# What a message with a role is called, where that is not the role.
+NAMES = {'barriers': 'barrier map'}
 ROLES_OF_POSES = ('tf', 'static tf', *POSE_ROLES)
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
@@ -166,8 +168,12 @@ class RequestReader:
         topics = [name for name, role in self._roles.items() if role in self._handlers]
         for message in self.bag.messages(topics):
             self._advance(message.time)
+            role = self._roles[message.topic]
             try:
-                self._handlers[self._roles[message.topic]](message)
+                self._handlers[role](message)
+            except LlmAstarError as error:
+                what = NAMES.get(role, role)
+                self._leave_out(f'{self._when(message)}: a {what} is refused, {error}', f'{what}s')
             except UNFIT as error:
                 # The bag may define a type with other fields, or with numbers beyond all use.
                 what = f'is not what a {message.msgtype} holds: {type(error).__name__}: {error}'
@@ -194,11 +200,7 @@ class RequestReader:
 
     def _on_map(self, message: BagMessage) -> None:
         before = self._grid_map
-        try:
-            self._grid_map = after = grid_from_message(message.value)
-        except GridMapError as error:
-            self._leave_out(f'{self._when(message)}: a map is refused, {error}', 'maps')
-            return
+        self._grid_map = after = grid_from_message(message.value)
         if before and before.cells.shape != after.cells.shape and not self._resized:
             self._resized = True
             old, new = (f'{item.width} x {item.height}' for item in (before, after))
@@ -207,18 +209,11 @@ class RequestReader:
 
     def _on_update(self, message: BagMessage) -> None:
         if self._grid_map is None:
-            self._leave_out(f'{self._when(message)}: a map update before any map', 'map updates')
-            return
-        try:
-            self._grid_map = updated(self._grid_map, message.value)
-        except GridMapError as error:
-            self._leave_out(f'{self._when(message)}: a map update, {error}', 'map updates')
+            raise GridMapError('map', 'none came before it')
+        self._grid_map = updated(self._grid_map, message.value)
 
     def _on_barriers(self, message: BagMessage) -> None:
-        try:
-            self._barriers = parse_barrier_map(parse_json(message.value.data), 'its barriers')
-        except (BarrierMapError, ValueError) as error:
-            self._leave_out(f'{self._when(message)}: {error}', 'barrier maps')
+        self._barriers = parse_barrier_map(parse_json(message.value.data), 'its barriers')
 
     def _on_event(self, message: BagMessage) -> None:
         """Take a call of GetPlan or its response. Events without contents are left out."""

@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.evaluation.recorded_plans import BagRequest
 from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
 from llm_astar_lab.evaluation.topics import TopicSelection

@@ -9,8 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from llm_astar_lab.bags.messages import BARRIER_MAP, MAP
 from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.types import BARRIER_MAP, MAP
+from llm_astar_lab.templates import render
 
 GRID, UPDATE = 'nav_msgs/msg/OccupancyGrid', 'map_msgs/msg/OccupancyGridUpdate'
 EVENT, PATH = 'nav_msgs/srv/GetPlan_Event', 'nav_msgs/msg/Path'
@@ -150,13 +151,6 @@ def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
 
 def describe_text(contents: Mapping[str, Any]) -> str:
     """Return what `describe` found as lines for a person."""
-    head = f'{contents["path"]}: {contents["messages"]} messages in {contents["seconds"]:.3f} s'
-    width = max((len(topic['name']) for topic in contents['topics']), default=0)
-    type_width = max((len(topic['type']) for topic in contents['topics']), default=0)
-    lines = [
-        f'  {topic["name"]:<{width}}  {topic["type"]:<{type_width}}  {topic["count"]:>8}'
-        f'  {topic["part"]}'.rstrip()
-        for topic in contents['topics']
-    ]
-    problems = [*contents['notes'], *contents['left_out'], contents['missing']]
-    return '\n'.join([head, *lines, *filter(None, problems)])
+    topics = contents['topics']
+    widths = [max((len(one[name]) for one in topics), default=0) for name in ('name', 'type')]
+    return render('evaluation/contents.txt.j2', **contents, widths=widths).rstrip('\n')

@@ -23,12 +23,11 @@ from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, parse_exchange
 from numpy.typing import ArrayLike
 
-from llm_astar_lab.bags import messages as bag_messages
-from llm_astar_lab.bags.messages import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS
+from llm_astar_lab.bags import types as bag_messages
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.bags.types import GET_PLAN_EVENT_TYPE, define
+from llm_astar_lab.bags.types import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS, define
 from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
-from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.evaluation.topics import TopicSelection, topic_roles
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
@@ -55,7 +54,9 @@ def write_sample_bag(
     with BagWriter(folder, storage) as bag:
         bag.add_topic(OfferedTopic(BARRIER_MAP, define('std_msgs/msg/String'), (LATCHED,)))
         bag.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
-        bag.add_topic(OfferedTopic(GET_PLAN_EVENT, define(GET_PLAN_EVENT_TYPE), (qos(),)))
+        bag.add_topic(
+            OfferedTopic(GET_PLAN_EVENT, define(bag_messages.GET_PLAN_EVENT_TYPE), (qos(),))
+        )
         stamp, number = FIRST_STAMP, 0
         for _, of_map in groupby(samples, key=lambda sample: sample.barrier_map.id):
             group = list(of_map)

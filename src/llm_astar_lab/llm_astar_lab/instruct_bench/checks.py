@@ -20,34 +20,10 @@ import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_planner.instructions.fields import (
-    MAX_METRES,
-    as_choice,
-    as_count,
-    as_mapping,
-    as_number,
-    as_numbers,
-)
-from llm_astar_planner.instructions.regions import (
-    COMPASS,
-    SIDES,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-    box_from_json,
-)
-from llm_astar_planner.instructions.verification.geometry import (
-    EDGE,
-    QUARTER_SIDES,
-    Polyline,
-    Spans,
-    disc_area,
-    first_from,
-    joined,
-    total,
-)
-from numpy.typing import ArrayLike, NDArray
+from llm_astar_planner.instructions import fields, regions
+from llm_astar_planner.instructions.verification import geometry as plane
+from llm_astar_planner.instructions.verification.geometry import QUARTER_SIDES, Polyline, Spans
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, as_list, find_place, find_tagged
@@ -70,13 +46,13 @@ NOTHING = np.array([], dtype=np.object_)
 
 
 @dataclass(frozen=True, eq=False)
-class Fields:
+class Entry:
     """A check or a region that is being read: its fields, how errors name it, how deep it lies.
 
     `value` is that of the field that gives the form of a region.
     """
 
-    fields: Mapping[str, Any]
+    values: Mapping[str, Any]
     where: str
     scene: Scene
     value: Any = None
@@ -87,7 +63,7 @@ class Fields:
         """The map's places."""
         return self.scene.suite_map.places
 
-    def resolved(self, region: Region) -> BaseGeometry:
+    def resolved(self, region: regions.Region) -> BaseGeometry:
         """Return where the verification has a region."""
         return self.scene.regions.resolve(region).area.outline
 
@@ -101,13 +77,17 @@ class Fields:
             self.part(item) for item in as_list(self.value, self.where, 1, MAX_PARTS, 'regions')
         ]
 
+    def given(self, name: str, default: object = None) -> tuple[Any, str]:
+        """Return what a field holds, and how errors name it."""
+        return self.values.get(name, default), f'{self.where}: {name}'
+
     def region(self, name: str) -> BaseGeometry:
         """Return the region in a field, grown by `tol` metres if the check has that field."""
-        return self.grown(self.fields.get(name), f'{self.where}: {name}')
+        return self.grown(*self.given(name))
 
     def grown(self, value: object, where: str) -> BaseGeometry:
         """Return a region, grown by `tol` metres. Raises SuiteError if it is empty."""
-        tol = self.number('tol', 0.0, -MAX_METRES)
+        tol = self.number('tol', 0.0, -fields.MAX_METRES)
         geometry = region_geometry(value, where, self.scene)
         if tol:
             geometry = geometry.buffer(tol, quad_segs=QUARTER_SIDES)
@@ -117,8 +97,7 @@ class Fields:
 
     def number(self, name: str, default: float | None = None, least: float = 0.0) -> float:
         """Return a number from `least` to MAX_METRES. Raises SpecificationError."""
-        value = self.fields.get(name, default)
-        return as_number(value, f'{self.where}: {name}', least, MAX_METRES)
+        return fields.as_number(*self.given(name, default), least, fields.MAX_METRES)
 
 
 def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> BaseGeometry:
@@ -126,103 +105,96 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
 
     Raises SuiteError or SpecificationError for a malformed, unknown or empty region.
     """
-    fields = as_mapping(value, where)
-    form = next((name for name in FORMS if name in fields), None)
+    values = fields.as_mapping(value, where)
+    form = next((name for name in FORMS if name in values), None)
     if form is None or depth > MAX_DEPTH:
         problem = f'has none of {", ".join(FORMS)}' if form is None else 'is nested too deep'
         raise SuiteError(f'{where}: {problem}')
-    unknown = set(fields) - {form, *EXTRAS.get(form, ())}
+    unknown = set(values) - {form, *EXTRAS.get(form, ())}
     if unknown:
         raise SuiteError(f'{where}: {form} has no field {short_repr(min(unknown))}')
     where = f'{where}: {form}'
-    geometry = FORMS[form](Fields(fields, where, scene, fields[form], depth))
+    geometry = FORMS[form](Entry(values, where, scene, values[form], depth))
     if geometry.is_empty or not geometry.is_valid:
         raise SuiteError(f'{where}: is empty or crosses itself')
     return geometry
 
 
-def read_place(fields: Fields) -> BaseGeometry:
+def read_place(entry: Entry) -> BaseGeometry:
     """Return the geometry of a named place. Raises SuiteError."""
-    place = find_place(fields.value, fields.where, fields.places)
-    return fields.resolved(NamedPlace(place.name))
+    place = find_place(entry.value, entry.where, entry.places)
+    return entry.resolved(regions.NamedPlace(place.name))
 
 
-def read_tag(fields: Fields) -> BaseGeometry:
+def read_tag(entry: Entry) -> BaseGeometry:
     """Return the geometry of all places with a tag. Raises SuiteError."""
-    find_tagged(fields.value, fields.where, fields.places)
-    return fields.resolved(Tagged(fields.value))
+    find_tagged(entry.value, entry.where, entry.places)
+    return entry.resolved(regions.Tagged(entry.value))
 
 
-def read_polygon(fields: Fields) -> BaseGeometry:
+def read_circle(entry: Entry) -> BaseGeometry:
+    """Return a circle. Raises SpecificationError."""
+    return plane.disc_area(*fields.as_numbers(entry.value, entry.where, 3)).outline
+
+
+def read_polygon(entry: Entry) -> BaseGeometry:
     """Return a polygon from its corners. Raises SuiteError or SpecificationError."""
-    corners = as_list(fields.value, fields.where, 3, MAX_POINTS, 'points')
-    return shapely.Polygon([as_numbers(point, fields.where, 2) for point in corners])
+    corners = as_list(entry.value, entry.where, 3, MAX_POINTS, 'points')
+    return shapely.Polygon([fields.as_numbers(point, entry.where, 2) for point in corners])
 
 
-def read_half(fields: Fields) -> BaseGeometry:
+def read_half(entry: Entry) -> BaseGeometry:
     """Return half of the map's extent, of a place, or of the plane beside the direct way."""
-    of, where, scene = fields.fields.get('of'), fields.where, fields.scene
-    side = as_choice(fields.value, where, SIDES if of is None else COMPASS)
+    (of, of_where), where, scene = entry.given('of'), entry.where, entry.scene
+    side = fields.as_choice(entry.value, where, regions.SIDES if of is None else regions.COMPASS)
     if of is not None:
-        return fields.resolved(Half(side, find_place(of, f'{where}: of', fields.places).name))
-    if side in COMPASS:
-        return fields.resolved(Half(side)) & shapely.box(*scene.suite_map.extent)
+        place = find_place(of, of_where, entry.places)
+        return entry.resolved(regions.Half(side, place.name))
+    if side in regions.COMPASS:
+        return entry.resolved(regions.Half(side)) & shapely.box(*scene.suite_map.extent)
     if scene.start == scene.goal:
         raise SuiteError(f'{where}: {side}: start and goal are the same point')
-    return fields.resolved(Half(side))
+    return entry.resolved(regions.Half(side))
 
 
-def read_between(fields: Fields) -> BaseGeometry:
+def read_between(entry: Entry) -> BaseGeometry:
     """Return the convex hull of two regions without them. Raises SuiteError."""
-    parts = fields.parts()
+    parts = entry.parts()
     if len(parts) != 2:
-        raise SuiteError(f'{fields.where}: is not a list of two regions')
+        raise SuiteError(f'{entry.where}: is not a list of two regions')
     both = shapely.union_all(parts)
     return both.convex_hull.difference(both)
 
 
-def read_near(fields: Fields) -> BaseGeometry:
+def read_near(entry: Entry) -> BaseGeometry:
     """Return all within some metres of a region. Raises SuiteError or SpecificationError."""
-    width = fields.number('width')
-    return fields.part(fields.value).buffer(width, quad_segs=QUARTER_SIDES)
+    width = entry.number('width')
+    return entry.part(entry.value).buffer(width, quad_segs=QUARTER_SIDES)
 
 
-def read_walls(fields: Fields) -> BaseGeometry:
+def read_walls(entry: Entry) -> BaseGeometry:
     """Return all within some metres of occupied cells. Raises SpecificationError."""
-    width = as_number(fields.value, fields.where, 0.0, MAX_METRES)
-    return shapely.union_all(shapely.buffer(fields.scene.suite_map.walls, width))
+    width = fields.as_number(entry.value, entry.where, 0.0, fields.MAX_METRES)
+    return shapely.union_all(shapely.buffer(entry.scene.suite_map.walls, width))
 
 
-FORMS: dict[str, Callable[[Fields], BaseGeometry]] = {
+FORMS: dict[str, Callable[[Entry], BaseGeometry]] = {
     'place': read_place,
     'tag': read_tag,
-    'circle': lambda fields: disc_area(*as_numbers(fields.value, fields.where, 3)).outline,
-    'rect': lambda fields: fields.resolved(box_from_json(fields.value, fields.where)),
+    'circle': read_circle,
+    'rect': lambda entry: entry.resolved(regions.box_from_json(entry.value, entry.where)),
     'polygon': read_polygon,
     'half': read_half,
-    'union': lambda fields: shapely.union_all(fields.parts()),
+    'union': lambda entry: shapely.union_all(entry.parts()),
     'between': read_between,
     'near': read_near,
     'walls': read_walls,
 }
 
 
-def path_of(points: ArrayLike) -> Polyline:
-    """Return a path through points [n, 2] in metres, n at least 1; repeated ones are dropped."""
-    given = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-    xy = given[np.concatenate(([True], (np.diff(given, axis=0) != 0.0).any(axis=1)))]
-    lengths = np.linalg.norm(np.diff(xy, axis=0), axis=1)
-    return Polyline(xy, np.concatenate(([0.0], np.cumsum(lengths))))
-
-
 def spans_in(path: Polyline, geometry: BaseGeometry) -> Spans:
     """Return where a path lies in closed geometry."""
-    return joined(path.spans_in_polygon(geometry))
-
-
-def opened(geometry: BaseGeometry) -> BaseGeometry:
-    """Return geometry without its edge, so that what lies on the edge lies outside."""
-    return geometry.buffer(-EDGE, join_style='mitre')
+    return plane.joined(path.spans_in_polygon(geometry))
 
 
 def without_ends(path: Polyline, ends: float) -> NDArray[np.object_]:
@@ -249,13 +221,13 @@ class Walk(NamedTuple):
 
 def inside_max(walk: Walk, region: BaseGeometry, metres: float) -> Verdict:
     """Check that at most so many metres lie inside a region."""
-    inside = total(spans_in(walk.path, region))
+    inside = plane.total(spans_in(walk.path, region))
     return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside, at most {metres:g}')
 
 
 def outside_max(walk: Walk, region: BaseGeometry, metres: float) -> Verdict:
     """Check that at most so many metres lie outside of a region."""
-    outside = max(walk.path.length - total(spans_in(walk.path, region)), 0.0)
+    outside = max(walk.path.length - plane.total(spans_in(walk.path, region)), 0.0)
     return Verdict(outside <= metres + ROUNDING, f'{outside:.2f} m outside, at most {metres:g}')
 
 
@@ -270,7 +242,7 @@ def order(walk: Walk, regions: list[BaseGeometry]) -> Verdict:
     """Check that the path touches regions in order."""
     along = 0.0
     for number, region in enumerate(regions):
-        before, along = along, first_from(spans_in(walk.path, region), along)
+        before, along = along, plane.first_from(spans_in(walk.path, region), along)
         if math.isinf(along):
             return Verdict(False, f'regions[{number}] is not touched after {before:.2f} m')
     return Verdict(True, f'all in order after {along:.2f} m')
@@ -278,7 +250,7 @@ def order(walk: Walk, regions: list[BaseGeometry]) -> Verdict:
 
 def visit_before(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdict:
     """Check that the path enters a region only after it touched another."""
-    touched, entered = (first_from(spans_in(walk.path, one), 0.0) for one in (first, second))
+    touched, entered = (plane.first_from(spans_in(walk.path, one), 0.0) for one in (first, second))
     if math.isinf(entered):
         return Verdict(True, 'second is not entered')
     detail = f'first touched at {touched:.2f} m, second entered at {entered:.2f} m'
@@ -290,17 +262,17 @@ def visit_after(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdic
     inside = spans_in(walk.path, first)
     if not len(inside):
         return Verdict(True, 'first is not entered')
-    left, touched = inside[-1, 1], first_from(spans_in(walk.path, second), inside[-1, 1])
+    left, touched = inside[-1, 1], plane.first_from(spans_in(walk.path, second), inside[-1, 1])
     detail = f'first left at {left:.2f} m, second touched at {touched:.2f} m'
     return Verdict(math.isfinite(touched), detail)
 
 
 def never_after(walk: Walk, first: BaseGeometry, second: BaseGeometry, metres: float) -> Verdict:
     """Check that at most so many metres lie inside a region after another was entered."""
-    entered = first_from(spans_in(walk.path, first), 0.0)
+    entered = plane.first_from(spans_in(walk.path, first), 0.0)
     if math.isinf(entered):
         return Verdict(True, 'first is not entered')
-    inside = total(spans_in(walk.path, second).clip(min=entered))
+    inside = plane.total(spans_in(walk.path, second).clip(min=entered))
     return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside after the first')
 
 
@@ -352,70 +324,65 @@ def length_max(walk: Walk, of_direct: float, metres: float) -> Verdict:
     return Verdict(length <= limit + ROUNDING, f'{length:.2f} m long, at most {limit:.2f}')
 
 
-def read_opened(fields: Fields, name: str) -> BaseGeometry:
-    """Read a region without its edge, which is not grown."""
-    return opened(
-        region_geometry(fields.fields.get(name), f'{fields.where}: {name}', fields.scene)
-    )
+def read_opened(entry: Entry, name: str) -> BaseGeometry:
+    """Read a region without its edge, so that what lies on the edge lies outside; not grown."""
+    geometry = region_geometry(*entry.given(name), entry.scene)
+    return geometry.buffer(-plane.EDGE, join_style='mitre')
 
 
-def read_regions(fields: Fields, name: str) -> list[BaseGeometry]:
+def read_regions(entry: Entry, name: str) -> list[BaseGeometry]:
     """Read regions, grown by `tol` metres."""
-    where = f'{fields.where}: {name}'
-    listed = as_list(fields.fields.get(name), where, 2, MAX_REGIONS, 'regions')
-    return [fields.grown(value, f'{where}[{number}]') for number, value in enumerate(listed)]
+    listed, where = entry.given(name)
+    as_list(listed, where, 2, MAX_REGIONS, 'regions')
+    return [entry.grown(value, f'{where}[{number}]') for number, value in enumerate(listed)]
 
 
-def read_segment(fields: Fields, name: str) -> BaseGeometry:
+def read_segment(entry: Entry, name: str) -> BaseGeometry:
     """Read a segment. Raises SuiteError where it has no length."""
-    x0, y0, x1, y1 = as_numbers(fields.fields.get(name), f'{fields.where}: {name}', 4)
+    x0, y0, x1, y1 = fields.as_numbers(*entry.given(name), 4)
     if (x0, y0) == (x1, y1):
-        raise SuiteError(f'{fields.where}: {name}: is a point')
+        raise SuiteError(f'{entry.where}: {name}: is a point')
     return shapely.LineString([(x0, y0), (x1, y1)])
 
 
-def read_times(fields: Fields, name: str) -> int | str:
+def read_times(entry: Entry, name: str) -> int | str:
     """Read how often a segment is met: a number or `some`."""
-    times: int | str = fields.fields.get(name, '')
+    times, where = entry.given(name)
     if times == 'some' or (type(times) is int and 0 <= times <= MAX_TIMES):
-        return times
-    problem = f'{short_repr(fields.fields.get(name))} is neither a number nor "some"'
-    raise SuiteError(f'{fields.where}: {name}: {problem}')
+        return times  # type: ignore[no-any-return]
+    raise SuiteError(f'{where}: {short_repr(times)} is neither a number nor "some"')
 
 
-def read_count(fields: Fields, name: str) -> int:
+def read_count(entry: Entry, name: str) -> int:
     """Read a number of entries; without it there is no limit. Raises SpecificationError."""
-    count: int = as_count(
-        fields.fields.get(name, COUNTS[name]), f'{fields.where}: {name}', MAX_TIMES
-    )
-    return count
+    return fields.as_count(*entry.given(name, COUNTS[name]), MAX_TIMES)
 
 
-def read_limit(fields: Fields, name: str) -> float:
+def read_limit(entry: Entry, name: str) -> float:
     """Read one of the limits of a length, inf where only the other one is given."""
-    if name in fields.fields:
-        return fields.number(name)
-    if not {'of_direct', 'metres'} & set(fields.fields):
-        raise SuiteError(f'{fields.where}: has neither of_direct nor metres')
+    if name in entry.values:
+        return entry.number(name)
+    if not {'of_direct', 'metres'} & set(entry.values):
+        raise SuiteError(f'{entry.where}: has neither of_direct nor metres')
     return math.inf
 
 
 # How each kind of check is measured, and what reads its fields besides the common ones and `tol`.
-Reader = Callable[[Fields, str], Any]
-REGION: dict[str, Reader] = {'region': Fields.region}
-METRES: dict[str, Reader] = {'metres': Fields.number}
-ENDS: dict[str, Reader] = {**METRES, 'ends': lambda fields, name: fields.number(name, 0.0)}
+Reader = Callable[[Entry, str], Any]
+REGION: dict[str, Reader] = {'region': Entry.region}
+METRES: dict[str, Reader] = {'metres': Entry.number}
+ENDS: dict[str, Reader] = {**METRES, 'ends': lambda entry, name: entry.number(name, 0.0)}
 KINDS: dict[str, tuple[Callable[..., Verdict], dict[str, Reader]]] = {
     'inside_max': (inside_max, {'region': read_opened, **METRES}),
     'outside_max': (outside_max, {**REGION, **METRES}),
     'touch': (touch, REGION),
     'order': (order, {'regions': read_regions}),
-    'visit_before': (visit_before, {'first': Fields.region, 'second': read_opened}),
-    'visit_after': (visit_after, {'first': read_opened, 'second': Fields.region}),
+    'visit_before': (visit_before, {'first': Entry.region, 'second': read_opened}),
+    'visit_after': (visit_after, {'first': read_opened, 'second': Entry.region}),
     'never_after': (never_after, {'first': read_opened, 'second': read_opened, **METRES}),
     'entries': (
         entries,
-        {**REGION, 'apart': Fields.number, 'at_least': read_count, 'at_most': read_count},
+        {**REGION, 'apart': Entry.number, 'at_least': read_count, 'at_most': read_count},
     ),
     'end_in': (end_in, REGION),
     'dist_min': (dist_min, {**REGION, **ENDS}),
@@ -446,20 +413,20 @@ def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
 
     Raises SuiteError or SpecificationError, which name the field.
     """
-    fields = as_mapping(value, where)
-    kind = fields.get('check')
+    values = fields.as_mapping(value, where)
+    kind = values.get('check')
     if not isinstance(kind, str) or kind not in KINDS:
         raise SuiteError(f'{where}: check: {short_repr(kind)} is not one of {", ".join(KINDS)}')
     where = f'{where} ({kind})'
     readers = KINDS[kind][1]
     known = COMMON.union(readers, ('tol',) if kind in HAVE_TOL else ())
-    unknown = set(fields) - known
+    unknown = set(values) - known
     if unknown:
         problem = f'has no field {short_repr(min(unknown))}'
         raise SuiteError(f'{where}: {problem}; its fields are {", ".join(sorted(known))}')
-    clause = fields.get('clause')
+    clause = values.get('clause')
     if clause is not None and (type(clause) is not int or not 0 <= clause < clauses):
         problem = f'{short_repr(clause)} is not the index of one of {clauses}'
         raise SuiteError(f'{where}: clause: {problem}')
-    own = Fields(fields, where, scene)
-    return Check(kind, {name: read(own, name) for name, read in readers.items()}, scene, clause)
+    entry = Entry(values, where, scene)
+    return Check(kind, {name: read(entry, name) for name, read in readers.items()}, scene, clause)

@@ -15,19 +15,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
-from llm_astar_lab.instruct_bench.runner import (
-    NO_INSTRUCTION,
-    NOT_UNDERSTOOD,
-    RECOGNISED,
-    VIOLATED,
-    InstructionResult,
-)
+from llm_astar_lab.instruct_bench import runner
+from llm_astar_lab.instruct_bench.runner import InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
+from llm_astar_lab.templates import render
 
 # The figures in the columns of the tables.
 SHARE_COLUMNS = {
@@ -62,14 +57,16 @@ GROUPS: dict[str, tuple[str, Callable[[InstructionResult], Sequence[str]]]] = {
     'map': ('Map', lambda result: [result.instruction.suite_map.name]),
 }
 IN_TERMINAL = 5
-EXPLANATION = (
-    'In percent with 95 % intervals (Wilson), and counts. *Satisfied*: the path fulfils all '
-    'checks of the suite; *so without instruction*: the path planned without it does. A *false '
-    'claim* reports an instruction as satisfied whose path fails a check, or that cannot be met '
-    'or asks nothing. *Not meetable* are impossible, contradictory and irrelevant instructions; '
-    'they are *recognised* where the report says so or says that they were not understood. '
-    'Milliseconds are medians.'
-)
+# Results that the report lists one by one.
+LISTS: dict[str, Callable[[InstructionResult], object]] = {
+    'false claims, whole or of a clause': lambda result: (
+        result.false_claim or result.false_clauses
+    ),
+    'clauses reported as satisfied that were not asked': lambda result: result.unasked_clauses,
+    'not satisfied, of those that can be': lambda result: (
+        result.instruction.expect == OK and not result.fulfilled
+    ),
+}
 # Metrics in percent, and those in milliseconds with the figure in seconds that they come from.
 PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses', 'unasked_clauses')
 MILLISECONDS = {'ms': 'seconds', 'longest_ms': 'longest', 'planning_ms': 'planning_seconds'}
@@ -125,9 +122,9 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
         'false_claims': share(result.false_claim for result in results),
         'false_clauses': Share(sum(len(result.false_clauses) for result in results), claimed),
         'unasked_clauses': Share(sum(len(result.unasked_clauses) for result in results), claimed),
-        'recognised': share(how in (RECOGNISED, NOT_UNDERSTOOD) for how in hopeless),
-        'said_not_understood': share(how == NOT_UNDERSTOOD for how in hopeless),
-        'said_violated': share(how == VIOLATED for how in hopeless),
+        'recognised': share(how in (runner.RECOGNISED, runner.NOT_UNDERSTOOD) for how in hopeless),
+        'said_not_understood': share(how == runner.NOT_UNDERSTOOD for how in hopeless),
+        'said_violated': share(how == runner.VIOLATED for how in hopeless),
         'unanswered': share(result.unanswered for result in results),
         'seconds': statistics.median(result.seconds for result in results),
         'longest': max(result.seconds for result in results),
@@ -225,7 +222,7 @@ def missed_suite_thresholds(
     sources = by_source(results)
     for threshold in thresholds:
         source, metric = threshold.source, threshold.metric
-        names = [source] if source else [name for name in sources if name != NO_INSTRUCTION]
+        names = [source] if source else [name for name in sources if name != runner.NO_INSTRUCTION]
         if not names or names[0] not in sources:
             known = ', '.join(sources)
             lines.append(f'{source or metric}: was not run; available are {known}')
@@ -273,30 +270,19 @@ def text_summary(results: Sequence[InstructionResult]) -> str:
 
 def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str, Any]) -> str:
     """Return the report: tables, false claims, what was not met, provenance."""
-    parts = [
-        f'# Instructions: {metadata["dataset"]["file"]}',
-        EXPLANATION,
-        markdown_table(*table_of(results, SHARE_COLUMNS)),
-        markdown_table(*table_of(results, DETAIL_COLUMNS)),
-    ]
-    for group, (title, _) in GROUPS.items():
-        parts += [f'## {title}', markdown_table(*table_of(results, SHARE_COLUMNS, group))]
-    for source, own in by_source(results).items():
-        parts += [
-            f'## {source}: false claims, whole or of a clause',
-            bullets([r for r in own if r.false_claim or r.false_clauses]),
-            f'## {source}: clauses reported as satisfied that were not asked',
-            bullets([r for r in own if r.unasked_clauses]),
-            f'## {source}: not satisfied, of those that can be',
-            bullets([r for r in own if r.instruction.expect == OK and not r.fulfilled]),
-        ]
-    machine = metadata['machine']
-    parts.append(
-        f'llm_astar_planner {metadata["version"]}, suite sha256 '
-        f'{metadata["dataset"]["sha256"][:12]}, {machine["cores"]} cores of '
-        f'{machine["processor"]}, Python {machine["python"]}.'
+
+    def table(columns: Mapping[str, str], group: str = '') -> str:
+        return markdown_table(*table_of(results, columns, group))
+
+    return render(
+        'instruct_bench/report.md.j2',
+        metadata=metadata,
+        tables=[table(SHARE_COLUMNS), table(DETAIL_COLUMNS)],
+        groups={title: table(SHARE_COLUMNS, group) for group, (title, _) in GROUPS.items()},
+        sources=by_source(results),
+        lists=LISTS,
+        one_line=one_line,
     )
-    return '\n\n'.join(part for part in parts if part) + '\n'
 
 
 def table_of(
@@ -330,25 +316,9 @@ def share_text(share: Share) -> str:
     return f'{value:.1f} ({low:.1f}-{high:.1f}) {share.count}/{share.total}'
 
 
-def bullets(results: Sequence[InstructionResult]) -> str:
-    """Return a line for each result: id, text, what was understood, which checks failed."""
-    if not results:
-        return 'None.'
-    return '\n'.join(
-        f'- `{result.instruction.id}` "{one_line(result.instruction.text)}": '
-        f'{understood_sentence(result) or "nothing"}; {failed_checks(result)}'
-        for result in results
-    )
-
-
 def one_line(text: str) -> str:
     """Return the beginning of a text as one line without Markdown."""
     return ' '.join(text.split())[:200].replace('`', "'").replace('|', '/')
-
-
-def understood_sentence(result: InstructionResult) -> str:
-    """Return the canonical sentence of what was understood, '' of nothing."""
-    return '' if result.outcome is None else result.outcome.interpretation.sentence
 
 
 def unanswered_lines(results: Sequence[InstructionResult]) -> list[str]:
@@ -360,18 +330,6 @@ def unanswered_lines(results: Sequence[InstructionResult]) -> list[str]:
         count = f'{len(own)} instructions without an answer'
         lines.append(f'{source}: {count}, the first {first.instruction.id}: {detail}')
     return lines
-
-
-def failed_checks(result: InstructionResult) -> str:
-    """Name the checks that failed, with what was measured."""
-    if result.plan.code != 0:
-        return f'no path: {result.plan.message}'
-    failed = [
-        f'{check.kind}: {verdict.detail}'
-        for check, verdict in zip(result.instruction.checks, result.verdicts)
-        if not verdict.holds
-    ]
-    return '; '.join(failed) or 'all checks hold'
 
 
 def result_row(result: InstructionResult) -> dict[str, Any]:
@@ -391,7 +349,7 @@ def result_row(result: InstructionResult) -> dict[str, Any]:
         'text': instruction.text,
         'status': interpretation.status.value if interpretation else '',
         'understood_by': interpretation.understood_by if interpretation else '',
-        'understood': understood_sentence(result),
+        'understood': result.sentence,
         **{name: int(getattr(result, name)) for name in flags},
         **{name: len(getattr(result, name)) for name in clauses},
         'recognition': result.recognition,
@@ -416,45 +374,17 @@ def check_lines(result: InstructionResult) -> list[str]:
     """Return a line for each check: its kind, whether it holds, what was measured."""
     return [
         f'{check.kind} {"holds" if verdict.holds else "fails"} ({verdict.detail})'
-        for check, verdict in zip(result.instruction.checks, result.verdicts)
+        for check, verdict in result.judged
     ]
 
 
 def chain_text(result: InstructionResult) -> str:
     """Return one instruction in full: text, what was understood, clauses, checks, path."""
-    instruction, outcome = result.instruction, result.outcome
-    lines = [
-        f'{instruction.id}: map {instruction.suite_map.name}, {instruction.lang}, expected '
-        f'{instruction.expect}; source {result.source}',
-        f'text        {" ".join(instruction.text.split())}',
-        f'truth       {instruction.truth.sentence or "nothing asked"}',
-    ]
-    if outcome is not None:
-        lines += outcome_lines(result, outcome)
-    lines += [f'check       {line}' for line in check_lines(result)]
-    if result.plan.code != 0:
-        lines.append(f'no path     {result.plan.message}')
-    lines.append(
-        f'path        {path_length(result):.2f} m, {result.direct_length:.2f} m without '
-        f'instruction, planned in {1000.0 * result.planning_seconds:.1f} ms'
+    clauses = result.outcome.to_json()['clauses'] if result.outcome else ()
+    return render(
+        'instruct_bench/chain.txt.j2',
+        result=result,
+        clauses=map(clause_line, clauses),
+        checks=check_lines(result),
+        length=path_length(result),
     )
-    return '\n'.join(lines)
-
-
-def outcome_lines(result: InstructionResult, outcome: InstructionOutcome) -> list[str]:
-    """Return the lines on what was understood and what is reported."""
-    interpretation = outcome.interpretation
-    by = f' by {interpretation.understood_by}' if interpretation.understood_by else ''
-    exact = ', exactly' if result.exact else ''
-    lines = [
-        f'understood  {interpretation.sentence or "-"}',
-        f'            {interpretation.status.value}{by}{exact}, in '
-        f'{1000.0 * result.seconds:.2f} ms',
-    ]
-    if interpretation.detail:
-        lines.append(f'            {interpretation.detail}')
-    lines += [f'clause      {clause_line(clause)}' for clause in outcome.to_json()['clauses']]
-    if outcome.note:
-        lines.append(f'note        {outcome.note}')
-    wrong = ', which is false' if result.false_claim else ''
-    return [*lines, f'reported    {outcome.sentence()}{wrong}']

@@ -11,21 +11,16 @@ from dataclasses import dataclass, field, replace
 from itertools import product, starmap
 from typing import NamedTuple
 
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Interpreter,
-    RouteInstruction,
-    Understanding,
-    not_understood,
-    status_of,
-)
+from llm_astar_planner.instructions import interpretation as readings
+from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.text import InstructionError, clean_instruction
+from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.result import Cell
 
-from llm_astar_lab.instruct_bench.checks import Verdict, path_of
+from llm_astar_lab.instruct_bench.checks import Check, Verdict
 from llm_astar_lab.instruct_bench.comparison import clause_keys, same_specification
 from llm_astar_lab.instruct_bench.maps import SuiteMap
 from llm_astar_lab.instruct_bench.suite import IMPOSSIBLE, NONE, OK, SuiteInstruction
@@ -63,6 +58,16 @@ class InstructionResult:
     def fulfilled(self) -> bool:
         """Whether there is a path that fulfils every check."""
         return self.plan.code == 0 and all(verdict.holds for verdict in self.verdicts)
+
+    @property
+    def judged(self) -> list[tuple[Check, Verdict]]:
+        """Each check with its verdict."""
+        return list(zip(self.instruction.checks, self.verdicts))
+
+    @property
+    def sentence(self) -> str:
+        """The canonical sentence of what was understood, '' of nothing."""
+        return '' if self.outcome is None else self.outcome.interpretation.sentence
 
     @property
     def unanswered(self) -> bool:
@@ -129,8 +134,7 @@ class InstructionResult:
             return instruction.expect == NONE
         if len(instruction.truth.clauses) == 1:
             return instruction.expect == IMPOSSIBLE or not self.fulfilled
-        verdicts = zip(instruction.checks, self.verdicts)
-        return any(check.clause in asked and not verdict.holds for check, verdict in verdicts)
+        return any(check.clause in asked and not verdict.holds for check, verdict in self.judged)
 
     @property
     def recognition(self) -> str:
@@ -166,10 +170,10 @@ class Source(NamedTuple):
 def true_meaning(instruction: SuiteInstruction) -> Interpretation:
     """Return the true specification: what is measured is the planner apart from understanding."""
     truth = instruction.truth
-    return Interpretation(instruction.text[:80], truth, TRUTH, status_of(truth))
+    return Interpretation(instruction.text[:80], truth, TRUTH, readings.status_of(truth))
 
 
-def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -> Source:
+def interpreter_source(name: str, interpreter: readings.Interpreter, time_limit: float) -> Source:
     """Return the source that asks an interpreter, for so many seconds each time.
 
     Nothing is understood of a text that is too long. An interpreter that fails leaves the
@@ -180,11 +184,11 @@ def interpreter_source(name: str, interpreter: Interpreter, time_limit: float) -
         try:
             text = clean_instruction(instruction.text)
         except InstructionError as error:
-            return not_understood(instruction.text[:80], str(error))
+            return readings.not_understood(instruction.text[:80], str(error))
         try:
             return interpreter.interpret(text, instruction.suite_map.places, time_limit)
         except Exception as error:  # noqa: BLE001 - a fault to report, not to end a long run by
-            failed = not_understood(text, f'failed with {type(error).__name__}: {error}')
+            failed = readings.not_understood(text, f'failed with {type(error).__name__}: {error}')
             return replace(failed, status=Understanding.PENDING)
 
     return Source(name, understand)
@@ -223,7 +227,7 @@ class SuiteRunner:
         if interpretation is not None:
             # A replay says how long the recorded model took.
             seconds = interpretation.seconds or seconds
-            asked = RouteInstruction(interpretation, instruction.suite_map.places)
+            asked = readings.RouteInstruction(interpretation, instruction.suite_map.places)
             plan, planning_seconds = self.plan(instruction, asked)
         without = verdicts_of(instruction, direct, direct_length)
         return InstructionResult(
@@ -246,7 +250,7 @@ class SuiteRunner:
         return self.direct_plans[key]
 
     def plan(
-        self, instruction: SuiteInstruction, asked: RouteInstruction | None
+        self, instruction: SuiteInstruction, asked: readings.RouteInstruction | None
     ) -> tuple[Plan, float]:
         """Plan between the instruction's start and goal; return the plan and its seconds."""
         suite_map = instruction.suite_map
@@ -273,5 +277,5 @@ def verdicts_of(
     """Return the verdict of each check on a plan's path; none without a path."""
     if plan.code != 0:
         return ()
-    path = path_of(instruction.suite_map.grid_map.grid_to_world(plan.path))
+    path = polyline(instruction.suite_map.grid_map.grid_to_world(plan.path))
     return tuple(check.measure(path, direct_length) for check in instruction.checks)

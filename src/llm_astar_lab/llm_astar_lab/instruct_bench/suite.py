@@ -79,25 +79,14 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
-from llm_astar_planner.instructions.fields import (
-    SpecificationError,
-    as_choice,
-    as_mapping,
-    as_numbers,
-    as_text,
-)
+from llm_astar_planner.instructions import fields
+from llm_astar_planner.instructions.fields import SpecificationError
 from llm_astar_planner.instructions.specification import Specification, from_json
 from llm_astar_planner.search.result import Cell
 
 from llm_astar_lab.instruct_bench.checks import Check, read_check
 from llm_astar_lab.instruct_bench.comparison import normal_form
-from llm_astar_lab.instruct_bench.maps import (
-    MapFinder,
-    Scene,
-    SuiteError,
-    SuiteMap,
-    as_list,
-)
+from llm_astar_lab.instruct_bench.maps import MapFinder, Scene, SuiteError, SuiteMap, as_list
 
 VERSION = 1
 OK, IMPOSSIBLE, CONTRADICTION, NONE = 'ok', 'impossible', 'contradiction', 'none'
@@ -156,17 +145,17 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
     Raises SuiteError, which names the file, the map or instruction, and the field.
     """
     path = Path(path)
-    fields = read_json(path, SuiteError, MAX_BYTES)
-    if not isinstance(fields, dict):
+    values = read_json(path, SuiteError, MAX_BYTES)
+    if not isinstance(values, dict):
         raise SuiteError(f'{path}: a JSON object is expected')
-    if fields.get('version') != VERSION:
-        version = short_repr(fields.get('version'))
+    if values.get('version') != VERSION:
+        version = short_repr(values.get('version'))
         raise SuiteError(f'{path}: version: {version} is not {VERSION}')
-    entries = fields.get('maps')
+    entries = values.get('maps')
     if not isinstance(entries, dict) or not 1 <= len(entries) <= MAX_MAPS:
         raise SuiteError(f'{path}: maps: is not an object of 1 to {MAX_MAPS} maps')
     where = f'{path}: instructions'
-    listed = as_list(fields.get('instructions'), where, 1, MAX_INSTRUCTIONS, '')
+    listed = as_list(values.get('instructions'), where, 1, MAX_INSTRUCTIONS, '')
     finder = MapFinder(path, folders)
     maps = {name: finder.load(name, entry) for name, entry in entries.items()}
     found: dict[str, SuiteInstruction] = {}
@@ -185,50 +174,50 @@ def named_instruction(
     name = value.get('id') if isinstance(value, dict) else None
     which = short_repr(name) if isinstance(name, str) else f'at {index}'
     try:
-        return read_instruction(as_mapping(value, 'entry'), maps)
+        return read_instruction(fields.as_mapping(value, 'entry'), maps)
     except (SuiteError, SpecificationError) as error:
         raise SuiteError(f'{path}: instruction {which}: {error}') from None
 
 
-def read_instruction(fields: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:
+def read_instruction(values: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:
     """Read an instruction. Raises SuiteError or SpecificationError, which name the field."""
-    suite_map = maps[as_choice(fields.get('map'), 'map', list(maps))]
-    ends = {name: read_point(fields, name, suite_map) for name in ('start', 'goal')}
-    text = fields.get('text')
+    suite_map = maps[fields.as_choice(values.get('map'), 'map', list(maps))]
+    ends = {name: read_point(values, name, suite_map) for name in ('start', 'goal')}
+    text = values.get('text')
     if not isinstance(text, str) or len(text) > MAX_TEXT_CHARS:
         raise SuiteError(f'text: is not a text of up to {MAX_TEXT_CHARS} characters')
-    expect = as_choice(fields.get('expect', OK), 'expect', EXPECTED)
-    truth = read_specification(fields.get('spec'), 'spec', suite_map)
+    expect = fields.as_choice(values.get('expect', OK), 'expect', EXPECTED)
+    truth = read_specification(values.get('spec'), 'spec', suite_map)
     if bool(truth.enforceable) == (expect == NONE):
         raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
     # The order is that of the errors.
     return SuiteInstruction(
-        id=as_text(fields.get('id'), 'id'),
+        id=fields.as_text(values.get('id'), 'id'),
         suite_map=suite_map,
         **ends,
         text=text,
-        lang=as_text(fields.get('lang', 'en'), 'lang'),
+        lang=fields.as_text(values.get('lang', 'en'), 'lang'),
         tags=tuple(
-            as_text(tag, 'instruction: tags')
-            for tag in as_list(fields.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
+            fields.as_text(tag, 'instruction: tags')
+            for tag in as_list(values.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
         ),
-        style=as_choice(fields.get('style') or '', 'style', ('', *STYLES)),
-        writer=as_text(fields['writer'], 'writer') if fields.get('writer') else '',
+        style=fields.as_choice(values.get('style') or '', 'style', ('', *STYLES)),
+        writer=fields.as_text(values['writer'], 'writer') if values.get('writer') else '',
         expect=expect,
         truth=truth,
         accepted=tuple(
             read_specification(item, f'accept[{index}]', suite_map)
             for index, item in enumerate(
-                as_list(fields.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
+                as_list(values.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
             )
         ),
-        checks=read_checks(fields, Scene(suite_map, **ends), expect, len(truth.clauses)),
+        checks=read_checks(values, Scene(suite_map, **ends), expect, len(truth.clauses)),
     )
 
 
-def read_point(fields: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cell:
+def read_point(values: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cell:
     """Return the cell of start or goal. Raises SuiteError where it is off the map or occupied."""
-    x, y = as_numbers(fields.get(name), name, 2)
+    x, y = fields.as_numbers(values.get(name), name, 2)
     grid_map = suite_map.grid_map
     cell = grid_map.world_to_cell(x, y)
     if not grid_map.contains(cell):
@@ -249,10 +238,10 @@ def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specif
 
 
 def read_checks(
-    fields: Mapping[str, Any], scene: Scene, expect: str, clauses: int
+    values: Mapping[str, Any], scene: Scene, expect: str, clauses: int
 ) -> tuple[Check, ...]:
     """Read the checks of an instruction. Raises SuiteError or SpecificationError."""
-    listed = as_list(fields.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
+    listed = as_list(values.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
     if expect == OK and not listed:
         raise SuiteError('checks: an instruction that can be met has at least one')
     return tuple(

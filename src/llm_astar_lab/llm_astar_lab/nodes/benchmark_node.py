@@ -30,7 +30,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept_maps, load_maps
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
-from llm_astar_planner.cli.flags import option
+from llm_astar_planner.cli.flags import at_least, option
 from llm_astar_planner.nodes.common.asking import setting
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
@@ -42,7 +42,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_lab.datasets.samples import BenchmarkSample, SelectionError, select_samples
+from llm_astar_lab.datasets.named import BenchmarkSample, SelectionError, select_samples
 from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
@@ -116,7 +116,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     text = 'barrier maps: a path, or a name in maps/ (default: %(default)s)'
     option(parser, '--map --dataset FILE', text, dest='dataset', default=SAMPLES_FILE)
     option(parser, '--map-ids RANGES', 'such as 50-99 or 0-9,12', dest='maps')
-    option(parser, '--limit N', 'draw N of the samples')
+    option(parser, '--limit N', 'draw N of the samples', type=at_least(1, int))
     option(parser, '--seed N', 'seed of the draw (0)', default=0)
     text = f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)'
     option(
@@ -127,8 +127,6 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     text = "name of the waypoint client; '' for none"
     option(parser, '--client NAME', text, default='llm_client_node')
     arguments = parser.parse_args(argv)
-    if arguments.limit is not None and arguments.limit < 1:
-        parser.error(f'--limit {arguments.limit} is not 1 or more')
     for name in arguments.methods:
         if name not in METHODS:
             parser.error(f'--methods {name!r} is unknown; available are {", ".join(METHODS)}')

@@ -29,8 +29,7 @@ from rclpy.qos import (
 )
 from rclpy.subscription import Subscription
 
-from llm_astar_lab.bags.messages import NANOSECONDS
-from llm_astar_lab.bags.types import BagTypeError, TypeDefinition, define
+from llm_astar_lab.bags.types import NANOSECONDS, BagTypeError, TypeDefinition, define
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
 from llm_astar_lab.bags.writing import qos as reliable_qos
 

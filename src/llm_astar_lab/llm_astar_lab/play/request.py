@@ -22,7 +22,7 @@ from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, costmap_config, defaults
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
+from llm_astar_planner.waypoints.source import BASELINE_NAMES
 from numpy.typing import NDArray
 
 from llm_astar_lab.play.maps import Maps, PlayError, PlayMap

@@ -19,7 +19,7 @@ from typing import Any
 from llm_astar_planner.cli.flags import option
 from tqdm import tqdm
 
-from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
+from llm_astar_lab.datasets.named import BenchmarkSample, sample_pairs
 from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished

@@ -39,7 +39,7 @@ from llm_astar_planner.waypoints.source import (
 )
 
 from llm_astar_lab.analysis.replies import problems_column
-from llm_astar_lab.datasets.samples import GRID_CONFIG, BenchmarkSample
+from llm_astar_lab.datasets.named import GRID_CONFIG, BenchmarkSample
 from llm_astar_lab.results.row import (
     PAPER_ASTAR,
     WAYPOINTS_ONLY,

@@ -23,7 +23,7 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import GUIDED
 
 from llm_astar_lab.analysis.statistics import spread
-from llm_astar_lab.datasets.samples import GRID_CONFIG
+from llm_astar_lab.datasets.named import GRID_CONFIG
 from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
 from llm_astar_lab.runner.engine import compile_once
 

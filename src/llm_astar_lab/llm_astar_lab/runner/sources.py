@@ -17,12 +17,17 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
 from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
-from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
-from llm_astar_planner.waypoints.source import SampleKey, WaypointSource, live_key, name_problem
+from llm_astar_planner.waypoints.source import (
+    BASELINE_NAMES,
+    SampleKey,
+    WaypointSource,
+    live_key,
+    name_problem,
+)
 from llm_astar_planner.waypoints.transcript import read_transcript
 
-from llm_astar_lab.datasets.samples import (
+from llm_astar_lab.datasets.named import (
     GRID_CONFIG,
     BenchmarkSample,
     SelectionError,

@@ -19,7 +19,7 @@ from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptError
 
-from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.runner.sources import Coverage, SourceSpec, cover, groups_of
 
 # What all exchanges of one model and prompt have in common, if they were recorded alike.

@@ -11,14 +11,14 @@ from llm_astar_lab.analysis.replies import (
 )
 from llm_astar_lab.analysis.statistics import wilson_interval
 from llm_astar_lab.analysis.summary import summarise
-from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.report.tables import main_table, reply_table
 from llm_astar_lab.report.write import to_json
 from llm_astar_lab.results.row import Variant
 from llm_astar_lab.runner.sources import SourceSpec
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.llm.route_feedback import ASK_FOR_A_LIST
+from llm_astar_planner.waypoints.prompts.examples import ASK_FOR_A_LIST
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import Message, Provenance, SourceStatus, WaypointReply

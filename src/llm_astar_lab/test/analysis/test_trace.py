@@ -2,7 +2,7 @@
 
 import numpy as np
 from benchmark_samples import rows_of, tasks_of
-from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.datasets.named import load_samples
 from llm_astar_lab.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.segment import KEPT_BY_PAPER
 from reference_trace import trace

@@ -9,9 +9,8 @@ import sqlite3
 import pytest
 import yaml
 from llm_astar_lab.bags import writing
-from llm_astar_lab.bags.messages import evaluation_topic
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.bags.types import BagTypeError, bag_types, define
+from llm_astar_lab.bags.types import BagTypeError, bag_types, define, evaluation_topic
 from llm_astar_lab.bags.writing import BagWriteError, BagWriter, OfferedTopic, qos
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader

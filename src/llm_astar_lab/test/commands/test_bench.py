@@ -239,7 +239,7 @@ def test_results_are_replaced_only_when_the_run_can_begin(undrawn, dataset, out,
     ('words', 'part'),
     [
         (('--methods', 'dijkstra'), "--methods 'dijkstra' is not one of guided"),
-        (('--source', 'tea_leaves'), "--source 'tea_leaves' is not one of none"),
+        (('--source', 'tea_leaves'), "--source 'tea_leaves' is not one of auto"),
         (('--source', 'replay'), 'transcript'),
         (('--source', 'endpoint'), '--model'),
         (('--source', 'endpoint', '--model', 'm', '--prompt', 'haiku'), 'haiku'),

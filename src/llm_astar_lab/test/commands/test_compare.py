@@ -274,8 +274,8 @@ def test_metadata_of_another_shape_is_named(name, value, base, rows, tmp_path, c
     ('words', 'message'),
     [
         (['--variant', 'llm_astr'], 'no such variant; did you mean llm_astar'),
-        (['--threshold', '-1'], 'is not a number of percent'),
-        (['--threshold', 'nan'], 'is not a number of percent'),
+        (['--threshold', '-1'], 'is not a number of at least 0'),
+        (['--threshold', 'nan'], 'is not a number of at least 0'),
         (['--metric', 'speed'], 'invalid choice'),
     ],
 )

@@ -334,7 +334,7 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
     [
         (('--requests', 'nowhere.csv'), 'nowhere.csv: No such file'),
         (('--occupied-threshold', '0'), '--occupied-threshold: 0 is not in 1 to 100'),
-        (('--plan-window', '-1'), '--plan-window -1.0 is not 0 seconds or more'),
+        (('--plan-window', '-1'), "--plan-window: '-1' is not a number of at least 0"),
         (('--methods', 'magic'), "--methods 'magic' is not one of"),
         (
             ('--fail-under', 'giuded:valid=100'),

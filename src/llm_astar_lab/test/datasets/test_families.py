@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from llm_astar_lab.datasets import families
-from llm_astar_lab.datasets.families import (
+from llm_astar_lab.datasets import generate as families
+from llm_astar_lab.datasets.generate import (
     DEFAULT_SIDE,
     FAMILIES,
+    GenerationError,
     floor,
     generate_family,
+    validate_maps,
 )
-from llm_astar_lab.datasets.generate import GenerationError, validate_maps
 from llm_astar_lab.datasets.named import DrawRules, draw_family
 from llm_astar_msgs_adapter.maps.barrier_map import Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
@@ -77,7 +78,7 @@ def test_families_are_kept_in_files(tmp_path):
 
 
 def test_what_cannot_be_drawn_is_refused(monkeypatch):
-    for name, value in (('TRIES', 2), ('DRAWS_PER_PAIR', 1)):
+    for name, value in (('GRID_TRIES', 2), ('DRAWS_PER_PAIR', 1)):
         monkeypatch.setattr(families, name, value)
     with pytest.raises(GenerationError, match='ask for fewer'):
         next(generate_family('mazes', 0, 1, 400, side=41))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from llm_astar_lab.analysis.thresholds import agrees, compare_with_reference
-from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.datasets.named import load_samples
 from llm_astar_lab.results.row import Row
 from llm_astar_lab.runner.sources import check_grid_options
 from llm_astar_msgs_adapter.maps.grid_dataset import (

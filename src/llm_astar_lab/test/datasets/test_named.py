@@ -9,10 +9,10 @@ from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.named import (
     NAMES,
     DrawRules,
+    SelectionError,
     load_named,
     parse_names,
 )
-from llm_astar_lab.datasets.samples import SelectionError
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblemError
 from llm_astar_planner.cli import main as cli
 from reader_files import write_movingai

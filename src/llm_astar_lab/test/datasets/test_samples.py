@@ -1,7 +1,7 @@
 """Samples are selected by map and by limit; bad selections are named."""
 
 import pytest
-from llm_astar_lab.datasets.samples import SelectionError, draw, load_samples, parse_ranges
+from llm_astar_lab.datasets.named import SelectionError, draw, load_samples, parse_ranges
 
 
 def test_selections_by_map_and_by_limit(dataset):

@@ -20,8 +20,8 @@ from bag_makers import (
     tf_at,
     write_bag,
 )
-from llm_astar_lab.bags.messages import barrier_map_text
 from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.types import barrier_map_text
 from llm_astar_lab.evaluation.requests import (
     RequestListError,
     RequestReader,

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from llm_astar_lab.bags.messages import MAP
+from llm_astar_lab.bags.types import MAP
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.evaluation.writing import ResultsBag
 from llm_astar_msgs_adapter.maps.grid_map import GridMap

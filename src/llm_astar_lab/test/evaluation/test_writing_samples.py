@@ -4,8 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from llm_astar_lab.bags.messages import BARRIER_MAP, GET_PLAN_EVENT, MAP
-from llm_astar_lab.bags.types import bag_types
+from llm_astar_lab.bags.types import BARRIER_MAP, GET_PLAN_EVENT, MAP, bag_types
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, parse_barrier_map
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.resources import find_file

@@ -9,15 +9,13 @@ import pytest
 import shapely
 from llm_astar_lab.instruct_bench.checks import (
     FORMS,
-    opened,
-    path_of,
     region_geometry,
     spans_in,
     without_ends,
 )
 from llm_astar_lab.instruct_bench.maps import Scene
 from llm_astar_lab.instruct_bench.suite import load_suite
-from llm_astar_planner.instructions.verification.geometry import first_from, total
+from llm_astar_planner.instructions.verification.geometry import EDGE, first_from, polyline, total
 from own_reading import MeasuredPath, extent, geometry_of
 
 SUITE = Path(__file__).resolve().parents[4] / 'maps/instructions/suite.json'
@@ -93,11 +91,11 @@ def test_paths_are_measured_as_the_tests_measure_them(scenes):
         free = np.argwhere(grid_map.cells < 65)
         between = free[rng.integers(len(free), size=rng.integers(6)), ::-1].tolist()
         points = grid_map.grid_to_world([instruction.start, *between, instruction.goal])
-        path, own = path_of(points), MeasuredPath(points)
+        path, own = polyline(points), MeasuredPath(points)
         assert path.length == pytest.approx(own.length)
         for value in itertools.islice(regions_of(entry), 3):
             region, _ = both(value, instruction)
-            for geometry in (region, opened(region)):
+            for geometry in (region, region.buffer(-EDGE, join_style='mitre')):
                 spans = spans_in(path, geometry)
                 assert total(spans) == pytest.approx(own.length_in(geometry), abs=1e-6)
                 after = rng.uniform(0.0, path.length)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from llm_astar_lab.play.maps import Maps, PlayError
 from llm_astar_lab.play.request import FIELDS, SOURCES, PlayRequest, read_request
 from llm_astar_planner.search.methods import SEARCH_METHODS
-from llm_astar_planner.waypoints.plugins import SOURCES as SOURCE_TABLE
+from llm_astar_planner.waypoints.source import SOURCES as SOURCE_TABLE
 
 MAPS = Maps()
 DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}

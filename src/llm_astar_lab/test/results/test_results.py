@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from benchmark_samples import rows_of, tasks_of, untimed
-from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.datasets.named import load_samples
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import open_folder

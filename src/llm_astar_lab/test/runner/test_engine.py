@@ -7,7 +7,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 import numpy as np
 import pytest
 from benchmark_samples import FakeSource, rows_of, tasks_of, untimed
-from llm_astar_lab.datasets.samples import BenchmarkSample, load_samples
+from llm_astar_lab.datasets.named import BenchmarkSample, load_samples
 from llm_astar_lab.results.row import Variant, parse_points
 from llm_astar_lab.runner.config import describe_unanswered
 from llm_astar_lab.runner.engine import (

@@ -5,7 +5,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from llm_astar_lab.datasets.families import generate_family
+from llm_astar_lab.datasets.generate import generate_family
 from llm_astar_lab.report.tables import map_cost_table
 from llm_astar_lab.results.row import Row
 from llm_astar_lab.results.stored_rows import StoredRows

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from benchmark_samples import HALL
 from llm_astar_lab.datasets.generate import generate
-from llm_astar_lab.datasets.samples import SelectionError, load_samples
+from llm_astar_lab.datasets.named import SelectionError, load_samples
 from llm_astar_lab.runner.sources import SourceSpec, groups_of, keep_recorded, ranges
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.problem_maps import save_maps

@@ -75,7 +75,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError(
             'one of --start and --from, and one of --goal and --to, or --interpret, are expected'
         )
-    flags.check_time_limit(arguments.time_limit)
     drawing = find_drawing('call') if arguments.png else None
     given = {name: getattr(arguments, name) for name in ('places_file', 'instruction')}
     given = {name: value for name, value in given.items() if value is not None}

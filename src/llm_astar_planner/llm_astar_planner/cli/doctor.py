@@ -195,7 +195,7 @@ def plugin_findings() -> Iterator[Finding]:
     """Load each waypoint source and search method that another package has installed."""
     try:
         from llm_astar_planner.search.methods import SEARCH_METHODS  # noqa: PLC0415
-        from llm_astar_planner.waypoints.plugins import SOURCES  # noqa: PLC0415
+        from llm_astar_planner.waypoints.source import SOURCES  # noqa: PLC0415
     except ImportError:
         return  # found missing above
     for plugins in (SOURCES, SEARCH_METHODS):

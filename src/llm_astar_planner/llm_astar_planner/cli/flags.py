@@ -9,7 +9,7 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -77,13 +77,23 @@ def add_graph_options(group: Any, *, client: bool = False) -> None:  # noqa: ANN
 def add_time_limit(group: Any, default: float) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the `--time-limit` of waits, in seconds."""
     text = 'longest wait for each answer (default: %(default)s)'
-    option(group, '--time-limit SECONDS', text, default=default)
+    option(group, '--time-limit SECONDS', text, default=default, type=at_least(0.001))
 
 
-def check_time_limit(seconds: float) -> None:
-    """Check the `--time-limit` of waits. Raises ParameterError."""
-    if not 0.0 < seconds < math.inf:
-        raise ParameterError(f'--time-limit: {seconds:g} is not a number of seconds above 0')
+def at_least(least: float, kind: type[float] = float) -> Callable[[str], float]:
+    """Return what parses a finite number of at least `least`, of the type float or int."""
+
+    def parse(text: str) -> float:
+        try:
+            number = kind(text)
+        except ValueError:
+            number = math.nan
+        if not least <= number < math.inf:
+            what = 'whole number' if kind is int else 'number'
+            raise argparse.ArgumentTypeError(f'{text!r} is not a {what} of at least {least:g}')
+        return number
+
+    return parse
 
 
 def add_picture_option(group: Any, text: str, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private

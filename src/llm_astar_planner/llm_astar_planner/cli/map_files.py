@@ -12,18 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.maps import places as place_files
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMapError, Point, find_barrier_map
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import FAR, GridMap
 from llm_astar_msgs_adapter.maps.movingai import load_map
-from llm_astar_msgs_adapter.maps.places import (
-    NO_PLACES,
-    Place,
-    Places,
-    load_places,
-    places_beside,
-    places_problems,
-)
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 
 from llm_astar_planner.cli.flags import option
@@ -149,24 +142,24 @@ def maps_of(path: Path) -> list[ProblemMap]:
         raise BarrierMapError(f'{error}{known}') from None
 
 
-def open_places(name: str, map_name: str | None) -> Places:
+def open_places(name: str, map_name: str | None) -> place_files.Places:
     """Return the places of a file, or of the one beside the map if `name` is empty.
 
     Raises PlacesError for a malformed file, FileNotFoundError for one that does not exist.
     """
     if name:
-        return load_places(find_file(name, 'maps'))
-    beside = places_beside(find_file(map_name, 'maps')) if map_name else None
-    return NO_PLACES if beside is None else load_places(beside)
+        return place_files.load_places(find_file(name, 'maps'))
+    beside = place_files.places_beside(find_file(map_name, 'maps')) if map_name else None
+    return place_files.NO_PLACES if beside is None else place_files.load_places(beside)
 
 
-def warn_of_places(places: Places, grid_map: GridMap) -> None:
+def warn_of_places(places: place_files.Places, grid_map: GridMap) -> None:
     """Print what is doubtful about places on a map, a line each."""
-    for problem in places_problems(places, grid_map):
+    for problem in place_files.places_problems(places, grid_map):
         sys.stderr.write(f'llm-astar: warning: places: {problem}\n')
 
 
-def place_to_json(place: Place) -> dict[str, Any]:
+def place_to_json(place: place_files.Place) -> dict[str, Any]:
     """Return a place for a listing; `area` is null for a point."""
     middle, area = place.geometry.representative_point(), place.geometry.area
     return {

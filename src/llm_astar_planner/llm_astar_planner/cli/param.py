@@ -22,7 +22,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.cli.flags import add_time_limit, check_time_limit, option
+from llm_astar_planner.cli.flags import add_time_limit, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -52,7 +52,6 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError(
             f'param {action} {usage} is expected, not {" ".join(words) or "none"}'
         )
-    check_time_limit(arguments.time_limit)
     from llm_astar_planner.nodes.tools.parameter_client import parameter_client  # noqa: PLC0415
 
     with parameter_client(arguments.namespace, words[:1], arguments.time_limit) as client:

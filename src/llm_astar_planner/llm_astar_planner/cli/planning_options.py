@@ -18,12 +18,9 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_planner.cli import flags, map_files
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions import interpretation as readings
 from llm_astar_planner.instructions.confirmations import Confirmations
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Interpreter,
-    RouteInstruction,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
 from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
@@ -35,7 +32,7 @@ from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file, state_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.prompts.map_description import parse_query
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
@@ -57,7 +54,7 @@ class PlanningOptions:
         barriers = problem if isinstance(problem, BarrierMap) else None
         return Planner(problem.to_grid(), parameters.costmap_config(self.values), barriers)
 
-    def make_interpreter(self) -> Interpreter:
+    def make_interpreter(self) -> readings.Interpreter:
         """Return who understands instructions. Raises ParameterError, TranscriptError."""
         # The grammar and the HTTP client take a fifth of a second to import.
         from llm_astar_planner.instructions.chain import make_interpreter  # noqa: PLC0415
@@ -69,7 +66,7 @@ def route_instruction(
     values: Mapping[str, Any],
     places: Places,
     limit: float,
-    make: Callable[[], Interpreter],
+    make: Callable[[], readings.Interpreter],
     settle: Callable[[Interpretation, Places], Interpretation] = lambda reading, _: reading,
 ) -> RouteInstruction | None:
     """Return what is understood of the instruction among parameters, None if there is none.

@@ -4,12 +4,11 @@
 """What an agent may ask about routes on one map: the tools of `llm-astar mcp`, without MCP.
 
 Points are [x, y] in metres of the map's frame. All input is checked; what cannot be used raises
-RouteToolError with a sentence that says what can.
+an error with a sentence that says what can.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,18 +16,15 @@ from typing import Any
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.grid_map import FAR
 from llm_astar_msgs_adapter.maps.places import Places, map_outline
 from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions, settled
+from llm_astar_planner.instructions import interpretation as readings
+from llm_astar_planner.instructions.fields import as_choice, as_numbers
 from llm_astar_planner.instructions.ground import goal_cell
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Interpreter,
-    RouteInstruction,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.instructions.text import POLICIES, clean_instruction
@@ -52,7 +48,7 @@ class RouteTools:
 
     planner: Planner
     places: Places
-    interpreter: Interpreter
+    interpreter: readings.Interpreter
     options: PlanningOptions
 
     def list_places(self) -> dict[str, Any]:
@@ -79,14 +75,12 @@ class RouteTools:
     ) -> dict[str, Any]:
         """Plan between two places or points, by an instruction; `confirm` answers its questions.
 
-        Returns the path and what became of each clause. Raises RouteToolError, PlaceGoalError,
+        Returns the path and what became of each clause. Raises SpecificationError, PlaceGoalError,
         InstructionError.
         """
-        policy = policy or str(self.options.values['instruction_policy'])
-        if policy not in POLICIES:
-            raise RouteToolError(f'policy: {policy!r} is not one of {", ".join(POLICIES)}')
+        policy = as_choice(policy or self.options.values['instruction_policy'], 'policy', POLICIES)
         interpretation = self.interpretation(instruction, is_meant=confirm)
-        asked = RouteInstruction(interpretation, self.places, policy)
+        asked = readings.RouteInstruction(interpretation, self.places, policy)
         request = PlanRequest(
             self.cell_of('start', start),
             self.cell_of('goal', goal),
@@ -114,7 +108,7 @@ class RouteTools:
     ) -> dict[str, Any]:
         """Say whether a path of straight segments can be driven and keeps to an instruction.
 
-        Raises RouteToolError, InstructionError.
+        Raises RouteToolError, SpecificationError, InstructionError.
         """
         path = self.checked_points(points)
         grid_map = self.planner.grid_map
@@ -151,29 +145,18 @@ class RouteTools:
         """Return the cell of a place or a point; `name` is the argument's."""
         if isinstance(end, str):
             return goal_cell(find_place(end, self.places), self.planner.costmap)
-        x, y = point_of(name, end)
+        x, y = as_numbers(end, name, 2)
         return self.planner.grid_map.world_to_cell(x, y)
 
     def checked_points(self, points: Sequence[Sequence[float]]) -> NDArray[np.float64]:
-        """Return points of the map as an array [n, 2], n > 0. Raises RouteToolError."""
+        """Return points of the map as an array [n, 2], n > 0. Raises as `plan_route`."""
         if not 1 <= len(points) <= MAX_POINTS:
             raise RouteToolError(f'points: {len(points)} are not 1 to {MAX_POINTS}')
-        found = [point_of(f'points[{index}]', point) for index, point in enumerate(points)]
+        found = [as_numbers(point, f'points[{i}]', 2) for i, point in enumerate(points)]
         for index, (x, y) in enumerate(found):
             if not self.planner.grid_map.contains(self.planner.grid_map.world_to_cell(x, y)):
                 raise RouteToolError(f'points[{index}]: {x:g}, {y:g} lies off the map')
         return np.array(found, dtype=np.float64)
-
-
-def point_of(name: str, point: Sequence[float]) -> tuple[float, float]:
-    """Return a point of two finite numbers. Raises RouteToolError, which begins with `name`."""
-    try:
-        x, y = (float(value) for value in point)
-    except (TypeError, ValueError):
-        raise RouteToolError(f'{name}: [x, y] in metres is expected') from None
-    if not (math.isfinite(x) and math.isfinite(y)) or max(abs(x), abs(y)) > FAR:
-        raise RouteToolError(f'{name}: finite metres are expected')
-    return x, y
 
 
 def rounded(points: NDArray[np.float64]) -> list[list[float]]:

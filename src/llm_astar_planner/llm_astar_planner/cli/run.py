@@ -32,7 +32,7 @@ from llm_astar_msgs_adapter.maps.places import places_beside
 
 from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import PLACES_FILE, add_places_option
-from llm_astar_planner.nodes.common.process import PARENT_VARIABLE
+from llm_astar_planner.nodes.common.process import PARENT_VARIABLE, handling
 from llm_astar_planner.parameter import ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES, check_names
@@ -183,13 +183,6 @@ def ended_by_signals() -> Iterator[None]:
         signal.signal(number, signal.SIG_DFL)
         raise SystemExit(128 + number)
 
-    before = [
-        (number, signal.signal(number, end))
-        for number in ENDING
-        if signal.getsignal(number) is not signal.SIG_IGN
-    ]
-    try:
+    heeded = [number for number in ENDING if signal.getsignal(number) is not signal.SIG_IGN]
+    with handling(heeded, end):
         yield
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)

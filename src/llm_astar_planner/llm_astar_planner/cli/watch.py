@@ -31,8 +31,8 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
-from llm_astar_planner.cli.flags import add_graph_options, option
-from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.cli.flags import add_graph_options, at_least, option
+from llm_astar_planner.nodes.common.process import handling
 
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.monitor import Monitor, MonitorEvent
@@ -51,25 +51,22 @@ CLAUSE_INDENT = ' ' * 10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_graph_options(parser, client=True)
-    option(parser, '--count N', 'end after N plans')
+    option(parser, '--count N', 'end after N plans', type=at_least(1, int))
     option(parser, '--json', 'print one JSON object per line')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Watch until Ctrl-C or `--count` plans; return 0. Raises ParameterError on bad input."""
-    if arguments.count is not None and arguments.count < 1:
-        raise ParameterError(f'--count: {arguments.count} is not 1 or more')
+    """Watch until Ctrl-C or `--count` plans; return 0. Raises NodeNameError."""
     from llm_astar_planner.nodes.tools.monitor import monitoring  # noqa: PLC0415
 
     stopped = threading.Event()
     # Not an exception: raised while the node is made, it would leave half a node, which aborts
     # the process at exit.
-    before = signal.signal(signal.SIGINT, lambda *_: stopped.set())
-    try:
-        with monitoring(arguments.namespace, arguments.node, arguments.client) as monitor:
-            print_events(monitor, arguments, stopped)
-    finally:
-        signal.signal(signal.SIGINT, before)
+    with (
+        handling([signal.SIGINT], lambda *_: stopped.set()),
+        monitoring(arguments.namespace, arguments.node, arguments.client) as monitor,
+    ):
+        print_events(monitor, arguments, stopped)
     return 0
 
 

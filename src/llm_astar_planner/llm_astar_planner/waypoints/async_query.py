@@ -20,11 +20,11 @@ import numpy as np
 
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints.source import (
-    MAX_WAYPOINTS,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    limit_waypoints,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -234,13 +234,3 @@ def start_query(
         return source.waypoints(replace(query, stop=stop))
 
     return QueryTask(source.name, ask, query.time_limit, on_reply, queue)
-
-
-def limit_waypoints(reply: WaypointReply) -> WaypointReply:
-    """Return the reply with at most MAX_WAYPOINTS waypoints; the detail says if some were cut."""
-    count = len(reply.waypoints)
-    if count <= MAX_WAYPOINTS:
-        return reply
-    cut = f'only the first {MAX_WAYPOINTS} of {count} waypoints are taken'
-    detail = f'{reply.detail}; {cut}' if reply.detail else cut
-    return replace(reply, waypoints=reply.waypoints[:MAX_WAYPOINTS], detail=detail)

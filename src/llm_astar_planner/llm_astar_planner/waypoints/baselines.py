@@ -27,8 +27,8 @@ from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.config import SourceContext, SourceSettings, make_source
-from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 from llm_astar_planner.waypoints.source import (
+    BASELINE_NAMES,
     SourceStatus,
     Waypoint,
     WaypointQuery,

@@ -10,15 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
-from llm_astar_planner.waypoints.plugins import SOURCES
-from llm_astar_planner.waypoints.source import (
-    FORMS,
-    KEY_NAMES,
-    MESSAGE,
-    RESPONSE_FORMATS,
-    WaypointSource,
-    name_problem,
-)
+from llm_astar_planner.waypoints import source as sources
+from llm_astar_planner.waypoints.source import SOURCES, WaypointSource
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -56,7 +49,7 @@ class SourceSettings:
         '', "NAME of the environment variable that holds the endpoint's key; empty: no key"
     )
     api_key_names: str = parameter(
-        KEY_NAMES,
+        sources.KEY_NAMES,
         'Names that `api_key_env` may have, with `*` for any part, separated by commas, so that '
         'no other variable of the environment is ever sent',
         read_only=True,
@@ -64,7 +57,9 @@ class SourceSettings:
     model: str = parameter(
         '',
         'Model to ask; for `replay`, the model whose exchanges are replayed, empty for any',
-        check=lambda name: f'model: {problem}' if (problem := name_problem(name)) else None,
+        check=lambda name: (
+            f'model: {problem}' if (problem := sources.name_problem(name)) else None
+        ),
     )
     prompt: str = parameter(
         '',
@@ -72,11 +67,11 @@ class SourceSettings:
         '`few_shot` for `endpoint`, any for `replay`',
     )
     prompt_form: str = parameter(
-        MESSAGE,
+        sources.MESSAGE,
         'How `endpoint` is asked: `message`, the whole prompt in one message; `turns`, the '
         'examples as turns of user and assistant; `completion`, one text for a model without '
         'chat, by `/completions`',
-        choices=FORMS,
+        choices=sources.FORMS,
     )
     retrieved_examples: int = parameter(
         0,
@@ -95,7 +90,7 @@ class SourceSettings:
         'shipped ones (`instructions/model/examples.json`)',
     )
     response_format: str = parameter(
-        'text', 'Response format to ask the endpoint for', choices=RESPONSE_FORMATS
+        'text', 'Response format to ask the endpoint for', choices=sources.RESPONSE_FORMATS
     )
     candidates: int = parameter(
         8,

@@ -41,20 +41,16 @@ SHARED = ('model', 'prompt', 'messages', 'prompt_tokens', 'completion_tokens', '
 _NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
 
 
+@dataclass(frozen=True)
 class NoSource:
-    """Returns no waypoints."""
+    """Returns no waypoints, whatever it is made from."""
 
-    name = 'none'
+    context: SourceContext | None = None
+    name: str = 'none'
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:  # noqa: ARG002 - the protocol
         """Return no waypoints."""
         return WaypointReply(label='none', status=SourceStatus.NONE)
-
-
-def make_none(context: SourceContext) -> NoSource:
-    """Make the source that returns no waypoints."""
-    del context
-    return NoSource()
 
 
 @dataclass(frozen=True)
@@ -154,9 +150,7 @@ class ReplaySource:
             answer = replace(answer, status=status, detail=detail)
         return replace(
             answer,
-            waypoints=lattice.coarsened(exchange.unit).to_cells(
-                answer.waypoints, query.costmap, (query.start, query.goal)
-            ),
+            waypoints=lattice.coarsened(exchange.unit).to_cells(answer.waypoints, query),
             label=f'replay:{self.model}',
             provenance=exchange.provenance,
             **{name: getattr(exchange, name) for name in SHARED},

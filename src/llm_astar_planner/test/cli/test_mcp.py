@@ -207,7 +207,7 @@ def test_a_path_is_checked_without_planning(answers):
         ('policy', "policy: 'perhaps' is not one of prefer, require"),
         ('unknown place', 'did you mean west room?'),
         ('three numbers', 'at most 2 items'),
-        ('huge', 'start: finite metres'),
+        ('huge', 'start: 1e+300 is not a number'),
         ('path off the map', 'points[1]: 90, 1 lies off the map'),
         ('no path', 'at least 1 item'),
     ],

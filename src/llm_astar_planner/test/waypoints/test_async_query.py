@@ -111,4 +111,4 @@ def test_only_the_first_thousand_waypoints_are_taken():
     query = WaypointQuery(Costmap(GridMap(CELLS)), (2, 2), (55, 3), LONG)
     reply, _ = query_source(Source(babble), query)
     assert reply.waypoints == babble(None, query).waypoints[:1000]
-    assert reply.detail == 'chatty; only the first 1000 of 100000 waypoints are taken'
+    assert reply.detail == 'chatty; only its first 1000 waypoints'

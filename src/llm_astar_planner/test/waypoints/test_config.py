@@ -52,7 +52,7 @@ def test_settings_are_checked_by_name():
     for change, words in (
         (
             {'source': 'magic'},
-            "source: 'magic' is not one of none, embedded, replay",
+            "source: 'magic' is not one of auto, none, embedded",
         ),
         ({'temperature': 3.0}, 'temperature: 3.0 is not in 0 to 2'),
         ({'timeout_s': math.nan}, 'timeout_s: nan is not'),

@@ -13,7 +13,7 @@ from llm_astar_planner.waypoints.baselines import (
 )
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
-from llm_astar_planner.waypoints.llm.route_feedback import find_faults
+from llm_astar_planner.waypoints.prompts.examples import find_faults
 from llm_astar_planner.waypoints.prompts.map_description import Lattice, describe
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
@@ -90,7 +90,7 @@ def test_the_embedded_model_goes_through_the_gap_where_the_search_may(
 
 @CASES
 def test_a_prompt_shows_the_gap_where_the_search_may_pass_it(grid_map, config, is_open):
-    description = describe(Costmap(grid_map, config), START, GOAL)
+    description = describe(WaypointQuery(Costmap(grid_map, config), START, GOAL))
     through = [
         barrier
         for barrier in description.vertical_barriers
@@ -101,7 +101,7 @@ def test_a_prompt_shows_the_gap_where_the_search_may_pass_it(grid_map, config, i
 
 @CASES
 def test_feedback_on_a_route_knows_the_gap(grid_map, config, is_open):
-    faults = find_faults(Costmap(grid_map, config), START, GOAL, [GAP], Lattice())
+    faults = find_faults(WaypointQuery(Costmap(grid_map, config), START, GOAL), [GAP], Lattice())
     words = [] if is_open else ['lies on a barrier', 'meets a barrier']
     assert len(faults) == len(words)
     assert all(word in fault for word, fault in zip(words, faults))
@@ -112,7 +112,9 @@ def test_a_point_of_a_coarse_lattice_becomes_a_cell_that_the_search_may_use(
     grid_map, config, is_open
 ):
     costmap = Costmap(grid_map, config)
-    ((x, y),) = Lattice(unit=2).to_cells([(GAP[0] // 2, GAP[1] // 2)], costmap)
+    ((x, y),) = Lattice(unit=2).to_cells(
+        [(GAP[0] // 2, GAP[1] // 2)], WaypointQuery(costmap, START, GOAL)
+    )
     block_is_free = not costmap.blocked[GAP[1] : GAP[1] + 2, GAP[0] : GAP[0] + 2].all()
     assert costmap.blocked[int(y), int(x)] != block_is_free
     assert not is_open or (x, y) == GAP

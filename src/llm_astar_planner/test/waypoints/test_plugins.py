@@ -20,8 +20,14 @@ from llm_astar_planner.waypoints.config import (
     SourceSettings,
     make_source,
 )
-from llm_astar_planner.waypoints.plugins import SOURCES, PluginFactory, PluginSource
-from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.source import (
+    SOURCES,
+    PluginFactory,
+    PluginSource,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+)
 
 QUERY = WaypointQuery(Costmap(GridMap(np.zeros((9, 9), np.int8))), (1, 1), (7, 7), 5.0)
 MODULE = """

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a node asks of the kernel and of the C library: to end with its parent, to keep little.
+"""What a process asks of the kernel and of the C library: to end with its parent, to keep little.
 
 glibc has up to eight heaps a core, one for each thread, and keeps in them what was freed. Arrays
 of another size than those before do not fit into the gaps, so all heaps grow with every map of
@@ -15,6 +15,8 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 
 # Process id of the parent to end with; `llm-astar demo` and `llm-astar run` set it.
 PARENT_VARIABLE = 'LLM_ASTAR_PARENT_PID'
@@ -24,6 +26,17 @@ PR_SET_PDEATHSIG = 1
 M_ARENA_MAX = -8  # of malloc.h
 # One for Python's threads, which share a lock anyway, and one more.
 MOST_HEAPS = 2
+
+
+@contextmanager
+def handling(numbers: Iterable[int], handler: Callable[[int, object], object]) -> Iterator[None]:
+    """Handle signals of these numbers in the block, and as before it afterwards."""
+    before = [(number, signal.signal(number, handler)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, own in before:
+            signal.signal(number, own)
 
 
 def follow_parent() -> None:

@@ -35,7 +35,7 @@ from rclpy.utilities import remove_ros_args
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
 
-from llm_astar_planner.nodes.common.process import limit_heaps
+from llm_astar_planner.nodes.common.process import handling, limit_heaps
 
 RCLError = rclpy_implementation.RCLError
 UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
@@ -166,15 +166,8 @@ def deferred_signals() -> Iterator[None]:
         yield
         return
     arrived: list[int] = []
-    before = [
-        (number, signal.signal(number, lambda number, _: arrived.append(number)))
-        for number in ENDING
-    ]
-    try:
+    with handling(ENDING, lambda number, _: arrived.append(number)):
         yield
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)
     for first in arrived[:1]:
         signal.raise_signal(first)
 

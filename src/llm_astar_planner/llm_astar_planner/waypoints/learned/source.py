@@ -20,14 +20,8 @@ from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.config import SourceContext
-from llm_astar_planner.waypoints.learned.features import (
-    GOAL,
-    START,
-    Floats,
-    featurise,
-    place_nodes,
-)
-from llm_astar_planner.waypoints.learned.network import hop_logits, packaged_weights
+from llm_astar_planner.waypoints.learned import network
+from llm_astar_planner.waypoints.learned.network import GOAL, START, Floats
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 # A route is a list of node numbers, START first and GOAL last.
@@ -46,7 +40,7 @@ def make_embedded(context: SourceContext) -> EmbeddedSource:
 
     Reads the weights, so that a broken file is reported now and not at the first query.
     """
-    packaged_weights()
+    network.packaged_weights()
     return EmbeddedSource(context.settings.candidates)
 
 
@@ -66,7 +60,7 @@ class EmbeddedSource:
     @property
     def label(self) -> str:
         """Name of the model for reports, with the digest of its weights."""
-        return f'embedded:learned waypoint model {packaged_weights().digest}, not an LLM'
+        return f'embedded:learned waypoint model {network.packaged_weights().digest}, not an LLM'
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return free cells to turn at; none where the path is straight or no route is found."""
@@ -81,7 +75,7 @@ class EmbeddedSource:
             label=self.label,
             status=SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS,
             detail='' if route else f'none of {len(routes)} routes drawn is in sight',
-            model=packaged_weights().digest,
+            model=network.packaged_weights().digest,
         )
 
     def _routes(self, query: WaypointQuery) -> tuple[NDArray[np.int32], list[Route]]:
@@ -90,8 +84,9 @@ class EmbeddedSource:
         barriers = barriers_of(query.costmap)[None]
         size = np.array([[width, height]], np.int32)
         endpoints = np.array([[query.start, query.goal]], np.int32)
-        cells = place_nodes(barriers, endpoints)[0]
-        logits = hop_logits(packaged_weights(), featurise(barriers, size, endpoints))[0]
+        cells = network.place_nodes(barriers, endpoints)[0]
+        features = network.featurise(barriers, size, endpoints)
+        logits = network.hop_logits(network.packaged_weights(), features)[0]
         usable = usable_nodes(cells, query.costmap.blocked)
         return cells, draw_routes(logits, usable, self.candidates, query.random_generator())
 

@@ -24,19 +24,10 @@ from typing import Any
 import httpx
 
 from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.llm import protocol, resilience
 from llm_astar_planner.waypoints.llm.credentials import Endpoint, redact
-from llm_astar_planner.waypoints.llm.protocol import (
-    Completion,
-    Dialect,
-    HttpReply,
-    read_completion,
-)
-from llm_astar_planner.waypoints.llm.resilience import (
-    CallBudget,
-    CircuitBreaker,
-    EndpointFailure,
-    retry_delay,
-)
+from llm_astar_planner.waypoints.llm.protocol import Completion, HttpReply
+from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.source import COMPLETION, Message, SourceStatus
 
 # Average characters of a token, for servers that do not count them.
@@ -76,10 +67,10 @@ class ChatClient:
 
     endpoint: Endpoint
     model: str = ''
-    dialect: Dialect = field(default_factory=Dialect)
+    dialect: protocol.Dialect = field(default_factory=protocol.Dialect)
     max_retries: int = 2
-    budget: CallBudget = field(default_factory=CallBudget)
-    breaker: CircuitBreaker = field(default_factory=CircuitBreaker)
+    budget: resilience.CallBudget = field(default_factory=resilience.CallBudget)
+    breaker: resilience.CircuitBreaker = field(default_factory=resilience.CircuitBreaker)
     max_concurrent: int = 2
 
     def __post_init__(self) -> None:
@@ -100,7 +91,7 @@ class ChatClient:
         Raises EndpointFailure; its text holds no key.
         """
 
-        def ask(dialect: Dialect) -> Completion:
+        def ask(dialect: protocol.Dialect) -> Completion:
             return self._request(dialect.body(self.model, messages, schema), deadline + late_s)
 
         with self.breaker.watched():
@@ -109,7 +100,9 @@ class ChatClient:
             completion = self._ask_again(ask, deadline)
         return self.dialect.ended(completion)
 
-    def _ask_again(self, ask: Callable[[Dialect], Completion], deadline: float) -> Completion:
+    def _ask_again(
+        self, ask: Callable[[protocol.Dialect], Completion], deadline: float
+    ) -> Completion:
         """Ask, and again in another dialect or after a pause where that may help."""
         dialect, attempt = self.dialect, 0
         while True:
@@ -121,7 +114,7 @@ class ChatClient:
                     dialect = adapted
                     continue
                 attempt += 1
-                delay = retry_delay(failure, attempt, self.max_retries)
+                delay = resilience.retry_delay(failure, attempt, self.max_retries)
                 if delay is None or time.monotonic() + delay >= deadline:
                     raise
             else:
@@ -153,7 +146,7 @@ class ChatClient:
                 use_proxies=not self.endpoint.is_loopback,
             )
             # A server may echo the request: remove the key before anything else sees the reply.
-            completion = read_completion(reply, functools.partial(redact, secret=key))
+            completion = protocol.read_completion(reply, functools.partial(redact, secret=key))
         except EndpointFailure as failure:
             raise replace(failure, detail=redact(failure.detail, key)) from None
         finally:
@@ -178,7 +171,7 @@ def make_client(settings: SourceSettings, stop: str = '') -> ChatClient:
     return ChatClient(
         Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names),
         settings.model,
-        Dialect(
+        protocol.Dialect(
             settings.max_output_tokens,
             settings.temperature,
             settings.response_format,
@@ -186,7 +179,7 @@ def make_client(settings: SourceSettings, stop: str = '') -> ChatClient:
             stop=stop,
         ),
         settings.max_retries,
-        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
+        resilience.CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
         max_concurrent=settings.max_concurrent,
     )
 

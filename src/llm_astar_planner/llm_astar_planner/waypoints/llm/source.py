@@ -9,9 +9,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Hashable, Sequence
-from dataclasses import KW_ONLY, InitVar, dataclass, field, replace
-
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
@@ -19,21 +17,10 @@ from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, So
 from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
-from llm_astar_planner.waypoints.llm.route_feedback import ASK_FOR_A_LIST, find_faults, follow_up
-from llm_astar_planner.waypoints.prompts.examples import Prompt, load_example_library
-from llm_astar_planner.waypoints.prompts.map_description import (
-    Description,
-    Lattice,
-    describe,
-    describe_coarser,
-)
+from llm_astar_planner.waypoints.prompts import examples as prompts
+from llm_astar_planner.waypoints.prompts import map_description as maps
+from llm_astar_planner.waypoints.prompts import template as templates
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
-from llm_astar_planner.waypoints.prompts.template import (
-    Example,
-    ask_for_json,
-    load_template,
-    path_schema,
-)
 from llm_astar_planner.waypoints.replay import RecordingSource, SampleResolver
 from llm_astar_planner.waypoints.source import (
     MAX_NAME,
@@ -74,20 +61,16 @@ class EndpointSource:
     A reply without a list of points is asked for once more. With `repair_rounds` in the
     `settings`, the model is asked to correct a route that collides. A request that is running
     when the time is up goes on for `late_s` seconds, for callers that keep a late answer.
-    `dataset` makes prompts use the coordinates of its maps.
+    `resolver` makes prompts use the coordinates of the maps of a dataset.
     """
 
     client: ChatClient
-    prompt: Prompt
+    prompt: prompts.Prompt
     settings: SourceSettings = field(default_factory=SourceSettings)
     late_s: float = 0.0
-    dataset: InitVar[Sequence[BarrierMap] | None] = None
+    resolver: SampleResolver = field(default_factory=SampleResolver)
 
     name = 'endpoint'
-
-    def __post_init__(self, dataset: Sequence[BarrierMap] | None) -> None:
-        """Make what finds a query in the dataset."""
-        self._resolver = SampleResolver(dataset)
 
     @property
     def label(self) -> str:
@@ -108,18 +91,16 @@ class EndpointSource:
 
     def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
         """Ask; if that is too long, once more with a coarser map and half of the examples."""
-        _, lattice = self._resolver.resolve(query)
+        _, lattice = self.resolver.resolve(query)
         most = self.settings.max_prompt_tokens
-        description = describe(
-            query.costmap, query.start, query.goal, lattice=lattice, max_tokens=most
-        )
+        description = maps.describe(query, lattice=lattice, max_tokens=most)
         examples = self.prompt.examples(query, description, most)
         try:
             conversation.ask(description, examples)
         except EndpointFailure as failure:
             if not (failure.http == 413 or is_context_too_long(failure.body)):
                 raise
-            coarser = describe_coarser(description, query.costmap, query.start, query.goal)
+            coarser = maps.describe_coarser(description, query)
             # The most similar examples come last.
             conversation.ask(coarser, examples and examples[(len(examples) + 1) // 2 :])
 
@@ -136,13 +117,15 @@ class Conversation:
     query: WaypointQuery
     deadline: float
     turn: WaypointReply = field(default_factory=WaypointReply)
-    lattice: Lattice = field(default_factory=Lattice)
+    lattice: maps.Lattice = field(default_factory=maps.Lattice)
     prompt_tokens: int = 0
     completion_tokens: int = 0
     last_seconds: float = 0.0
     started: float = field(default_factory=time.monotonic)
 
-    def ask(self, description: Description, examples: Sequence[Example] | None) -> None:
+    def ask(
+        self, description: maps.Description, examples: Sequence[templates.Example] | None
+    ) -> None:
         """Ask for a path on the described map; `examples` replace the template's own.
 
         Raises EndpointFailure.
@@ -151,7 +134,7 @@ class Conversation:
         self.lattice = description.lattice
         messages = prompt.template.render(description, prompt.form, examples)
         if self.source.client.dialect.response_format != 'text':
-            messages = ask_for_json(messages, thinks=prompt.template.thinks)
+            messages = templates.ask_for_json(messages, thinks=prompt.template.thinks)
         self.turn = WaypointReply(messages=messages)
         self._send(messages)
 
@@ -159,7 +142,7 @@ class Conversation:
         """Ask once more where the reply held no list; a failure of that changes nothing."""
         if self.turn.status is SourceStatus.MALFORMED and self._has_time():
             with contextlib.suppress(EndpointFailure):
-                self._follow_up(ASK_FOR_A_LIST)
+                self._follow_up(prompts.ASK_FOR_A_LIST)
 
     def repair(self, rounds: int) -> None:
         """Tell the model what collides, up to `rounds` times; keep the route with least faults."""
@@ -169,7 +152,7 @@ class Conversation:
             if not faults or before.status is not SourceStatus.OK or not self._has_time():
                 return
             try:
-                self._follow_up(follow_up(faults))
+                self._follow_up(prompts.follow_up(faults))
             except EndpointFailure:
                 return
             new_faults = self._faults()
@@ -196,8 +179,7 @@ class Conversation:
         return time.monotonic() + self.last_seconds < self.deadline
 
     def _faults(self) -> list[str]:
-        query, points = self.query, self.turn.waypoints
-        return find_faults(query.costmap, query.start, query.goal, points, self.lattice)
+        return prompts.find_faults(self.query, self.turn.waypoints, self.lattice)
 
     def _follow_up(self, question: str) -> None:
         """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
@@ -208,7 +190,7 @@ class Conversation:
     def _send(self, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer. Raises EndpointFailure."""
         asked = time.monotonic()
-        schema = path_schema(thinks=self.source.prompt.template.thinks)
+        schema = templates.path_schema(thinks=self.source.prompt.template.thinks)
         completion = self.source.client.complete(
             messages, self.deadline, schema, self.source.late_s
         )
@@ -216,8 +198,7 @@ class Conversation:
         self.prompt_tokens += completion.prompt_tokens
         self.completion_tokens += completion.completion_tokens
         answer = answer_of(completion)
-        endpoints = self.query.start, self.query.goal
-        waypoints = self.lattice.to_cells(answer.waypoints, self.query.costmap, endpoints)
+        waypoints = self.lattice.to_cells(answer.waypoints, self.query)
         provenance = Provenance(
             finish_reason=completion.finish_reason[:MAX_NAME],
             model_digest=completion.fingerprint,
@@ -310,12 +291,14 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
     Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
     """
     settings = context.settings
-    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    template = templates.load_template(settings.prompt or DEFAULT_PROMPT)
     count = settings.retrieved_examples
-    library = load_example_library(settings.examples_file, count) if count else None
-    prompt = Prompt(template, settings.prompt_form, library, count)
+    library = prompts.load_example_library(settings.examples_file, count) if count else None
+    prompt = prompts.Prompt(template, settings.prompt_form, library, count)
     client = make_client(settings, template.stop)
-    source: WaypointSource = EndpointSource(client, prompt, settings, LATE_S, context.dataset)
+    source: WaypointSource = EndpointSource(
+        client, prompt, settings, LATE_S, SampleResolver(context.dataset)
+    )
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(

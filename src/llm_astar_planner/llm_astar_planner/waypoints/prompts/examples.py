@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prompts as they are sent, with solved samples of a dataset that are most similar to a query."""
+"""Prompts as they are sent: with the most similar solved samples, and about a faulty route."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,15 +21,9 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
-from llm_astar_planner.waypoints.prompts.map_description import (
-    CHARS_PER_TOKEN,
-    MAX_BARRIERS,
-    Description,
-    Lattice,
-    describe,
-)
+from llm_astar_planner.waypoints.prompts import map_description as descriptions
 from llm_astar_planner.waypoints.prompts.template import Example, Template, prompt_name
-from llm_astar_planner.waypoints.source import MESSAGE, WaypointQuery
+from llm_astar_planner.waypoints.source import MESSAGE, Waypoint, WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.
@@ -47,7 +41,7 @@ class ExamplesError(LlmAstarError, ValueError):
 class SolvedSample(NamedTuple):
     """A sample's description, and its shortest path: start, corners and goal, lattice points."""
 
-    description: Description
+    description: descriptions.Description
     path: tuple[Cell, ...]
 
 
@@ -136,8 +130,8 @@ def problem_of_maps(maps: Sequence[BarrierMap], at_least: int) -> str | None:
         barriers = len(item.horizontal_barriers) + len(item.vertical_barriers)
         if size > MAX_CELLS:
             return f'map {item.id}: {size} cells are more than {MAX_CELLS}; choose smaller maps'
-        if barriers > MAX_BARRIERS:
-            return f'map {item.id}: {barriers} barriers are more than {MAX_BARRIERS}'
+        if barriers > descriptions.MAX_BARRIERS:
+            return f'map {item.id}: {barriers} barriers are more than {descriptions.MAX_BARRIERS}'
     return None
 
 
@@ -152,8 +146,8 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     corners, length = shortest_route(costmap, start, goal)
     if not np.isfinite(length):
         return None
-    lattice = Lattice(*barrier_map.offset)
-    description = describe(costmap, start, goal, lattice=lattice)
+    lattice = descriptions.Lattice(*barrier_map.offset)
+    description = descriptions.describe(WaypointQuery(costmap, start, goal), lattice=lattice)
     cells = (start, *((round(x), round(y)) for x, y in corners), goal)
     path = tuple(description.lattice.to_lattice(cell) for cell in cells)
     (x_min, x_max), (y_min, y_max) = description.x_bounds, description.y_bounds
@@ -227,7 +221,7 @@ class Prompt:
         return hashlib.sha256(self.template.text.encode()).hexdigest()
 
     def examples(
-        self, query: WaypointQuery, description: Description, max_tokens: int
+        self, query: WaypointQuery, description: descriptions.Description, max_tokens: int
     ) -> tuple[Example, ...] | None:
         """Return the retrieved examples, the most similar last; None for the template's own.
 
@@ -236,7 +230,8 @@ class Prompt:
         """
         if self.library is None:
             return None
-        left = int(max_tokens * CHARS_PER_TOKEN) - sum(map(len, description.values().values()))
+        left = int(max_tokens * descriptions.CHARS_PER_TOKEN)
+        left -= sum(map(len, description.values().values()))
         found: list[Example] = []
         for solved in islice(self.library.nearest(query), self.retrieved):
             example = self.template.example(*solved)
@@ -245,3 +240,73 @@ class Prompt:
                 break
             found.append(example)
         return tuple(reversed(found))
+
+
+MAX_FAULTS_NAMED = 8
+ASK_FOR_A_LIST = (
+    'That holds no list of points. Reply with the route alone, in the form '
+    '"Generated Path: [[x1, y1], [x2, y2], ...]".'
+)
+
+_DOES_NOT_WORK = 'This route does not work:'
+
+
+def find_faults(
+    query: WaypointQuery, waypoints: Sequence[Waypoint], lattice: descriptions.Lattice
+) -> list[str]:
+    """Return a sentence for each fault of a route from start to goal, given in grid coordinates.
+
+    These are points off the map or on a blocked cell, and straight segments between the others
+    that meet one. The sentences are in the coordinates of `lattice`.
+    """
+    blocked, goal = query.costmap.blocked, query.goal
+    faults: list[str] = []
+    good: list[Waypoint] = [(float(query.start[0]), float(query.start[1]))]
+    for point in waypoints:
+        cell = round(point[0]), round(point[1])
+        if not query.grid_map.contains(cell):
+            faults.append(f'- The point {point_name(point, lattice)} lies off the map.')
+        elif blocked[cell[1], cell[0]]:
+            faults.append(f'- The point {point_name(point, lattice)} lies on a barrier.')
+        elif point != good[-1]:
+            good.append(point)
+    if good[-1] != goal:
+        good.append((float(goal[0]), float(goal[1])))
+    for ends in pairwise(good):
+        at = first_blocked_cell(blocked, *ends)
+        if at is not None:
+            names = [point_name(point, lattice) for point in (*ends, at)]
+            way = '- The straight way from {} to {} meets a barrier at {}.'
+            faults.append(way.format(*names))
+    return faults
+
+
+def follow_up(faults: Sequence[str]) -> str:
+    """Return the message that names the faults and asks again."""
+    lines = [_DOES_NOT_WORK, *faults[:MAX_FAULTS_NAMED]]
+    if len(faults) > MAX_FAULTS_NAMED:
+        lines.append(f'- and {len(faults) - MAX_FAULTS_NAMED} more like these.')
+    lines.append(
+        'Correct it. End the reply with the whole new route in the form '
+        '"Generated Path: [[x1, y1], [x2, y2], ...]".'
+    )
+    return '\n'.join(lines)
+
+
+def is_follow_up(text: str) -> bool:
+    """Tell whether a message asks about an answer of the model, which stands before it."""
+    return text == ASK_FOR_A_LIST or text.startswith(_DOES_NOT_WORK)
+
+
+def point_name(point: Waypoint, lattice: descriptions.Lattice) -> str:
+    """Return a point of the grid as a prompt writes it."""
+    return str(list(lattice.to_lattice((round(point[0]), round(point[1])))))
+
+
+def first_blocked_cell(blocked: NDArray[np.bool_], a: Waypoint, b: Waypoint) -> Cell | None:
+    """Return the first blocked cell (x, y) on the straight segment from a to b, None if free."""
+    steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1]))) + 1
+    x = np.rint(np.linspace(a[0], b[0], steps + 1)).astype(int)
+    y = np.rint(np.linspace(a[1], b[1], steps + 1)).astype(int)
+    hits = np.flatnonzero(blocked[y, x])
+    return (int(x[hits[0]]), int(y[hits[0]])) if hits.size else None

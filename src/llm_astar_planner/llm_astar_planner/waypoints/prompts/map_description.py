@@ -1,25 +1,30 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers."""
+"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers.
+
+Also reads the sentence of the dataset that asks for a path, the paper's parse step.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, coarsen, decompose_barriers
-from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
+from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, parse_barrier_map
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.source import Waypoint
+from llm_astar_planner.waypoints.source import Waypoint, WaypointQuery
 
 if TYPE_CHECKING:
-    from llm_astar_planner.costmap.costmap import Costmap
+    pass
 
 # A longer side is described on a coarser lattice; the demonstrations are 51 x 31.
 MAX_LATTICE_SIDE = 100
@@ -46,30 +51,27 @@ class Lattice(NamedTuple):
         """Return the lattice point whose block of cells holds `cell`."""
         return cell[0] // self.unit + self.x, cell[1] // self.unit + self.y
 
-    def to_cells(
-        self, points: Sequence[Waypoint], costmap: Costmap, endpoints: Sequence[Cell] = ()
-    ) -> tuple[Waypoint, ...]:
+    def to_cells(self, points: Sequence[Waypoint], query: WaypointQuery) -> tuple[Waypoint, ...]:
         """Convert a model's points to grid coordinates.
 
         With a unit of one cell this is a shift. A point of a coarser lattice means a block of
-        cells: it becomes the one of `endpoints` (start and goal) that lies in the block, else the
+        cells: it becomes the start or the goal of the query if that lies in the block, else the
         block's free cell nearest to its centre.
         """
         if self.unit == 1:
             return tuple((px - self.x, py - self.y) for px, py in points)
-        return tuple(self._cell_of_block(point, costmap, endpoints) for point in points)
+        return tuple(self._cell_of_block(point, query) for point in points)
 
-    def _cell_of_block(
-        self, point: Waypoint, costmap: Costmap, endpoints: Sequence[Cell]
-    ) -> Waypoint:
+    def _cell_of_block(self, point: Waypoint, query: WaypointQuery) -> Waypoint:
         block = math.floor(point[0] + 0.5), math.floor(point[1] + 0.5)
-        for endpoint in endpoints:
+        for endpoint in (query.start, query.goal):
             if self.to_lattice(endpoint) == block:
                 return float(endpoint[0]), float(endpoint[1])
         x0, y0 = ((value - low) * self.unit for value, low in zip(block, (self.x, self.y)))
         x, y = x0 + (self.unit - 1) // 2, y0 + (self.unit - 1) // 2
-        if costmap.grid_map.contains((x, y)):
-            rows, columns = np.nonzero(~costmap.blocked[y0 : y0 + self.unit, x0 : x0 + self.unit])
+        if query.grid_map.contains((x, y)):
+            block_of = query.costmap.blocked[y0 : y0 + self.unit, x0 : x0 + self.unit]
+            rows, columns = np.nonzero(~block_of)
             if rows.size:
                 nearest = np.argmin(np.hypot(columns + x0 - x, rows + y0 - y))
                 x, y = columns[nearest] + x0, rows[nearest] + y0
@@ -103,14 +105,12 @@ class Description:
 
 
 def describe(
-    costmap: Costmap,
-    start: Cell,
-    goal: Cell,
+    query: WaypointQuery,
     *,
     lattice: Lattice = Lattice(),  # noqa: B008 - an immutable tuple
     max_tokens: int = 1000,
 ) -> Description:
-    """Describe a costmap by at most MAX_BARRIERS barriers in about `max_tokens` tokens.
+    """Describe a query, its costmap by at most MAX_BARRIERS barriers in about `max_tokens` tokens.
 
     A map with sides of up to MAX_LATTICE_SIDE cells, or one that straight barriers describe
     exactly, keeps its coordinates, shifted to `lattice`. A bigger one gets a lattice with steps
@@ -119,33 +119,27 @@ def describe(
     budget = int(max_tokens * CHARS_PER_TOKEN)
     # About 16 characters for a barrier: brackets, commas, three numbers of a few digits.
     limit = max(MIN_BARRIERS, min(MAX_BARRIERS, budget // 16))
-    barriers = exact_barriers(costmap.blocked, limit)
+    blocked = query.costmap.blocked
+    barriers = exact_barriers(blocked, limit)
     if barriers is None:
-        unit = -(-max(costmap.blocked.shape) // MAX_LATTICE_SIDE)
+        unit = -(-max(blocked.shape) // MAX_LATTICE_SIDE)
         lattice = lattice.coarsened(unit)
         # A block counts as blocked if a wall one cell thick could cross it; specks close no gap.
-        barriers = decompose_barriers(coarsen(costmap.blocked, unit, minimum=unit), limit)
-    return make_description(barriers, costmap, start, goal, lattice, budget=budget)
+        barriers = decompose_barriers(coarsen(blocked, unit, minimum=unit), limit)
+    return make_description(barriers, query, lattice, budget)
 
 
-def describe_coarser(fine: Description, costmap: Costmap, start: Cell, goal: Cell) -> Description:
-    """Describe a costmap again, by half as many barriers on a lattice twice as coarse."""
+def describe_coarser(fine: Description, query: WaypointQuery) -> Description:
+    """Describe a query again, by half as many barriers on a lattice twice as coarse."""
     count = len(fine.horizontal_barriers) + len(fine.vertical_barriers)
     lattice = fine.lattice.coarsened(2 * fine.lattice.unit)
     limit = max(1, count // 2)
-    walls = coarsen(costmap.blocked, lattice.unit, minimum=lattice.unit)
-    barriers = decompose_barriers(walls, limit)
-    return make_description(barriers, costmap, start, goal, lattice, budget=16 * limit)
+    walls = coarsen(query.costmap.blocked, lattice.unit, minimum=lattice.unit)
+    return make_description(decompose_barriers(walls, limit), query, lattice, 16 * limit)
 
 
 def make_description(
-    barriers: BarrierMap,
-    costmap: Costmap,
-    start: Cell,
-    goal: Cell,
-    lattice: Lattice,
-    *,
-    budget: int,
+    barriers: BarrierMap, query: WaypointQuery, lattice: Lattice, budget: int
 ) -> Description:
     """Return the description; the shortest barriers are dropped until the text fits `budget`."""
     horizontal = [shift(b, lattice.y, lattice.x) for b in barriers.horizontal_barriers]
@@ -154,11 +148,11 @@ def make_description(
     kept.sort(key=lambda item: item[1].first - item[1].last)
     while len(kept) > MIN_BARRIERS and sum(len(str(list(b))) + 2 for _, b in kept) > budget:
         kept.pop()
-    height, width = costmap.blocked.shape
+    height, width = query.costmap.blocked.shape
     return Description(
         lattice,
-        lattice.to_lattice(start),
-        lattice.to_lattice(goal),
+        lattice.to_lattice(query.start),
+        lattice.to_lattice(query.goal),
         waypoint_bounds(width, lattice.unit, lattice.x),
         waypoint_bounds(height, lattice.unit, lattice.y),
         tuple(barrier for barrier in horizontal if (True, barrier) in kept),
@@ -191,3 +185,56 @@ def waypoint_bounds(side: int, unit: int, offset: int) -> tuple[int, int]:
     if last < 2 * edge:
         return offset, offset + last
     return offset + edge, offset + last - edge
+
+
+MAX_QUERY_CHARS = 20000
+_NUMBER = r'\s*-?\d{1,6}\s*'
+_POINT = rf'\[{_NUMBER},{_NUMBER}\]'
+# No text matches these in two ways: backtracking would try them all.
+_LIST = rf'\[\s*(?:\[{_NUMBER},{_NUMBER},{_NUMBER}\]\s*(?:,\s*)?)*\]'
+_SENTENCE = re.compile(
+    rf'\s*(?:design|find|plan)\s+a\s+path\s+from\s*(?P<start>{_POINT})\s*to\s*(?P<goal>{_POINT})'
+    r'\s*on\s+an?\s+(?P<width>\d{1,6})\s*by\s*(?P<height>\d{1,6})\s*grid\s+that\s+avoids\s+'
+    rf'horizontal\s+barriers\s+(?:centered\s+)?at\s*(?P<horizontal>{_LIST})\s*and\s+'
+    rf'vertical\s+barriers\s+(?:centered\s+)?at\s*(?P<vertical>{_LIST})\s*(?:\.\s*)?',
+    re.IGNORECASE,
+)
+
+
+class QueryError(LlmAstarError, ValueError):
+    """A sentence cannot be parsed; the message says why."""
+
+
+def parse_query(text: str) -> BarrierMap:
+    """Return the map that a sentence describes; its only sample has the start and the goal.
+
+    Raises QueryError for a sentence of another form, BarrierMapError for numbers that fit no map.
+    """
+    if len(text) > MAX_QUERY_CHARS:
+        raise QueryError(f'query: longer than {MAX_QUERY_CHARS} characters')
+    match = _SENTENCE.fullmatch(text)
+    if match is None:
+        raise QueryError(
+            'query: not of the form "design a path from [x, y] to [x, y] on a W by H grid that '
+            'avoids horizontal barriers centered at [[y, x0, x1], ...] and vertical barriers at '
+            '[[x, y0, y1], ...]."'
+        )
+    entry = {
+        'range_x': [0, int(match['width'])],
+        'range_y': [0, int(match['height'])],
+        'horizontal_barriers': read_barriers(match['horizontal']),
+        'vertical_barriers': read_barriers(match['vertical']),
+        'start_goal': [[read_integers(match['start']), read_integers(match['goal'])]],
+    }
+    return parse_barrier_map(entry, 'query')
+
+
+def read_integers(text: str) -> list[int]:
+    """Return every integer in a text."""
+    return [int(value) for value in re.findall(r'-?\d+', text)]
+
+
+def read_barriers(text: str) -> list[list[int]]:
+    """Return every three integers in a text as a barrier, the lower end first."""
+    numbers = iter(read_integers(text))
+    return [[line, *sorted(ends)] for line, *ends in zip(numbers, numbers, numbers)]

@@ -16,12 +16,14 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, WaypointStatus
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.learned.features import GOAL, featurise, place_nodes
 from llm_astar_planner.waypoints.learned.network import (
+    GOAL,
     WEIGHTS_FILE,
     WeightsError,
+    featurise,
     hop_logits,
     packaged_weights,
+    place_nodes,
     read_weights,
 )
 from llm_astar_planner.waypoints.learned.source import (

@@ -3,8 +3,9 @@
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.llm.route_feedback import MAX_FAULTS_NAMED, find_faults, follow_up
+from llm_astar_planner.waypoints.prompts.examples import MAX_FAULTS_NAMED, find_faults, follow_up
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
+from llm_astar_planner.waypoints.source import WaypointQuery
 
 
 def test_the_faults_of_a_route_are_found_and_named():
@@ -12,10 +13,10 @@ def test_the_faults_of_a_route_are_found_and_named():
     cells[10, 0:26] = 100
     costmap = Costmap(GridMap(cells))
     lattice = Lattice(unit=5)
-    assert find_faults(costmap, (5, 5), (30, 20), [(28.0, 9.0)], lattice) == []
-    assert find_faults(costmap, (5, 5), (5, 5), [], lattice) == []
+    assert find_faults(WaypointQuery(costmap, (5, 5), (30, 20)), [(28.0, 9.0)], lattice) == []
+    assert find_faults(WaypointQuery(costmap, (5, 5), (5, 5)), [], lattice) == []
     points = [(5.0, 10.0), (-1.0, 3.0), (1e9, 0.0)]
-    faults = find_faults(costmap, (5, 5), (5, 20), points, lattice)
+    faults = find_faults(WaypointQuery(costmap, (5, 5), (5, 20)), points, lattice)
     assert faults == [
         '- The point [1, 2] lies on a barrier.',
         '- The point [-1, 0] lies off the map.',

@@ -79,7 +79,7 @@ def test_the_query_s_own_map_is_never_an_example(library):
             shown = {description.horizontal_barriers for description, _ in found}
             assert len(found) > 20
             assert len(shown) == 3
-            description = describe(Costmap(own.to_grid()), (3, 3), (4, 4))
+            description = describe(WaypointQuery(Costmap(own.to_grid()), (3, 3), (4, 4)))
             assert description.horizontal_barriers not in shown
     assert len(list(library.nearest(query_of(MAPS[0].scale(2))))) < len(library)
 
@@ -147,7 +147,7 @@ def test_tiles_tell_where_obstacles_are():
 
 def test_examples_keep_to_the_tokens_of_a_prompt(library):
     query = query_of(MAPS[0])
-    description = describe(query.costmap, query.start, query.goal)
+    description = describe(query)
     prompt = Prompt(load_template('few_shot'), 'message', library, 8)
     every = prompt.examples(query, description, 100_000)
     assert len(every) == 8

@@ -22,6 +22,7 @@ from llm_astar_planner.waypoints.prompts.template import (
     load_template,
     template_path,
 )
+from llm_astar_planner.waypoints.source import WaypointQuery
 from segments import crosses
 
 DEMONSTRATION = re.compile(
@@ -89,7 +90,7 @@ def test_demonstrations_think_as_their_prompt_asks():
 
 @pytest.mark.parametrize('name', TEMPLATES)
 def test_a_prompt_states_the_whole_question(name):
-    description = describe(Costmap(MAP.to_grid()), (39, 22), (3, 14))
+    description = describe(WaypointQuery(Costmap(MAP.to_grid()), (39, 22), (3, 14)))
     (message,) = load_template(name).render(description)
     assert message.role == 'user'
     question = message.content[message.content.rindex('Start Point') :]
@@ -106,7 +107,7 @@ def test_a_users_template(tmp_path):
     path = tmp_path / 'mine.txt'
     path.write_text('{"from": {start}, "to": {goal}} {horizontal_barriers}{vertical_barriers} {x}')
     template = load_template(str(path))
-    description = describe(Costmap(MAP.to_grid()), (5, 5), (20, 20))
+    description = describe(WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20)))
     text = template.render(description)[0].content
     assert template.name == 'mine'
     assert text.startswith('{"from": [5, 5], "to": [20, 20]} [[')
@@ -127,16 +128,18 @@ def test_a_users_template(tmp_path):
 
 def test_the_lattice_of_a_dataset_is_kept():
     shifted = BarrierMap(0, (-5, 15), (2, 12), horizontal_barriers=(Barrier(6, -4, 8),))
-    description = describe(Costmap(shifted.to_grid()), (1, 2), (10, 8), lattice=Lattice(-5, 2))
+    description = describe(
+        WaypointQuery(Costmap(shifted.to_grid()), (1, 2), (10, 8)), lattice=Lattice(-5, 2)
+    )
     assert (description.start, description.goal) == ((-4, 4), (5, 10))
     assert [b.line for b in description.horizontal_barriers] == [6]
     assert description.x_bounds == (-3, 12)
-    assert description.lattice.to_cells([(-4.0, 4.0)], Costmap(shifted.to_grid())) == ((1.0, 2.0),)
+    assert description.lattice.to_cells([(-4.0, 4.0)], off_map(shifted.to_grid())) == ((1.0, 2.0),)
 
 
 def test_a_scaled_map_of_the_paper_keeps_its_numbers():
     scaled = MAP.scale(10)
-    description = describe(Costmap(scaled.to_grid()), (50, 50), (200, 200))
+    description = describe(WaypointQuery(Costmap(scaled.to_grid()), (50, 50), (200, 200)))
     assert description.lattice.unit == 1
     assert description.start == (50, 50)
     assert Barrier(250, 100, 220) in description.vertical_barriers
@@ -155,11 +158,16 @@ def big_map():
     return GridMap(cells, 0.05, Pose2D(-3.0, 1.0, 0.3))
 
 
+def off_map(grid_map):
+    """Return a query whose start and goal lie in no block of the map."""
+    return WaypointQuery(Costmap(grid_map), (-99, -99), (-99, -99))
+
+
 def test_a_big_map_fits_its_budget_on_a_coarse_lattice():
-    costmap = Costmap(big_map())
     start, goal = (17, 33), (1130, 871)
-    fine = describe(costmap, start, goal, max_tokens=400)
-    coarse = describe_coarser(fine, costmap, start, goal)
+    query = WaypointQuery(Costmap(big_map()), start, goal)
+    fine = describe(query, max_tokens=400)
+    coarse = describe_coarser(fine, query)
     sizes = []
     for description, unit in ((fine, 12), (coarse, 24)):
         barriers = description.horizontal_barriers + description.vertical_barriers
@@ -170,7 +178,7 @@ def test_a_big_map_fits_its_budget_on_a_coarse_lattice():
         assert max(description.x_bounds + description.y_bounds) < MAX_LATTICE_SIDE
         lattice = description.lattice
         assert lattice.unit == unit
-        back = lattice.to_cells([description.start, description.goal], costmap, (start, goal))
+        back = lattice.to_cells([description.start, description.goal], query)
         assert back == (start, goal)
     assert sizes[1] < 0.7 * sizes[0]
 
@@ -180,8 +188,8 @@ def test_coarse_points_come_back_on_free_cells():
     lattice = Lattice(unit=12)
     for x in range(0, 100, 7):
         for y in range(0, 75, 7):
-            ((cx, cy),) = lattice.to_cells([(x, y)], Costmap(grid_map))
+            ((cx, cy),) = lattice.to_cells([(x, y)], off_map(grid_map))
             block = grid_map.cells[y * 12 : y * 12 + 12, x * 12 : x * 12 + 12]
             assert lattice.to_lattice((int(cx), int(cy))) == (x, y)
             assert grid_map.cells[int(cy), int(cx)] == 0 or not (block == 0).any()
-    assert lattice.to_cells([(500, -3)], Costmap(grid_map)) == ((6005.0, -31.0),)
+    assert lattice.to_cells([(500, -3)], off_map(grid_map)) == ((6005.0, -31.0),)

@@ -3,7 +3,7 @@
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMapError, load_barrier_maps
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.prompts.query_parser import QueryError, parse_query
+from llm_astar_planner.waypoints.prompts.map_description import QueryError, parse_query
 
 SENTENCE = (
     'design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids horizontal barriers '

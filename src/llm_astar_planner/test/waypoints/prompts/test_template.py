@@ -12,10 +12,10 @@ from llm_astar_planner.waypoints.prompts.template import (
     load_template,
     prompt_name,
 )
-from llm_astar_planner.waypoints.source import Message
+from llm_astar_planner.waypoints.source import Message, WaypointQuery
 
 MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 3, 25),), (Barrier(25, 10, 22),))
-DESCRIPTION = describe(Costmap(MAP.to_grid()), (39, 22), (3, 14))
+DESCRIPTION = describe(WaypointQuery(Costmap(MAP.to_grid()), (39, 22), (3, 14)))
 QUESTION = (
     'Start Point: [39, 22]\nGoal Point: [3, 14]\n'
     'Horizontal Barriers: [[10, 3, 25]]\nVertical Barriers: [[25, 10, 22]]'
