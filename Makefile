@@ -32,8 +32,8 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train test quick figures soak lint dist clean check-python check-venv \
-	check-moved
+.PHONY: help install demo bench train train-reader test quick figures soak lint dist clean \
+	check-python check-venv check-moved
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -51,6 +51,11 @@ train: install ## Train the embedded waypoint model from nothing or go on: out/t
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch>=2.6' \
 		'setuptools<80' $(KEEP)
 	PYTHONPATH=training $(BIN)/python -m llm_astar_training.train --out out/training
+
+train-reader: install ## Train the small reader of instructions or go on: out/reader/reader.npz
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch>=2.6' \
+		'setuptools<80' $(KEEP)
+	PYTHONPATH=training $(BIN)/python -m llm_astar_reader.train --out out/reader
 
 test: lint ## Install, lint, and run every test
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
