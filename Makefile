@@ -65,8 +65,11 @@ quick: $(VENV)/.tools ## Lint without types and run the tests that take under a 
 	PYTHONPATH=$(subst $(eval ) ,:,$(PACKAGES:./%=$(CURDIR)/%)) \
 		$(BIN)/python -m pytest -q -n 2 --dist loadfile $(QUICK) $(PYTEST_ARGS)
 
-soak: $(VENV)/.tools $(VENV)/.installed ## 100,000 calls under failures; 100,000 damaged files of each kind
-	$(BIN)/python -m pytest -s -m slow test/test_soak.py test/test_fuzz.py
+# How long both nodes live; the other tests take hours of their own.
+HOURS ?= 0.08
+soak: $(VENV)/.tools $(VENV)/.installed ## Nodes for HOURS=8; 100,000 calls and damaged files of each kind
+	LONG_LIFE_HOURS=$(HOURS) $(BIN)/python -m pytest -s -m slow test/test_long_life.py \
+		test/test_soak.py test/test_bounds_checked.py test/test_fuzz.py
 
 lint: $(VENV)/.tools $(VENV)/.installed ## ruff and strict mypy
 	$(BIN)/ruff check .

@@ -32,8 +32,8 @@ MOST_FAILURES = 5
 # Characters of an error.
 MOST_CHARS = 3000
 TOKEN = re.compile(rb'"(?:[^"\\]|\\.)*"|[\w.+-]+|[^\w\s]|\s+')
-NUMBERS = [0, -1, 1, 2, 3.5, 255, 65536, 2**31, -(2**31), 2**63, 10**18, 10**400, 1e308, -1e308,
-           1e-300, float('nan'), float('inf')]  # fmt: skip
+NUMBERS = [0, -1, 1, 2, 3.5, 255, 65536, 2**31, -(2**31), 2**63, 10**18, 10**400, 10**3999, 1e308,
+           -1e308, 1e-300, float('nan'), float('inf')]  # fmt: skip
 TEXTS = ['', ' ', 'x', 'nan', '\0', '\ud800', '\u202e', 'é' * 50, 'x' * 5000, '../../etc/passwd',
          '/dev/zero', '1' * 400, '[[[[', '}{', '%s%n', '0x10', '1e5', '1_000']  # fmt: skip
 VALUES: list[Any] = [

@@ -12,19 +12,23 @@ import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from graph_tools import PATIENCE, calling, process, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
+from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
 from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.nodes import llm_client_node
 from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.llm_client_node import CALLERS, QUERY_THREADS, LlmClientNode
+from llm_astar_planner.nodes.planner.goals import CancellationToken, PlanGoal
 from llm_astar_planner.nodes.planner.instruction_server import MOST_WAITING, InstructionClient
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import ResultCode
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
@@ -104,10 +108,10 @@ def request(tolerance=0.0):
     return GetPlan.Request(start=start, goal=goal, tolerance=tolerance)
 
 
-def answers(client, requests):
+def answers(client, requests, seconds=PATIENCE):
     """Call for all at once, and return the paths of the answers."""
     futures = [client.call_async(one) for one in requests]
-    wait_for(lambda: all(future.done() for future in futures), 'the answers')
+    wait_for(lambda: all(future.done() for future in futures), 'the answers', seconds)
     return [future.result().plan for future in futures]
 
 
@@ -152,7 +156,8 @@ def test_a_flood_of_questions_to_a_source_that_hangs_takes_few_threads(monkeypat
             # Maps got through while callers waited.
             wait_for(lambda: node._grid_map.digest == maps.newest, 'the newest map')
             plans += answers(client, [request(0.3)] * AT_ONCE)
-        assert most[0] - before <= QUERY_THREADS + CALLERS + 4
+        # Besides the threads of the executor.
+        assert most[0] - before <= QUERY_THREADS + CALLERS + 12
         assert len(source.asked) <= QUERY_THREADS
         assert all(plan.poses == [] for plan in plans)
         source.go.set()
@@ -199,6 +204,40 @@ def test_floods_of_callers_maps_and_instructions_leave_a_planner_that_answers():
         assert sum(one.grid_map.width == SIDE for one in kept) <= 5
 
 
+@pytest.mark.parametrize('callers', [500, pytest.param(2000, marks=pytest.mark.slow)])
+def test_every_one_of_many_callers_at_once_hears_and_a_late_turn_is_no_plan(callers):
+    namespace = '/crowded_planner'
+    node = PlannerNode(
+        namespace=namespace, parameter_overrides=[Parameter('llm_client', value='')]
+    )
+    with running(node), calling(namespace) as caller:
+        MapFlood(caller)()
+        caller.wait_until_ready()
+        caller.call(*ENDS)
+        client = caller.node.create_client(GetPlan, 'planner_node/get_plan', qos_profile=CALLS)
+        assert client.wait_for_service(PATIENCE)
+        said = []
+        caller.node.create_subscription(
+            DiagnosticArray,
+            'planner_node/report',
+            lambda message: said.append(report_from_message(message, PlanReport).summary),
+            REPORTS_OF_CALLS,
+        )
+        plans = answers(client, [request()] * callers, 3 * PATIENCE)
+        assert any(plan.poses for plan in plans)
+        wait_for(lambda: any('busy: 128 requests are waiting' in one for one in said), 'busy')
+        # The time of a request that waited runs from its arrival.
+        start, goal, arrived = request().start, request().goal, time.monotonic()
+        assert node.set_parameters([Parameter('max_planning_time', value=0.01)])[0].successful
+        time.sleep(0.02)
+        late = node.answer_goal(PlanGoal((goal,), start), CancellationToken(arrived))
+        assert late.plan.code is ResultCode.TIMEOUT
+        assert 'its turn came after' in late.plan.message
+        assert node.set_parameters([Parameter('max_planning_time', value=5.0)])[0].successful
+        # Whoever comes after the flood is answered as before.
+        assert caller.call(*ENDS)[0].poses
+
+
 def test_changes_of_parameters_leave_few_threads_that_wait_for_a_server(chat_server, monkeypatch):
     chat_server.script = [chat_server.wait(PATIENCE)]
     values = {'source': 'endpoint', 'base_url': chat_server.base_url, 'model': 'tiny'}
@@ -215,7 +254,7 @@ def test_changes_of_parameters_leave_few_threads_that_wait_for_a_server(chat_ser
         for number in range(40):
             changed = Parameter('temperature', value=number / 100)
             reasons.append(node.set_parameters([changed])[0].reason)
-            node.ask(request(0.02))
+            node.ask(request(0.02), time.monotonic())
         # Those of the server itself included.
         assert threading.active_count() <= most + 15
         assert reasons[:3] == [''] * 3

@@ -257,6 +257,14 @@ def test_a_costmap_that_stops_coming_is_warned_of_and_still_planned_on(robot):
         ),
         'the diagnosis',
     )
+    robot.set('costmap_timeout', 0.1)
+    stale = robot.ask()
+    assert stale.code_name == 'TIMEOUT'
+    assert stale.message.startswith('no map or update has come for ')
+    assert stale.message.endswith('(costmap_timeout is 0.1 s)')
+    robot.costmap.publish()
+    wait_for(lambda: robot.ask().code_name == 'NONE', 'a plan on a costmap that comes again')
+    robot.set('costmap_timeout', 0.0)
 
 
 def test_a_map_that_is_published_once_is_never_waited_for_again():

@@ -148,7 +148,7 @@ def ask_node(node, start=(10.5, 10.5), goal=(50.5, 38.5)):
         start=pose_to_message(Pose2D(*start), 'map', Time()),
         goal=pose_to_message(Pose2D(*goal), 'map', Time()),
     )
-    plan = node.on_get_waypoints(request, GetPlan.Response()).plan
+    plan = node.on_get_waypoints(request, GetPlan.Response(), time.monotonic()).plan
     return [(int(pose.pose.position.x), int(pose.pose.position.y)) for pose in plan.poses]
 
 

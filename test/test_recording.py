@@ -14,6 +14,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import DEMO, PATIENCE, calling, process, wait_for
 from llm_astar_lab.bags.types import bag_types
+from llm_astar_lab.nodes.recorder import import_message_class
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
@@ -253,3 +254,15 @@ def test_a_recorder_without_messages_says_so_and_exits_with_1(tmp_path, capfd):
         assert main(['record', '--out', str(tmp_path / 'other'), *wrong]) == 2
         assert "bad name' is invalid" in capfd.readouterr().err
     assert not (tmp_path / 'other').exists()
+
+
+def test_a_topics_type_imports_nothing_but_messages(tmp_path, monkeypatch):
+    package = tmp_path / 'nosy_msgs'
+    package.mkdir()
+    (package / '__init__.py').write_text('raise SystemExit("imported")')
+    monkeypatch.syspath_prepend(tmp_path)
+    assert import_message_class('nav_msgs/msg/Path').__name__ == 'Path'
+    assert import_message_class('nav_msgs/srv/GetPlan_Event').__name__ == 'GetPlan_Event'
+    for name in ('nosy_msgs', 'this', '..', 'no_such_msgs'):
+        with pytest.raises(ImportError, match='is no package of ROS messages'):
+            import_message_class(f'{name}/msg/Path')

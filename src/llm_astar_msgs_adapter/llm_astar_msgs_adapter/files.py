@@ -9,10 +9,11 @@ and its contents may be made to take all time or memory.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,17 @@ MAX_EVENTS = 100_000
 MAX_SCALAR = 2**12
 # The one in C is ten times as fast.
 YAML_LOADER = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+
+
+@contextlib.contextmanager
+def naming(path: str | Path) -> Iterator[None]:
+    """Name the file that is written in an OSError that does not: a full disk raises such a one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is not None or error.errno is None:
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def read_bytes(path: str | Path, kind: type[LlmAstarError], limit: int = MAX_BYTES) -> bytes:

@@ -28,6 +28,7 @@ from __future__ import annotations
 import argparse
 import json
 
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_planner.cli.flags import at_least, option
 
 from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
@@ -95,4 +96,5 @@ def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
         if table.rows:
             folder.write_text(f'changes{end}.csv', csv_table(table))
     figure = change_figure(judgement.comparisons, judgement.metric, judgement.threshold)
-    figure.savefig(folder.path / 'comparison.png', dpi=140)
+    with naming(folder.path / 'comparison.png'):
+        figure.savefig(folder.path / 'comparison.png', dpi=140)

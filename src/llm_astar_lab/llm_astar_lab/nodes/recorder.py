@@ -13,6 +13,8 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.nodes.common.spin import joined
@@ -238,9 +240,15 @@ def full_names(topics: Sequence[str], namespace: str) -> list[str]:
 def import_message_class(msgtype: str) -> type:
     """Return the class of `package/msg/Name` or `package/srv/Name_Event`.
 
-    Raises ImportError or AttributeError where its package is not installed here.
+    Raises ImportError or AttributeError where its package of messages is not installed here. Any
+    participant of the graph names types, so no other package is imported.
     """
     package, kind, name = msgtype.split('/')
+    found = find_spec(package) if package.isidentifier() else None
+    folders = [] if found is None else found.submodule_search_locations or []
+    support = f'{package}_s__rosidl_typesupport_c*'
+    if not any(next(Path(folder).glob(support), None) for folder in folders):
+        raise ImportError(f'{package} is no package of ROS messages')
     module = importlib.import_module(f'{package}.{kind}')
     if kind == 'srv':
         return getattr(module, name.removesuffix('_Event')).Event

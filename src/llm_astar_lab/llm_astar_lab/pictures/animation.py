@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.types import Plan, describe_expansions
 from llm_astar_planner.search.expansion_order import ExpansionOrder
@@ -82,10 +83,11 @@ def save_animation(path: str | Path, searches: Sequence[AnimatedSearch]) -> None
         figure.frame(count).quantize(palette=palette, dither=Image.Dither.NONE) for count in counts
     )
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    first.save(
-        path, format='GIF', save_all=True, append_images=others, loop=0, optimize=True,
-        duration=[FRAME_MS] * len(others) + [LAST_MS],
-    )  # fmt: skip
+    with naming(path):
+        first.save(
+            path, format='GIF', save_all=True, append_images=others, loop=0, optimize=True,
+            duration=[FRAME_MS] * len(others) + [LAST_MS],
+        )  # fmt: skip
 
 
 def palette_of(frame: Image.Image) -> Image.Image:

@@ -13,6 +13,7 @@ from pathlib import Path
 from textwrap import fill
 
 import numpy as np
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -231,9 +232,10 @@ def write_figure(figure: Figure, path: str | Path) -> None:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # Without a format matplotlib adds an ending to a name that has none.
-    figure.savefig(
-        path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
-    )
+    with naming(path):
+        figure.savefig(
+            path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
+        )
 
 
 def draw_panels(figure: Figure, panels: Sequence[Axes], pictures: Sequence[Picture]) -> None:

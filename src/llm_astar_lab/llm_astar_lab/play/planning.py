@@ -1,13 +1,15 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plans for the page, one request after the other: the chosen plan, and some to compare with."""
+"""Plans for the page, one a core at a time: the chosen plan, and some to compare with."""
 
 from __future__ import annotations
 
 import asyncio
+import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -37,8 +39,9 @@ TIME_LIMIT_S = 10.0
 INTERPRETATION_S = 5.0
 # Cells of the maps whose planners are kept, each with the landmarks of its map.
 MAX_KEPT_CELLS = 8_000_000
-# Requests that may wait for their turn.
-MAX_WAITING = 8
+# Plans that may wait for their turn, in all and of one address; and how many run at a time.
+MAX_WAITING, MAX_OF_ONE = 64, 32
+AT_A_TIME = min(8, len(os.sched_getaffinity(0)))
 _T = TypeVar('_T')
 
 
@@ -57,10 +60,11 @@ class PlayedPlan:
 
 
 class PlanningService:
-    """Plans what the page asks for, on one thread; it keeps the planners of the last maps."""
+    """Plans what the page asks for; it keeps the planners of the last maps. Thread-safe."""
 
     def __init__(self) -> None:
         """Start without planners."""
+        self._lock = threading.Lock()
         self._planners: Recent[tuple[object, ...], Planner] = Recent(
             MAX_KEPT_CELLS, lambda planner: planner.grid_map.cells.size
         )
@@ -72,9 +76,11 @@ class PlanningService:
         barriers = None if request.is_edited else request.play_map.barriers
         grid_map = request.edited_map()
         key = request.play_map.id, config, barriers is None, grid_map.digest
-        if self._planners.get(key) is None:
-            self._planners[key] = Planner(grid_map, config, barriers).prepare()
-        return self._planners[key]
+        # One is prepared at a time: many users may ask for the same one.
+        with self._lock:
+            if self._planners.get(key) is None:
+                self._planners[key] = Planner(grid_map, config, barriers).prepare()
+            return self._planners[key]
 
     def plan(self, request: PlayRequest, stop: StopFlag) -> tuple[Planner, list[PlayedPlan]]:
         """Return the planner, the chosen plan and those to compare it with, until stopped."""
@@ -153,25 +159,43 @@ def waypoint_source(request: PlayRequest) -> WaypointSource | None:
     return make_source(SourceSettings(source=request.source))
 
 
+@dataclass(frozen=True, eq=False)
+class Waiting:
+    """A job of an address, under the name that its page gave it, and the flag that stops it."""
+
+    future: Future[Any]
+    stop: StopFlag
+    address: str
+    name: str
+
+
 class Worker:
-    """Runs one job at a time on a thread of its own, and stops jobs that nobody waits for."""
+    """Runs AT_A_TIME jobs on threads of its own, and stops jobs that nobody waits for."""
 
     def __init__(self) -> None:
         """Start idle."""
-        self._threads = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan')
-        self._stops: dict[int, StopFlag] = {}
+        self._threads = ThreadPoolExecutor(AT_A_TIME, thread_name_prefix='plan')
+        # In their order.
+        self._jobs: list[Waiting] = []
 
-    async def run(self, job: Callable[[StopFlag], _T], gone: asyncio.Task[None]) -> _T:
+    async def run(
+        self,
+        job: Callable[[StopFlag], _T],
+        gone: asyncio.Task[None],
+        address: str = '',
+        name: str = '',
+    ) -> _T:
         """Return what a job returns; the flag that it gets is raised once `gone` is done.
 
         Raises PlayError where too many jobs wait (503) and where the job was stopped (499), and
         what the job raises.
         """
-        if len(self._stops) > MAX_WAITING:
-            raise PlayError('other plans are being made; ask again in a moment', status=503)
+        if problem := self.problem(address):
+            raise PlayError(problem, status=503)
         stop = no_stop()
-        self._stops[id(stop)] = stop
         future = self._threads.submit(job, stop)
+        entry = Waiting(future, stop, address, name)
+        self._jobs.append(entry)
         try:
             waiting = asyncio.wrap_future(future)
             both: set[asyncio.Future[Any]] = {waiting, gone}
@@ -182,10 +206,30 @@ class Worker:
         finally:
             stop[0] = 1
             future.cancel()
-            del self._stops[id(stop)]
+            self._jobs.remove(entry)
+
+    def problem(self, address: str) -> str | None:
+        """Say why an address must not have another job wait; None where it may."""
+        waiting = self.waiting()
+        own = sum(one.address == address for one in waiting)
+        if len(waiting) < MAX_WAITING and own < MAX_OF_ONE:
+            return None
+        count = f'{len(waiting)} plans are waiting, {own} of this address'
+        return f'busy: {count}; ask again in a moment'
+
+    def waiting(self) -> list[Waiting]:
+        """Return the jobs that no thread has begun, in their order."""
+        return [one for one in self._jobs if not (one.future.running() or one.future.done())]
+
+    def queue(self, name: str) -> dict[str, int]:
+        """Return how many jobs run and wait, and the place of a page's own, 0 if none waits."""
+        waiting = self.waiting()
+        places = [place for place, one in enumerate(waiting, 1) if one.name == name]
+        running = len(self._jobs) - len(waiting)
+        return {'running': running, 'waiting': len(waiting), 'place': max(places, default=0)}
 
     def close(self) -> None:
-        """Stop what is running, drop what waits, and end the thread."""
-        for stop in self._stops.values():
-            stop[0] = 1
+        """Stop what is running, drop what waits, and end the threads."""
+        for one in self._jobs:
+            one.stop[0] = 1
         self._threads.shutdown(wait=False, cancel_futures=True)

@@ -15,9 +15,10 @@ import ipaddress
 import json
 import re
 import socket
+import time
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import uvicorn
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -45,13 +46,15 @@ MAX_DROPPED_BODY = 2**23
 TOO_LONG = 'the body is over {} bytes; edit fewer walls, or cut out a part of the map'
 # A request holds walls, these cells, and these numbers.
 MAX_DEPTH = 5
-# Seconds in which a body has to arrive.
-BODY_S = 10.0
+# Seconds in which the head of a request, and its body, have to arrive.
+HEAD_S, BODY_S = 10.0, 10.0
 # Characters of a sentence about foreign text.
 MAX_SENTENCE = 400
 # Seconds that answers under way get at the end.
 GRACE_S = 2
-MAX_CONNECTIONS = 64
+MAX_CONNECTIONS = 256
+# Characters of the name under which a page asks for its place in the queue.
+MAX_NAME = 64
 LOOPBACK = ('localhost', '127.0.0.1', '[::1]')
 # Addresses that stand for every address of the machine.
 EVERY_ADDRESS = ('0.0.0.0', '::')  # noqa: S104 - only compared with
@@ -86,6 +89,7 @@ class PlayApp:
                 Route('/api/map', self.map),
                 Route('/api/map', self.drop_map, methods=['POST']),
                 Route('/api/plan', self.plan, methods=['POST']),
+                Route('/api/queue', self.queue),
                 Route('/api/live', self.live),
                 Mount('/page', StaticFiles(directory=PAGE)),
             ],
@@ -120,10 +124,17 @@ class PlayApp:
         asked = read_request(await read_body(request), self._maps)
         gone = asyncio.create_task(wait_until_gone(request))
         try:
-            reply = await self._worker.run(lambda stop: self.work(asked, stop), gone)
+            name = request.headers.get('x-page', '')[:MAX_NAME]
+            reply = await self._worker.run(
+                lambda stop: self.work(asked, stop), gone, address_of(request.scope), name
+            )
         finally:
             gone.cancel()
         return Response(reply, media_type='application/json')
+
+    async def queue(self, request: Request) -> Response:
+        """Send how many plans run and wait, and the place of the page's own by its name."""
+        return JSONResponse(self._worker.queue(request.query_params.get('page', '')[:MAX_NAME]))
 
     async def live(self, _request: Request) -> Response:
         """Send what a running graph shows, as server-sent events."""
@@ -135,6 +146,12 @@ class PlayApp:
         """Return the answer to a request, as JSON."""
         planner, plans = self._service.plan(asked, stop)
         return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
+
+
+def address_of(scope: Scope) -> str:
+    """Return the address that a request comes from, '' where that is not known."""
+    client = scope.get('client')
+    return str(client[0]) if client else ''
 
 
 async def read_body(request: Request, limit: int = MAX_BODY) -> object:
@@ -289,16 +306,33 @@ class PlayServer(uvicorn.Server):
     def __init__(self, app: PlayApp, host: str) -> None:
         """Serve an application at an address."""
         self._app = app
+        # Connections that wait for a request after their last one, since when.
+        self._idle: dict[tuple[Any, Any], float] = {}
         super().__init__(
             uvicorn.Config(
                 Guard(app.asgi(), host),
                 log_level='warning',
                 access_log=False,
                 server_header=False,
-                limit_concurrency=MAX_CONNECTIONS,
                 timeout_graceful_shutdown=GRACE_S,
             )
         )
+
+    async def on_tick(self, counter: int) -> bool:
+        """Close connections on which no whole head of a request came in HEAD_S.
+
+        Of more than MAX_CONNECTIONS those that have waited for longest make way, so half-open
+        connections keep nobody out. Called ten times a second.
+        """
+        now, before = time.monotonic(), self._idle
+        ends = [(one, getattr(one, 'cycle', None)) for one in self.server_state.connections]
+        idle = [end for end in ends if end[1] is None or end[1].response_complete]
+        self._idle = {end: before.get(end, now) for end in idle}
+        oldest = sorted(self._idle.items(), key=lambda item: item[1])
+        for place, ((connection, _), since) in enumerate(oldest):
+            if now - since > HEAD_S or place < len(ends) - MAX_CONNECTIONS:
+                connection.transport.close()
+        return await super().on_tick(counter)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End, after Ctrl-C or SIGTERM."""

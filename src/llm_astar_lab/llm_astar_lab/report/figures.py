@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.planning.types import describe_expansions
@@ -190,7 +191,8 @@ def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Pa
     paths = []
     for barrier_map in maps:
         path = folder / f'map_{barrier_map.id:03d}.png'
-        map_figure(barrier_map).savefig(path, dpi=90)
+        with naming(path):
+            map_figure(barrier_map).savefig(path, dpi=90)
         paths.append(path)
     return paths
 

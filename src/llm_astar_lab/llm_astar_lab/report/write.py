@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
+from llm_astar_msgs_adapter.files import naming
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from matplotlib.figure import Figure
@@ -114,7 +115,8 @@ def draw_all(
         name: str, figure: Figure, caption: str, pad: float | None = None, dpi: int = DPI
     ) -> None:
         box = None if pad is None else 'tight'
-        figure.savefig(folder / name, dpi=dpi, bbox_inches=box, pad_inches=pad)
+        with naming(folder / name):
+            figure.savefig(folder / name, dpi=dpi, bbox_inches=box, pad_inches=pad)
         pictures.append((folder / name, caption))
 
     if run.variants:

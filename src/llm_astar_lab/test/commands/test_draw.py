@@ -125,3 +125,11 @@ def test_a_title_is_never_wider_than_its_picture(tmp_path):
     box = figure.axes[0].title.get_window_extent()
     assert box.x0 >= 0.0
     assert box.x1 <= figure.bbox.width
+
+
+@pytest.mark.parametrize('name', ['a.png', 'a.gif'])
+def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, name, capsys):
+    path = tmp_path / name
+    path.symlink_to('/dev/full')
+    assert cli.main(['draw', '--map', 'demo.json', '--out', str(path)]) == 2
+    assert f'{path}: No space left on device' in capsys.readouterr().err

@@ -26,6 +26,8 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, MAX_CELLS, OCCUPIED, Grid
 Point = tuple[int, int]
 # Characters of the name of a family of maps.
 MAX_FAMILY = 40
+# Numbers are below this one, so that errors can show them and floats hold them.
+MAX_NUMBER = 2**53
 
 
 class BarrierMapError(LlmAstarError, ValueError):
@@ -260,9 +262,11 @@ def parse_family(entry: dict[str, Any], name: str) -> str:
 
 
 def parse_integer(value: object, name: str) -> int:
-    """Return a whole number. Raises BarrierMapError, which begins with `name`."""
+    """Return a whole number below MAX_NUMBER. Raises BarrierMapError, which begins with `name`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
         raise BarrierMapError(f'{name}: a whole number is expected, not {short_repr(value)}')
+    if abs(value) >= MAX_NUMBER:
+        raise BarrierMapError(f'{name}: {short_repr(value)} is not below {MAX_NUMBER}')
     return int(value)
 
 

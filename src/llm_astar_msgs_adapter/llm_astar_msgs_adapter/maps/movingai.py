@@ -28,6 +28,8 @@ MAX_SCENARIOS = 100_000
 MAX_SCENARIO_BYTES = 16_000_000
 # Characters of a line of the header; numbers have few.
 MAX_LINE = 200
+# Of a whole number.
+MAX_DIGITS = 18
 HEADER = ('type', 'height', 'width', 'map')
 
 
@@ -151,7 +153,7 @@ def parse_scenario(line: str, where: str) -> Scenario:
 def parse_integer(word: str, name: str, minimum: int | None = None) -> int:
     """Return a whole number. Raises MovingAiError, which begins with `name`."""
     try:
-        value = int(word)
+        value = int(word if len(word) <= MAX_DIGITS else '')
     except ValueError:
         raise MovingAiError(f'{name}: {short_repr(word)} is not a whole number') from None
     if minimum is not None and value < minimum:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from llm_astar_msgs_adapter.files import read_json
+from llm_astar_msgs_adapter.files import naming, read_json
 from llm_astar_msgs_adapter.maps import map_server, movingai
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
@@ -59,7 +59,8 @@ def load_maps(path: str | Path, limit: int | None = None, seed: int = 0) -> list
 
 def save_maps(maps: Sequence[ProblemMap], path: str | Path) -> None:
     """Write maps with their samples as JSON that `load_maps` reads. Raises OSError."""
-    Path(path).write_text(format_kept_maps(maps), encoding='utf-8')
+    with naming(path):
+        Path(path).write_text(format_kept_maps(maps), encoding='utf-8')
 
 
 def format_kept_maps(maps: Sequence[ProblemMap]) -> str:

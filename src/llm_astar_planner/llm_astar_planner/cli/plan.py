@@ -14,14 +14,14 @@ usage: llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NA
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
+  llm-astar plan --map depot --from "dock 1" --to workshop --robot-radius 0.3 --png out/plan.png
   llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
-  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --params-file robot.yaml
-  llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
-  llm-astar plan --map house.yaml --from kitchen --to sofa --instruction "avoid the hal" --confirm
-  llm-astar plan --map house.yaml --from kitchen --to study --why "why not through the hall?"
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --alternatives 3
+  llm-astar plan --map depot --start 46 51 --goal 536 256 --cells
+  llm-astar plan --map depot.yaml --start -5.7 -2.4 --goal 18.8 7.8 --params-file robot.yaml
+  llm-astar plan --map house --from kitchen --to study --instruction "avoid the hall"
+  llm-astar plan --map house --from kitchen --to sofa --instruction "avoid the hal" --confirm
+  llm-astar plan --map house --from kitchen --to study --why "why not through the hall?"
+  llm-astar plan --map depot --from "dock 1" --to workshop --alternatives 3
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids

@@ -9,13 +9,13 @@ and `id`, which may also be the feature's own member. A collection may have a `f
 
 from __future__ import annotations
 
-import json
 import math
 import uuid
 from collections.abc import Mapping
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.places import (
     MAX_BYTES,
     PlacesError,
@@ -44,13 +44,13 @@ def zones_from_text(text: str, now: float) -> tuple[tuple[Zone, ...], str]:
     if len(text) > MAX_BYTES:
         raise ZonesError(f'{SOURCE}: over {MAX_BYTES // 1_000_000} MB of text; add fewer at once')
     try:
-        return zones_from_geojson(json.loads(text), now)
+        collection = parse_json(text)
+    except ValueError as error:
+        raise ZonesError(f'{SOURCE}: not JSON: {error}') from None
+    try:
+        return zones_from_geojson(collection, now)
     except PlacesError as error:
         raise ZonesError(str(error)) from None
-    except json.JSONDecodeError as error:
-        raise ZonesError(f'{SOURCE}: not JSON: {error}') from None
-    except RecursionError:
-        raise ZonesError(f'{SOURCE}: is nested too deeply') from None
 
 
 def zones_from_geojson(collection: object, now: float) -> tuple[tuple[Zone, ...], str]:

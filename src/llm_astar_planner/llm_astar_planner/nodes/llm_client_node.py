@@ -31,7 +31,7 @@ from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
+from llm_astar_planner.nodes.common.entities import Entities, QueuedService
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
@@ -47,7 +47,7 @@ from llm_astar_planner.planning.parameters import (
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
-from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask
+from llm_astar_planner.waypoints.async_query import TOO_LATE, QueryQueue, QueryTask
 from llm_astar_planner.waypoints.config import make_source
 from llm_astar_planner.waypoints.llm.source import client_of
 from llm_astar_planner.waypoints.replay import NoSource
@@ -60,8 +60,7 @@ from llm_astar_planner.waypoints.source import (
 )
 
 THREADS = 16
-# Callers that wait for waypoints, at most; other threads are for maps and parameters. More wait
-# in the middleware.
+# Callers that wait for waypoints, at most, on threads of their own. More wait for one of these.
 CALLERS = 13
 # Of their questions so many run at a time: a request to a server only waits, but a model in this
 # process computes. The rest waits, the newest first; those more than CALLERS are refused.
@@ -114,9 +113,8 @@ class LlmClientNode(Node):
         threading.Thread(target=self.compile, name='compiler', daemon=True).start()
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
-        self._entities.service(
-            GetPlan, '~/get_waypoints', self.on_get_waypoints, LimitedCallbackGroup(CALLERS)
-        )
+        waypoints, name = self.on_get_waypoints, '~/get_waypoints'
+        QueuedService(self._entities, GetPlan, name, waypoints, threads=CALLERS)
         self._entities.timer(1.0, self.publish_health, ReentrantCallbackGroup())
         self._entities.on_close(lambda: self._queue.close())  # noqa: PLW0108 - it is replaced
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
@@ -195,14 +193,20 @@ class LlmClientNode(Node):
             return costmap
 
     def on_get_waypoints(
-        self, request: GetPlan.Request, response: GetPlan.Response
+        self,
+        request: GetPlan.Request,
+        response: GetPlan.Response,
+        arrived: float,
+        busy: str = '',
     ) -> GetPlan.Response:
         """Query the source; publish the exchange, then respond with the same stamp."""
+        reply, query = WaypointReply(status=SourceStatus.REFUSED, detail=busy), None
+        if not busy:
+            reply, query = self.ask(request, arrived)
         stamp = self.get_clock().now().to_msg()
         response.plan.header.stamp = stamp
         if self._grid_map is not None:
             response.plan.header.frame_id = self._grid_map.frame_id
-        reply, query = self.ask(request)
         key = SampleKey('', '')
         if query is not None:
             key = query.live_key
@@ -210,22 +214,31 @@ class LlmClientNode(Node):
             response.plan = path_to_message(points, query.grid_map.frame_id, stamp)
         self._last = exchange_report(reply, key)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
-        if self._last.level == DiagnosticStatus.OK:
+        if reply.status is SourceStatus.NO_WAYPOINTS:
+            # It was asked and had none to give, as often as each second.
+            self.get_logger().debug(self._last.summary)
+        elif self._last.level == DiagnosticStatus.OK:
             self.get_logger().info(self._last.summary)
         else:
             self.get_logger().warning(self._last.summary)
         return response
 
-    def ask(self, request: GetPlan.Request) -> tuple[WaypointReply, WaypointQuery | None]:
+    def ask(
+        self, request: GetPlan.Request, arrived: float
+    ) -> tuple[WaypointReply, WaypointQuery | None]:
         """Ask the source; return its reply, and the query if the source was asked.
 
-        GetPlan has no field for the caller's time limit, so `tolerance` holds it, in seconds.
+        GetPlan has no field for the caller's time limit, so `tolerance` holds it, in seconds from
+        when the request `arrived` (monotonic).
         """
         source, queries = self._source, []
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        deadline = time.monotonic() + limit
+        deadline = arrived + limit
+        limit = deadline - time.monotonic()
+        if limit <= 0.0:
+            return WaypointReply(status=SourceStatus.TIMEOUT, detail=TOO_LATE), None
 
         def answer(stop: StopFlag) -> WaypointReply:
             try:

@@ -130,7 +130,7 @@ def compile_for(
             if request.footprint is not None:
                 compile_footprint_kernels()
             if request.instruction is not None:
-                compile_instruction_kernels()
+                compile_instruction_kernels(any_angle=request.any_angle)
     except CompilationStopped:
         if stop is None or not stop[0]:
             raise
@@ -236,8 +236,8 @@ def compile_zone_kernels() -> None:
     ZoneLayer(grid_map, [Zone('zone', shapely.box(1.0, 1.0, 2.0, 2.0))], [mask]).compose(grid_map)
 
 
-def compile_instruction_kernels() -> None:
-    """Compile the kernels for instructions, or load them from numba's cache.
+def compile_instruction_kernels(*, any_angle: bool = True) -> None:
+    """Compile the kernels for instructions, or load them; without `any_angle` fewer.
 
     Takes about half a minute the first time and a tenth of a second after that.
     """
@@ -259,7 +259,7 @@ def compile_instruction_kernels() -> None:
         planner = PathPlanner(GridMap(cells)).prepare()
         instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
         request = PlanRequest(
-            START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction
+            START, GOAL, time_limit=PATIENCE, any_angle=any_angle, instruction=instruction
         )
         plan_with_instruction(planner, request, instruction, no_stop())
 

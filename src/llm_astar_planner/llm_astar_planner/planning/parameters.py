@@ -79,6 +79,11 @@ SEARCH = (
         cli_reason='since a person who names a source wants to see its waypoints used',
     ),
     Parameter('any_angle', False, 'Whether the path is shortened by straight lines at any angle'),
+    NodeParameter(
+        'smoothing',
+        False,
+        'Whether kinks of the path are rounded, where cells and the footprint leave room for it',
+    ),
     Parameter(
         'heuristic',
         'euclidean',
@@ -117,6 +122,14 @@ REQUESTS = (
         unit='s',
         between=(0.0, 3600.0),
     ),
+    NodeParameter(
+        'costmap_timeout',
+        0.0,
+        'After how long without a map or an update goals are refused (`TIMEOUT`), if they came at '
+        'regular times before: the world is not known any more. 0: never, there is a warning',
+        unit='s',
+        between=(0.0, 3600.0),
+    ),
     Parameter(
         'tolerance',
         0.5,
@@ -145,6 +158,13 @@ REQUESTS = (
         'How many ways to choose from a plan has besides: they pass obstacles on different sides, '
         'and each is the cheapest of its kind',
         between=(0, 20),
+    ),
+    NodeParameter(
+        'switch_margin',
+        0.0,
+        'How much more than the new path, as a share, the way of the last path to the same goal '
+        'may cost and still be kept: 0.05 for 5 %; 0: it is not kept',
+        between=(0.0, 10.0),
     ),
     NodeParameter(
         'use_final_approach_orientation',
@@ -351,7 +371,10 @@ def source_config(values: Mapping[str, Any]) -> SourceSettings:
 
 
 def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a PlanRequest that all of planner_node's parameters decide."""
+    """Return the fields of a PlanRequest that planner_node's parameters decide.
+
+    Those that only nodes have may be missing.
+    """
     return {
         'method': values['method'],
         'heuristic': values['heuristic'],
@@ -362,9 +385,11 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'max_suboptimality': values['max_suboptimality'] or None,
         'search_while_waiting': values['search_while_waiting'],
         'any_angle': values['any_angle'],
+        'smoothing': values.get('smoothing', False),
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
         'allow_partial_planning': values['allow_partial_planning'],
         'alternatives': values['alternatives'],
+        'switch_margin': values.get('switch_margin', 0.0),
         'footprint': Footprint.parse(values['footprint']),
     }

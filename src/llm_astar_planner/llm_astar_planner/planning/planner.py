@@ -72,6 +72,10 @@ class Planner(PathPlanner):
         plans = self.direct_plans(request, stop, anytime=anytime)
         if request.instruction is not None:
             plans = self.instructed_plans(request, request.instruction, stop)
+        if request.last_way is not None:
+            from llm_astar_planner.planning.kept_way import kept_plans  # noqa: PLC0415
+
+            plans = kept_plans(self, request, request.last_way, plans, stop)
         return self.explained_plans(request, plans, stop)
 
     def explained_plans(

@@ -43,7 +43,7 @@ from llm_astar_planner.search.methods import (
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
+from llm_astar_planner.waypoints.async_query import QueryTask, name_of, query_source, start_query
 from llm_astar_planner.waypoints.source import (
     SAVES_NOTHING,
     SourceStatus,
@@ -124,7 +124,7 @@ class SegmentPlanner:
         arrivals: deque[NDArray[np.float64]] = deque()
         task = None
         source = request.source if self.method.uses_waypoints else None
-        if source and request.start != request.goal and helps_on(source, self.costmap):
+        if source is not None and request.start != request.goal and helps_on(source, self.costmap):
             task = self.query(source, waypoints, arrivals)
         problem = SearchProblem(
             self.costmap.grid_graph,
@@ -327,9 +327,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     """Say in one sentence what was found."""
     if result is None:
         return ''
-    message, metres = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
-    if metres != 1.0:
-        message = f'{metres * result.length:.2f} m ({message})'
+    message = length_text(first.costmap, result.length)
     message += f', {describe_expansions(result.expansions)}'
     if isinstance(result, BoundedResult):
         is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
@@ -346,10 +344,16 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
         message += '; stopped before more could be proven'
     reply, source = first.reply, first.request.source
     if reply.status not in NO_FAILURE and source is not None:
-        message += f'; no waypoints from {source.name}: {reply.detail} [{reply.status.value}]'
+        message += f'; no waypoints from {name_of(source)}: {reply.detail} [{reply.status.value}]'
     elif reply.detail:
         message += f'; {reply.detail}'
     return message
+
+
+def length_text(costmap: Costmap, length: float) -> str:
+    """Return a length in cells as text, with its metres where cells have a size of their own."""
+    text, metres = f'{length:.2f} cells', costmap.grid_map.resolution
+    return text if metres == 1.0 else f'{metres * length:.2f} m ({text})'
 
 
 def check_waypoints(

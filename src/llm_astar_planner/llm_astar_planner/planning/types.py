@@ -103,6 +103,21 @@ class CheckedWaypoint:
     status: WaypointStatus
 
 
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The way of a plan, for a later one to keep, perhaps on another map.
+
+    `cells`: int32 [n, 2], single moves. `turns`: int64 [m], which of them straight lines at any
+    angle join, if there are any. On its map, `first` is the point (x, y) in metres of the
+    cell (0, 0), and `frame` the resolution, the yaw of the origin and the frame.
+    """
+
+    cells: NDArray[np.int32]
+    turns: NDArray[np.int64]
+    first: tuple[float, float]
+    frame: tuple[float, float, str]
+
+
 @dataclass(frozen=True)
 class PlanRequest:
     """One request: a path from start to goal, both cells (x, y).
@@ -120,6 +135,7 @@ class PlanRequest:
       yet. They may then come too late to be used.
     - `any_angle`: also return a path with straight segments at any angle. The search then gets
       90 % of the time; if the rest is too short for it, it is left out with a warning.
+    - `smoothing`: also return the path, at any angle if that is asked for, with its kinks rounded.
     - `want_expanded`: whether the plan has the picture of expanded cells.
     - `sample`: which benchmark sample this is, if it is one.
     - `tolerance`, `start_tolerance`: metres. An unreachable goal or via point is replaced by the
@@ -130,6 +146,8 @@ class PlanRequest:
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
+    - `last_way`: the way of the last plan to this goal. It is kept as far as it is left, valid
+      and costs at most 1 + `switch_margin` times what the path found does.
     - `footprint`: the robot's polygon; a path that it cannot pass is not returned. It stands at
       `start_pose` and ends with `goal_yaw`, in metres and radians of the map's frame; None: as the
       path begins and ends. None of the three matters without a footprint.
@@ -154,6 +172,7 @@ class PlanRequest:
     max_suboptimality: float | None = None
     search_while_waiting: bool = False
     any_angle: bool = False
+    smoothing: bool = False
     want_expanded: bool = True
     sample: SampleKey | None = None
     tolerance: float = 0.0
@@ -164,6 +183,8 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
+    last_way: Way | None = None
+    switch_margin: float = 0.0
     first_path_time_limit: float = 0.0
     allow_partial_planning: bool = False
     alternatives: int = 0
@@ -277,6 +298,8 @@ class Plan:
     - `suboptimality_bound`: the cost is proven to be at most this many times the least possible;
       NaN if the method proves nothing.
     - `any_angle`: the path shortened at any angle, if requested, valid and found in time.
+    - `smoothed`: float64 [m, 2], that path, or `path` where there is none, with rounded kinks, if
+      requested and valid: points in cells, at most one apart.
     - `expansions`, `first_expansions`: all expansions, and those up to the first path.
       `storage`: the states that ever got a g (the paper's storage).
     - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
@@ -317,6 +340,7 @@ class Plan:
     cost: float = math.nan
     suboptimality_bound: float = math.nan
     any_angle: AnyAnglePath | None = None
+    smoothed: NDArray[np.float64] | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
     seconds_map: float = 0.0

@@ -15,15 +15,21 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from llm_astar_planner.plugins import PluginError, checked_count
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints.source import (
+    Provenance,
     SourceStatus,
+    Waypoint,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    checked_point,
+    checked_seconds,
     limit_waypoints,
 )
 
@@ -35,6 +41,13 @@ GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 IDLE_SECONDS = 5.0
 NEWER_CAME = 'not asked, since newer queries came'
 TOO_LATE = 'not asked: its time was over before its turn'
+# What the fields of a reply are, but for its waypoints.
+PLAIN: dict[str, type] = {
+    **dict.fromkeys(('label', 'detail', 'text', 'model', 'prompt'), str),
+    'status': SourceStatus,
+    'messages': tuple,
+    'provenance': Provenance,
+}
 
 
 def query_source(
@@ -42,9 +55,9 @@ def query_source(
 ) -> tuple[WaypointReply, float]:
     """Query a source; return its reply and the seconds it took.
 
-    An exception becomes an ERROR reply. Where the source exceeds the query's time limit, or
-    `stop[0]` becomes 1, the reply is a TIMEOUT and the source's own is dropped. Only the first
-    1000 waypoints are kept.
+    An exception becomes an ERROR reply, and so does what is no WaypointReply of plain values.
+    Where the source exceeds the query's time limit, or `stop[0]` becomes 1, the reply is a TIMEOUT
+    and the source's own is dropped. Only the first 1000 waypoints are kept.
     """
     return start_query(source, query, lambda _: None).result(stop)
 
@@ -85,10 +98,12 @@ class QueryTask:
             self.finish(WaypointReply(status=SourceStatus.TIMEOUT, detail=TOO_LATE))
             return
         try:
-            reply = limit_waypoints(self.ask(self._stop))
+            reply = plain_reply(self.ask(self._stop))
         except BaseException as error:  # noqa: BLE001 - no source may ever stop a plan or a thread
             _LOG.exception('the waypoint source failed')
             detail = f'{type(error).__name__} in source {self.name}'
+            if isinstance(error, PluginError):
+                detail = f'source {self.name}: {error}'
             reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
         self.finish(reply)
 
@@ -233,4 +248,36 @@ def start_query(
     def ask(stop: StopFlag) -> WaypointReply:
         return source.waypoints(replace(query, stop=stop))
 
-    return QueryTask(source.name, ask, query.time_limit, on_reply, queue)
+    return QueryTask(name_of(source), ask, query.time_limit, on_reply, queue)
+
+
+def name_of(source: object) -> str:
+    """Return a source's name; that of its type where it has none."""
+    try:
+        name = getattr(source, 'name', None)
+    except Exception:  # noqa: BLE001 - of foreign code
+        name = None
+    return name if type(name) is str else type(source).__name__
+
+
+def plain_reply(reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
+    """Return a reply that is made of plain values. Raises PluginError, which names the field."""
+    if not isinstance(reply, WaypointReply):
+        raise PluginError(f'returned {type(reply).__name__}, not a WaypointReply')
+    for name, kind in PLAIN.items():
+        if type(value := getattr(reply, name)) is not kind:
+            raise PluginError(f'{name}: is a {type(value).__name__}, not a {kind.__name__}')
+    for name in ('prompt_tokens', 'completion_tokens', 'unit'):
+        checked_count(getattr(reply, name), name)
+    checked_seconds(reply.seconds)
+    if not isinstance(reply.waypoints, (tuple, list, np.ndarray)):
+        raise PluginError(f'waypoints: is a {type(reply.waypoints).__name__}, not a tuple')
+    limited = limit_waypoints(reply)
+    return replace(limited, waypoints=tuple(map(plain_point, limited.waypoints)))
+
+
+def plain_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
+    """Return a waypoint as two numbers of Python, whole ones as they are. Raises PluginError."""
+    x, y = checked_point(point)
+    is_plain = type(point) is tuple and {type(value) for value in point} <= {int, float}
+    return point if is_plain else (x, y)

@@ -183,8 +183,11 @@ class WaypointSource(Protocol):
 
 def helps_on(source: WaypointSource, costmap: Costmap) -> bool:
     """Tell whether a source is worth asking on a costmap: not where it says that it is not."""
-    asked = getattr(source, 'helps_on', None)
-    return asked is None or bool(asked(costmap))
+    try:
+        asked = getattr(source, 'helps_on', None)
+        return asked is None or bool(asked(costmap))
+    except Exception:  # noqa: BLE001 - of foreign code, which is asked and fails within its limits
+        return True
 
 
 GROUP = 'llm_astar.waypoint_sources'
@@ -276,7 +279,7 @@ def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
     """Return a waypoint as two finite floats. Raises PluginError."""
     try:
         x, y = map(float, () if isinstance(point, str | bytes | Set | Mapping) else point)
-    except (TypeError, ValueError):
+    except Exception:  # noqa: BLE001 - of foreign code
         x = math.nan
     else:
         if math.isfinite(x) and math.isfinite(y):

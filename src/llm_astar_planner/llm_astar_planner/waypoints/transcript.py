@@ -273,7 +273,7 @@ class TranscriptWriter:
             end = file.tell()
             if file.write(line) != len(line):
                 file.truncate(end)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
 
 
 def repair_last_line(path: Path) -> None:

@@ -113,3 +113,23 @@ def test_a_turned_map_is_drawn_where_its_places_are():
 
 def test_a_map_without_places_is_drawn():
     assert list(places_figure(Places()).axes[0].texts) == []
+
+
+@pytest.mark.parametrize('name', ['avoid', 'Not', 'the', 'vermeide', 'sans', 'évite', 'el'])
+def test_a_place_that_is_called_as_instructions_begin_is_refused(tmp_path, capsys, name):
+    path = tmp_path / 'places.geojson'
+    for place in (
+        Place(name, shapely.Point(5, 2)),
+        Place('x', shapely.Point(5, 2), 'room', (name,)),
+    ):
+        path.write_text(json.dumps(Places([place]).to_geojson()))
+        assert main(['places', str(path)]) == 2
+        said = capsys.readouterr().err
+        assert f'{path}: place {name!r}: is a word that instructions are made of' in said
+
+
+@pytest.mark.parametrize('name', ['A', 'north', 'stop', 'avoid station', 'The Hall', 'Notting'])
+def test_a_place_may_be_called_by_other_words(tmp_path, capsys, name):
+    path = tmp_path / 'places.geojson'
+    path.write_text(json.dumps(Places([Place(name, shapely.Point(5, 2))]).to_geojson()))
+    assert main(['places', str(path)]) == 0

@@ -1,5 +1,6 @@
 """No source can delay or break a plan: not one that hangs, raises, is wrong, or is late."""
 
+import json
 import threading
 import time
 
@@ -112,3 +113,67 @@ def test_only_the_first_thousand_waypoints_are_taken():
     reply, _ = query_source(Source(babble), query)
     assert reply.waypoints == babble(None, query).waypoints[:1000]
     assert reply.detail == 'chatty; only its first 1000 waypoints'
+
+
+def test_whole_numbers_of_a_source_stay_what_they_are():
+    source = Source(lambda *_: WaypointReply(((3, 4), (5.5, 6))))
+    query = WaypointQuery(PLANNER.costmap, (1, 1), (2, 2), LONG)
+    assert repr(query_source(source, query)[0].waypoints) == '((3, 4), (5.5, 6))'
+
+
+HUGE = 10**3999
+NONSENSE = {
+    'nothing': (lambda: None, 'returned NoneType, not a WaypointReply'),
+    'a list': (lambda: [(1.0, 1.0)], 'returned list, not a WaypointReply'),
+    'waypoints of nothing': (lambda: WaypointReply(None), 'waypoints: is a NoneType'),
+    'a text of waypoints': (lambda: WaypointReply('abc'), 'waypoints: is a str'),
+    'waypoints without end': (lambda: WaypointReply(iter(int, 1)), 'waypoints: is a '),
+    'texts': (lambda: WaypointReply((('a', 'b'),)), 'is not two finite numbers'),
+    'three numbers': (lambda: WaypointReply(((1.0, 2.0, 3.0),)), 'is not two finite numbers'),
+    'no pairs': (lambda: WaypointReply((1.0, 2.0)), 'is not two finite numbers'),
+    'a list too deep': (lambda: WaypointReply((((1, 2), (3, 4)),)), 'is not two finite numbers'),
+    'no number': (lambda: WaypointReply(((np.nan, 1.0),)), 'is not two finite numbers'),
+    'infinity': (lambda: WaypointReply(((np.inf, 1.0),)), 'is not two finite numbers'),
+    'a huge number': (lambda: WaypointReply(((HUGE, 1),)), 'is not two finite numbers'),
+    'a complex number': (lambda: WaypointReply(((1j, 1.0),)), 'is not two finite numbers'),
+    'objects': (lambda: WaypointReply(np.array([object()])), 'is not two finite numbers'),
+    'no status': (lambda: WaypointReply(status=None), 'status: is a NoneType'),
+    'a text as status': (lambda: WaypointReply(status='OK'), 'status: is a str'),
+    'no label': (lambda: WaypointReply(label=None), 'label: is a NoneType'),
+    'bytes as detail': (lambda: WaypointReply(detail=b'x'), 'detail: is a bytes'),
+    'a text as tokens': (lambda: WaypointReply(prompt_tokens='x'), 'prompt_tokens: '),
+    'no time': (lambda: WaypointReply(seconds=np.nan), 'seconds: '),
+    'no provenance': (lambda: WaypointReply(provenance=None), 'provenance: is a NoneType'),
+    'an exception': (lambda: 1 / 0, 'ZeroDivisionError in source fake'),
+}
+
+
+@pytest.mark.parametrize('waiting', [False, True])
+@pytest.mark.parametrize('what', NONSENSE)
+def test_nonsense_of_a_source_is_a_plan_without_waypoints_that_says_so(what, waiting):
+    answer, said = NONSENSE[what]
+    source = Source(lambda *_: answer())
+    request = PlanRequest((2, 2), (50, 3), source=source, search_while_waiting=waiting)
+    plan = PLANNER.plan(request)
+    assert (plan.code.name, plan.guided_by, plan.reply.status) == ('NONE', 'none', 'ERROR')
+    assert said in plan.reply.detail
+    json.dumps(plan.to_dict(), allow_nan=False)
+
+
+class Nameless:
+    """A source whose name cannot be asked for."""
+
+    @property
+    def name(self):
+        raise RuntimeError('no name')
+
+    def waypoints(self, query):
+        raise ValueError('no waypoints')
+
+
+@pytest.mark.parametrize('what', [Nameless(), Nameless, 3, 'straight', object()])
+def test_what_is_no_source_at_all_is_a_plan_without_waypoints_that_says_so(what):
+    plan = PLANNER.plan(PlanRequest((2, 2), (50, 3), source=what))
+    assert (plan.code.name, plan.guided_by, plan.reply.status) == ('NONE', 'none', 'ERROR')
+    assert 'in source ' in plan.reply.detail
+    assert plan.source in plan.reply.detail

@@ -25,7 +25,7 @@ class Gate:
         def answer(stop):
             self.asked.append(name)
             self.opened.wait(LONG)
-            return WaypointReply(detail=name)
+            return WaypointReply(detail=str(name))
 
         return QueryTask('gate', answer, time_limit, lambda _: None, queue)
 

@@ -13,8 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from llm_astar_msgs_adapter.maps.places import Places, PlacesError
 
-from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
+from llm_astar_planner.instructions.grammar.words import (
+    Phrases,
+    comparable,
+    phrase_words,
+    read_words,
+)
 
 FOLDER = Path(__file__).with_name('vocabulary')
 LANGUAGES = ('en', 'de', 'fr', 'es')
@@ -24,6 +30,8 @@ IRRELEVANT, QUESTIONS = 'IRRELEVANT', 'QUESTIONS'
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
 COLOURS = 'colours'
+# Kinds of words of which no place can be called: 'avoid', 'not', 'and', 'except'.
+NO_NAMES = frozenset({'AVOID', 'NEG', 'AND', 'BUT', 'EXCEPT', 'WITHOUT'})
 VOWELS = frozenset('aeiou')
 
 
@@ -180,3 +188,27 @@ def forms(
     genitive = (*one[:-1], f'{one[-1]}s')
     dative = (*many[:-1], many[-1] if many[-1][-1] in 'ns' else f'{many[-1]}n')
     return [(one, False), (many, True), (genitive, False), (dative, True)]
+
+
+def check_names(places: Places, source: str) -> Places:
+    """Return the places. Raises PlacesError for a name that an instruction means otherwise."""
+    for name in (name for place in places for name in (place.name, *place.aliases)):
+        if means_otherwise(name):
+            why = 'is a word that instructions are made of, so none could name the place'
+            raise PlacesError(f'{source}: place {name!r}: {why}; call it otherwise')
+    return places
+
+
+def means_otherwise(name: str) -> bool:
+    """Tell whether a name is an article, or nothing but a word of NO_NAMES, in any language.
+
+    One letter is a name: 'A' may be a gate.
+    """
+    words = read_words(name) if len(name) > 1 else []
+    for known in map(vocabulary, LANGUAGES):
+        count, meanings = known.phrases.longest(words, 0)
+        kinds = {meaning[0][0] for meaning in meanings if count == len(words)}
+        is_article = len(words) == 1 and words[0].text in known.articles | known.any_articles
+        if is_article or kinds & NO_NAMES:
+            return True
+    return False

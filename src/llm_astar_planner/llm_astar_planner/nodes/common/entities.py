@@ -5,20 +5,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
+import time
+import traceback
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
-from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
+from rclpy.waitable import NumberOfEntities, Waitable
 
 from llm_astar_planner.nodes.common.qos import CALLS
 
 _T = TypeVar('_T')
+# Requests of one service that wait at most, and that are taken before they are looked at.
+MOST_WAITING, MOST_AT_ONCE = 128, 1024
+QUIET_SECONDS = 1.0
 
 
 class Entities:
@@ -46,7 +55,11 @@ class Entities:
         self._keep(made, self.node.destroy_subscription)
 
     def service(
-        self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
+        self,
+        kind: type,
+        name: str,
+        callback: Callable[[Any, Any], Any] | None,
+        group: CallbackGroup,
     ) -> Service:
         """Create a service that loses no request of many callers."""
         made = self.node.create_service(
@@ -77,31 +90,105 @@ class Entities:
             self._undo.pop()()
 
 
-class LimitedCallbackGroup(ReentrantCallbackGroup):
-    """Lets at most so many callbacks run at a time; more wait in the middleware.
-
-    So a flood of one kind leaves threads of the executor for all the others.
-    """
-
-    def __init__(self, limit: int) -> None:
-        """Take how many may run at a time."""
-        super().__init__()
-        self._limit = limit
-        self._lock = threading.Lock()
-        self._running = 0
+class UntakenCallbackGroup(MutuallyExclusiveCallbackGroup):
+    """Keeps an executor from taking what is taken in another way."""
 
     def can_execute(self, _: Any) -> bool:  # noqa: ANN401 - rclpy's own
-        """Tell whether another callback may run now."""
-        return self._running < self._limit
+        """Tell that nothing may run."""
+        return False
 
-    def beginning_execution(self, _: Any) -> bool:  # noqa: ANN401 - rclpy's own
-        """Let a callback run if another one may."""
-        with self._lock:
-            may_run = self._running < self._limit
-            self._running += may_run
-            return may_run
 
-    def ending_execution(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Take note of a callback that has ended."""
+class QueuedService(Waitable):
+    """A service that takes every request at once: it is answered, waits, or hears that it is busy.
+
+    So none waits in the middleware, which drops what is too much without a sign. rclpy does not
+    tell which client asked, so the limits are for all clients together.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        kind: Any,  # noqa: ANN401 - a service type
+        name: str,
+        answer: Callable[[Any, Any, float, str], Any],
+        *,
+        threads: int,
+    ) -> None:
+        """Serve on so many threads, the oldest request first.
+
+        `answer` gets a request, its response to fill, when it arrived in monotonic seconds, and
+        ''. Of requests that come while MOST_WAITING wait it gets the first, and why all those that
+        came together are refused with its response.
+        """
+        super().__init__(MutuallyExclusiveCallbackGroup())
+        self._kind = kind
+        self._answer = answer
+        self._logger = entities.node.get_logger()
+        self._lock = threading.Lock()
+        self._waiting = self._index = 0
+        self.service = entities.service(kind, name, None, UntakenCallbackGroup())
+        self._pool = ThreadPoolExecutor(threads, 'callers')
+        entities.on_close(lambda: self._pool.shutdown(wait=False, cancel_futures=True))
+        entities.node.add_waitable(self)
+        entities.on_close(lambda: entities.node.remove_waitable(self))
+
+    def __enter__(self) -> None:
+        """Keep the service from being destroyed while the executor waits for it."""
+        self.service.handle.__enter__()
+
+    def __exit__(self, *error: object) -> None:
+        """Let it be destroyed again."""
+        self.service.handle.__exit__(*error)
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """Return what the executor waits for: one service."""
+        return NumberOfEntities(num_services=1)
+
+    def add_to_wait_set(self, wait_set: Any) -> None:  # noqa: ANN401 - rclpy's own
+        """Have the executor wait for requests."""
+        self._index = wait_set.add_service(self.service.handle)
+
+    def is_ready(self, wait_set: Any) -> bool:  # noqa: ANN401 - rclpy's own
+        """Tell whether a request has come."""
+        return bool(wait_set.is_ready('service', self._index))
+
+    def take_data(self) -> list[tuple[Any, Any]]:
+        """Take the requests that have come, with their headers; at most one round's worth."""
+        taken: list[tuple[Any, Any]] = []
+        with contextlib.suppress(InvalidHandle), self.service.handle:
+            while len(taken) < MOST_AT_ONCE:
+                request, header = self.service.handle.service_take_request(self._kind.Request)
+                if header is None:
+                    break
+                taken.append((request, header))
+        return taken
+
+    async def execute(self, taken: list[tuple[Any, Any]]) -> None:
+        """Have requests wait for a thread, or refuse them."""
+        now = time.monotonic()
         with self._lock:
-            self._running -= 1
+            count = min(len(taken), max(0, MOST_WAITING - self._waiting))
+            self._waiting += count
+        with contextlib.suppress(RuntimeError):  # of a pool that was closed meanwhile
+            for one in taken[:count]:
+                self._pool.submit(self._serve, *one, now)
+        if refused := taken[count:]:
+            busy = f'busy: {MOST_WAITING} requests are waiting; {len(refused)} more were refused'
+            self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
+            self._respond(refused, now, busy)
+
+    def _serve(self, request: Any, header: Any, arrived: float) -> None:  # noqa: ANN401
+        with self._lock:
+            self._waiting -= 1
+        self._respond([(request, header)], arrived, '')
+
+    def _respond(self, requests: list[tuple[Any, Any]], arrived: float, busy: str) -> None:
+        """Answer the first request, and all with its response."""
+        try:
+            response = self._answer(requests[0][0], self._kind.Response(), arrived, busy)
+            for _, header in requests:
+                self.service.send_response(response, header)
+        except InvalidHandle:  # the node has left the graph
+            pass
+        except Exception:  # noqa: BLE001 - its thread serves others too
+            self._logger.error(traceback.format_exc())

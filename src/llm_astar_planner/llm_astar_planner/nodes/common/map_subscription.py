@@ -29,6 +29,9 @@ except ImportError:
 
 # A stamp that is older than this, in seconds, does not say when a message was sent.
 LONGEST_TRANSIT = 0.5
+# The year 2001: no clock of a machine is before it, and no simulated time after it.
+OLDEST_NS = 10**18
+QUIET_SECONDS = 10.0
 
 
 class MapSubscription:
@@ -83,6 +86,9 @@ class MapSubscription:
             self._logger.error(f'{what} refused, {kept}: {name}{error}')
             return False
         self._grid_map = grid_map
+        problem = clock_problem(stamp_of(message), self._clock.now().nanoseconds)
+        if problem is not None:
+            self._logger.warning(f'{what}: {problem}', throttle_duration_sec=QUIET_SECONDS)
         self._on_map(grid_map, self._transit(message))
         return True
 
@@ -94,3 +100,14 @@ class MapSubscription:
         """
         seconds = (self._clock.now().nanoseconds - stamp_of(message)) * 1e-9
         return seconds if 0.0 < seconds < LONGEST_TRANSIT else 0.0
+
+
+def clock_problem(stamp: int, now: int) -> str | None:
+    """Say why a stamp is not of the clock that says `now`, both in ns; None where it may be.
+
+    A stamp of 0 is none. A map that is published once may have any age.
+    """
+    if 0 < stamp < OLDEST_NS < now or now < OLDEST_NS < stamp:
+        return 'its stamp is of another clock than the one of this node; see use_sim_time'
+    seconds = (stamp - now) * 1e-9
+    return f'its stamp is {seconds:.1f} s in the future' if seconds > LONGEST_TRANSIT else None

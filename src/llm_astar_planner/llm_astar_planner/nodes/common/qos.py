@@ -27,7 +27,7 @@ UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 # Requests that wait until a thread is free, and their answers: with the default of 10, those of
 # many callers at once would be lost, on both sides: a client's queue also holds the responses to
 # all other clients until it has looked at them.
-CALLS = QoSProfile(depth=256, reliability=ReliabilityPolicy.RELIABLE)
+CALLS = QoSProfile(depth=4096, reliability=ReliabilityPolicy.RELIABLE)
 # Heartbeats of a bond as bondcpp sends and takes them, those of all other nodes included.
 BOND_HEARTBEATS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 BOND = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

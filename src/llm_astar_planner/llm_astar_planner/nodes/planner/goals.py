@@ -23,15 +23,19 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.service_introspection import ServiceIntrospectionState
 
-from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
-from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.nodes.common.entities import Entities, QueuedService
+from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 
 # The services are there before what plans is imported: see planner_node.
 if TYPE_CHECKING:
     from llm_astar_planner.planning.planner import Planner
 
+# The services, actions and topics that goals come by.
+ACTION_NAMES = ('compute_path_to_pose', 'compute_path_through_poses')
+GET_PLAN, GOAL_POSE = '~/get_plan', 'goal_pose'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
+# An action takes as many goals, which preempt each other, and rejects more.
 CALLERS = 16
 INTROSPECTION_STATES = {
     'disabled': ServiceIntrospectionState.OFF,
@@ -44,10 +48,7 @@ try:
 except ImportError:
     ACTIONS: dict[str, Any] = {}
 else:
-    ACTIONS = {
-        'compute_path_to_pose': ComputePathToPose,
-        'compute_path_through_poses': ComputePathThroughPoses,
-    }
+    ACTIONS = dict(zip(ACTION_NAMES, (ComputePathToPose, ComputePathThroughPoses)))
 
 # Seconds that a result is kept, as long as Nav2's planner_server keeps it: it may be large.
 RESULT_SECONDS = 10
@@ -56,6 +57,7 @@ CANCELED = 'the caller canceled'
 REACHABLE_LATER = ResultCode.NO_VALID_PATH.name
 # Seconds to wait until rclpy's goal handle knows of a cancel that was announced.
 CANCEL_SECONDS = 1.0
+QUIET_SECONDS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,7 @@ class PlanGoal:
 
     `tolerance` in metres replaces the parameter if it is above 0. `planner_id` may name a method.
     `fallback_start` is used if the robot's pose is not known. `viapoints` guide the search; the
-    path need not pass them.
+    path need not pass them. `client` names the service, action or topic that it came by.
     """
 
     goals: tuple[PoseStamped, ...]
@@ -73,15 +75,25 @@ class PlanGoal:
     planner_id: str = ''
     fallback_start: PoseStamped | None = None
     viapoints: tuple[PoseStamped, ...] = ()
+    client: str = ''
+
+    @property
+    def is_of_action(self) -> bool:
+        """Whether one of Nav2's actions was called."""
+        return self.client in ACTION_NAMES
 
 
 class CancellationToken:
-    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs."""
+    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs.
 
-    def __init__(self) -> None:
-        """Make a token that is not cancelled."""
+    `arrived` is when its goal came, in monotonic seconds: its time runs from there.
+    """
+
+    def __init__(self, arrived: float | None = None, reason: str = '') -> None:
+        """Make the token of a goal that came now by default; with a reason it is cancelled."""
         self.stop = np.zeros(1, dtype=np.uint8)
-        self.reason = ''
+        self.reason = reason
+        self.arrived = time.monotonic() if arrived is None else arrived
 
     def cancel(self, reason: str) -> None:
         """Cancel, once and for all; the first reason counts."""
@@ -147,31 +159,36 @@ def serve_goals(
     import is needed.
     """
 
-    def on_get_plan(request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
-        goal = PlanGoal((request.goal,), request.start, float(request.tolerance))
-        response.plan = answer(goal).path
+    def on_get_plan(
+        request: GetPlan.Request, response: GetPlan.Response, arrived: float, busy: str
+    ) -> GetPlan.Response:
+        tolerance = float(request.tolerance)
+        goal = PlanGoal((request.goal,), request.start, tolerance, client=GET_PLAN)
+        response.plan = answer(goal, CancellationToken(arrived, busy)).path
         return response
 
-    callers = LimitedCallbackGroup(CALLERS)
-    service = entities.service(GetPlan, '~/get_plan', on_get_plan, callers)
+    calls = QueuedService(entities, GetPlan, GET_PLAN, on_get_plan, threads=CALLERS)
     state = INTROSPECTION_STATES[introspection]
-    service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
+    calls.service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():
         PathAction(entities, kind, name, answer, is_active)
     served = 'with' if ACTIONS else 'without nav2_msgs, so without'
     entities.node.get_logger().info(f"{served} Nav2's planner actions")
 
 
-def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
-    """Convert an action's goal: `goal`, or `goals`, which since Kilted is a nav_msgs/Goals.
+def plan_goal(goal: Any, client: str = '') -> PlanGoal:  # noqa: ANN401 - a goal of either action
+    """Convert the goal of the action `client`.
 
-    `viapoints` came to ComputePathToPose after Kilted.
+    That is `goal`, or `goals`, which since Kilted is a nav_msgs/Goals. `viapoints` came to
+    ComputePathToPose after Kilted.
     """
     goals = getattr(goal, 'goals', None)
     poses = [goal.goal] if goals is None else getattr(goals, 'goals', goals)
     start = goal.start if goal.use_start else None
     viapoints = tuple(getattr(goal, 'viapoints', ()))
-    return PlanGoal(tuple(poses), start, planner_id=goal.planner_id, viapoints=viapoints)
+    return PlanGoal(
+        tuple(poses), start, planner_id=goal.planner_id, viapoints=viapoints, client=client
+    )
 
 
 def fill_result(result: Any, response: PlanResponse, reason: str = '') -> Any:  # noqa: ANN401 - of either action
@@ -226,7 +243,8 @@ class PathAction:
         is_active: Callable[[], bool],
     ) -> None:
         """Serve the action; goals are taken while `is_active()`."""
-        self._kind = kind
+        self._kind, self._name = kind, name
+        self._logger = entities.node.get_logger()
         self._answer, self._is_active = answer, is_active
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
@@ -242,13 +260,20 @@ class PathAction:
             handle_accepted_callback=self.on_accepted,
             cancel_callback=self.on_cancel,
             result_timeout=RESULT_SECONDS,
+            goal_service_qos_profile=CALLS,
+            result_service_qos_profile=CALLS,
+            cancel_service_qos_profile=CALLS,
         )
         entities.on_close(server.destroy)
         entities.on_close(lambda: self._slot.cancel('the node ends'))
 
     def on_goal(self, _: Any) -> GoalResponse:  # noqa: ANN401 - any goal
-        """Accept a goal if the node is active."""
-        return GoalResponse.ACCEPT if self._is_active() else GoalResponse.REJECT
+        """Accept a goal if the node is active and few others wait for their end."""
+        is_busy = len(self._tokens) >= CALLERS
+        if is_busy:
+            busy = f'{self._name}: busy: {len(self._tokens)} goals are waiting'
+            self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
+        return GoalResponse.ACCEPT if self._is_active() and not is_busy else GoalResponse.REJECT
 
     def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Cancel the previous goal and execute this one."""
@@ -266,7 +291,7 @@ class PathAction:
 
     def execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
         """Plan for a goal and finish it."""
-        goal, token = plan_goal(handle.request), self.token_of(handle)
+        goal, token = plan_goal(handle.request, self._name), self.token_of(handle)
         feedback = self._kind.Feedback()
         response = self._answer(goal, token, lambda: handle.publish_feedback(feedback))
         if token.reason == CANCELED:

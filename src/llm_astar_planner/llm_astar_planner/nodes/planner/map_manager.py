@@ -263,10 +263,13 @@ class MapArrivals:
         now = self._clock()
         return self._soonest <= now + seconds and now <= self.latest < math.inf
 
-    def warnings(self) -> tuple[str, ...]:
-        """Say that the next message is overdue; empty if it is not."""
+    def warnings(self, after: float = 0.0) -> tuple[str, ...]:
+        """Say that the next message is overdue; empty if it is not.
+
+        With `after`, only once nothing has come for so many seconds.
+        """
         now = self._clock()
-        if now <= self.overdue_at:
+        if now <= max(self.overdue_at, self.last + after):
             return ()
         return (
             f'no map or update has come for {now - self.last:.1f} s; '

@@ -15,9 +15,10 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMapError
 from llm_astar_msgs_adapter.messages.fields import yaws_of
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
+from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
@@ -39,8 +40,6 @@ except ImportError:
 # inscribed cells, which are 99, and lethal ones.
 MOST_COST, INSCRIBED, LETHAL = 252, 253, 254
 QUIET_SECONDS = 10.0
-# Paths that are checked at a time.
-MAX_CHECKS = 2
 
 
 class ValidityError(LlmAstarError, ValueError):
@@ -72,7 +71,7 @@ class PathValidityService:
         self._logger = entities.node.get_logger()
         self._footprint = footprint
         if IsPathValid is not None:
-            checks = LimitedCallbackGroup(MAX_CHECKS)
+            checks = MutuallyExclusiveCallbackGroup()
             entities.service(IsPathValid, 'is_path_valid', self.fill, checks)
 
     def fill(self, request: Any, response: Any) -> Any:  # noqa: ANN401 - IsPathValid's

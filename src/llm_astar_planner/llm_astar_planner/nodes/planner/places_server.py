@@ -10,7 +10,6 @@ import json
 import traceback
 from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -23,6 +22,7 @@ from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from llm_astar_planner.instructions.grammar.vocabulary import check_names
 from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.entities import Entities
@@ -36,7 +36,7 @@ PARAMETER = 'places_file'
 
 def load(name: str) -> Places:
     """Return the places of a file, none for ''. Raises PlacesError or OSError."""
-    return load_places(Path(find_file(name, 'maps'))) if name else NO_PLACES
+    return check_names(load_places(find_file(name, 'maps')), name) if name else NO_PLACES
 
 
 class PlacesServer:

@@ -26,6 +26,7 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
 from llm_astar_planner.nodes.planner.goals import (
+    GOAL_POSE,
     CancellationToken,
     PlanGoal,
     PlanResponse,
@@ -36,6 +37,7 @@ from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
+from llm_astar_planner.planning.kept_way import Ways
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import (
@@ -79,6 +81,13 @@ class Job:
         if self.token.reason:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
         return True
+
+    def begins(self, limit: float) -> None:
+        """Raise RequestError if its turn came after `limit` seconds, or it was cancelled."""
+        seconds = time.monotonic() - self.begin
+        if self.goes_on() and seconds > limit:
+            message = f'its turn came after {seconds:.1f} s, and it has {limit:g} s'
+            raise RequestError(ResultCode.TIMEOUT, message)
 
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
@@ -146,6 +155,9 @@ class RequestConverter:
             for name, pose in zip(names, [goal.start, *goal.goals, *goal.viapoints]):
                 if pose is None:
                     place = self.robot_pose(goal, grid_map.frame_id, may_wait)
+                elif goal.is_of_action and not pose.header.frame_id:
+                    # As in planner_server. Elsewhere no frame means that of the map.
+                    raise FrameError(f'the {name} has no frame_id')
                 elif pose.header.frame_id in ('', grid_map.frame_id):
                     place = pose_from_message(pose.pose, name)
                 else:
@@ -155,7 +167,10 @@ class RequestConverter:
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
-            raise RequestError(ResultCode.UNKNOWN, str(error)) from None
+            # What is not finite lies on no map; a code after which trees do not clear it.
+            is_start = not places and goal.start is not None
+            code = ResultCode.START_OUTSIDE_MAP if is_start else ResultCode.GOAL_OUTSIDE_MAP
+            raise RequestError(code, str(error)) from None
         start, goals = places[0], places[1 : last + 1]
         fields = self.fields(goal) | {'want_expanded': want_expanded, 'time_limit': time_left()}
         if self._footprint.current is not None:
@@ -212,8 +227,11 @@ class RequestHandler:
     ) -> None:
         """Take the parts it works with."""
         self.is_active = False
+        # No goal's time runs before the node is active and what a first plan takes is compiled.
+        self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
+        self._ways = Ways()
         # How many plans began at each of the last times of the clock.
         self._plans_at: Recent[int, int] = Recent(KEPT_TIMES)
         self._node = node
@@ -228,11 +246,13 @@ class RequestHandler:
 
     def activate(self) -> None:
         """Answer goals from now on."""
+        self._ready_since = time.monotonic()
         self.is_active = True
 
     def deactivate(self, reason: str) -> None:
         """Refuse goals from now on, cancel those being answered and wait until they ended."""
         self.is_active = False
+        self._ways.clear()
         with self._ended:
             for token in self._running:
                 token.cancel(reason)
@@ -248,20 +268,21 @@ class RequestHandler:
         """Plan, publish what came of it, and return it; never raises.
 
         `token` cancels it from another thread: its code is then TIMEOUT and only the report is
-        published. `on_better` is called after each better path published on the way.
+        published. `on_better` is called for each better path on the way.
         `replan_reason` says why the path monitor plans again, '' if a client requested it.
         """
         token = token or CancellationToken()
         stamp = self.next_stamp()
         limit = self._settings.current['max_planning_time']
-        job = Job(goal, token, stamp, time.monotonic(), limit)
+        job = Job(goal, token, stamp, max(token.arrived, self._ready_since), limit)
         with self._ended:
             self._running.add(token)
         try:
             try:
                 if self.is_active and not self._compiler.is_ready:
                     self._compiler.wait(job.goes_on)
-                    job = replace(job, begin=time.monotonic())
+                    self._ready_since = time.monotonic()
+                    job = replace(job, begin=self._ready_since)
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
@@ -273,7 +294,12 @@ class RequestHandler:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
             self._last = response
-            self._publisher.publish_report(response, stamp, is_cancelled=bool(token.reason))
+            self._publisher.publish_report(
+                response,
+                stamp,
+                is_cancelled=bool(token.reason),
+                is_routine=bool(replan_reason) or goal.is_of_action,
+            )
         finally:
             with self._ended:
                 self._running.discard(token)
@@ -307,9 +333,11 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self.is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
+        job.begins(max(job.limit, self._settings.current['first_path_time_limit']))
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
+            self.check_age()
             # A replan follows a new map, and is no retry.
             is_retry = not replan_reason and self._waits.is_retry(job.goal)
             waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
@@ -331,19 +359,26 @@ class RequestHandler:
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
+        # In cells of the map's frame, wherever the map begins.
+        x, y = (round(value / planner.grid_map.resolution) for value in goals[-1][:2])
+        way = job.goal.client, job.goal.planner_id, x, y
+        request = self._ways.add_to(request, way)
         began = time.monotonic()
         plans = planner.plans(request, job.token.stop)
         # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
         deadline = job.begin + job.limit
+        # Who calls gets one path, and RViz shows that one; so where a way may be kept.
+        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
         for plan in plans:
-            if not plan.is_final:
+            if plan.is_final or job.token.reason:
+                continue
+            if shows_better:
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
-                if not job.token.reason:
-                    self._publisher.publish_path(path, is_replan=bool(replan_reason))
-                    if on_better is not None:
-                        on_better()
+                self._publisher.publish_path(path, is_replan=bool(replan_reason))
+            if on_better is not None:
+                on_better()
         job.goes_on()
         # A first path that came late is written whole all the same.
         deadline = max(deadline, time.monotonic() + min(FINISH_SECONDS, FINISH_SHARE * job.limit))
@@ -353,6 +388,7 @@ class RequestHandler:
         is_made = plan.code is ResultCode.NONE
         if is_made:
             self._publisher.publish_path(path, is_replan=bool(replan_reason))
+            self._ways.remember(plan, request, way, planner.costmap)
             if request.instruction is not None:
                 self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
@@ -362,6 +398,13 @@ class RequestHandler:
             warnings = (*plan.warnings, *waited.warnings, *left_out)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
+
+    def check_age(self) -> None:
+        """Raise RequestError where the costmap has been silent for longer than it may be."""
+        limit = self._settings.current['costmap_timeout']
+        if limit > 0.0 and (problems := self._maps.arrivals.warnings(limit)):
+            message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
+            raise RequestError(ResultCode.TIMEOUT, message)
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""

@@ -77,6 +77,14 @@ def test_a_publisher_that_stops_is_noticed_and_not_waited_for(arrivals, clock):
     assert arrivals.warnings() == ()
 
 
+def test_a_costmap_is_stale_after_its_limit_if_it_came_at_regular_times(arrivals, clock):
+    arrive(arrivals, clock, *[0.5] * 6)
+    clock.now += 4.9
+    assert arrivals.warnings(5.0) == ()
+    clock.now += 0.2
+    assert arrivals.warnings(5.0) == arrivals.warnings() != ()
+
+
 def test_a_map_published_now_and_then_is_never_overdue(arrivals, clock):
     arrive(arrivals, clock, 0.1, 5.0, 0.3, 0.1, 60.0)
     clock.now += 3600.0
