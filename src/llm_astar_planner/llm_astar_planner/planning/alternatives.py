@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.lazy import ndimage
-from llm_astar_planner.planning.types import PlanRequest, Way
+from llm_astar_planner.planning.types import Alternative, PlanRequest
 from llm_astar_planner.search.automata import Automaton
 from llm_astar_planner.search.product import ProductProblem, ProductTooLargeError, product_search
 from llm_astar_planner.search.result import SearchStatus
@@ -112,11 +112,11 @@ class WaysSearch:
             rays.append(Ray(int(x[top]), int(y[top]), (float(x.mean()), float(y.mean()))))
         return rays
 
-    def ways(self) -> Iterator[Way]:
+    def ways(self) -> Iterator[Alternative]:
         """Yield the ways, the best first, until there is none or the time is over."""
         rays, found, numbers = self.rays(), set[Class](), count()
         tried: list[Excluded] = []
-        queue: list[tuple[float, int, Excluded, Way, Class]] = []
+        queue: list[tuple[float, int, Excluded, Alternative, Class]] = []
 
         def push(excluded: Excluded) -> None:
             way = None if excluded in tried else self.best(rays, excluded)
@@ -140,7 +140,7 @@ class WaysSearch:
                 more = excluded.get(number, frozenset()) | {crossing}
                 push({**excluded, number: more})
 
-    def best(self, rays: list[Ray], excluded: Mapping[int, frozenset[int]]) -> Way | None:
+    def best(self, rays: list[Ray], excluded: Mapping[int, frozenset[int]]) -> Alternative | None:
         """Return the cheapest path with none of the excluded crossings, None for none in time."""
         shape, grid_map = self.costmap.blocked.shape, self.costmap.grid_map
         regions = [side for number in excluded for side in rays[number].sides(shape)]
@@ -156,7 +156,7 @@ class WaysSearch:
         if result.status is not SearchStatus.FOUND:
             return None
         metres = round(result.length * grid_map.resolution, 3)
-        return Way(result.path, metres, result.cost, result.suboptimality_bound, [])
+        return Alternative(result.path, metres, result.cost, result.suboptimality_bound, [])
 
     def metres(self, cells: list[tuple[float, float]]) -> list[list[float]]:
         """Return points in grid coordinates in metres of the map's frame."""

@@ -245,7 +245,7 @@ def kind_of_plan(
     )  # fmt: skip
 
 
-class Way(NamedTuple):
+class Alternative(NamedTuple):
     """One of several ways to choose from, the cheapest that passes obstacles on these sides.
 
     `path` is int32 [n, 2] cells, `length` in metres, `cost` in cells, at most `ratio` times the
@@ -356,7 +356,7 @@ class Plan:
     is_final: bool = True
     why: Why | None = None
     partial: bool = False
-    alternatives: tuple[Way, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()
 
     def _repr_png_(self) -> bytes | None:
         """Return the picture that a notebook shows, None where there is none."""

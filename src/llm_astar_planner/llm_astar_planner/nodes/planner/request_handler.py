@@ -211,6 +211,15 @@ class RequestConverter:
         return fields
 
 
+def way_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, ...]:
+    """Return what goals share that keep one way: client, method and place, in cells of the frame.
+
+    They are counted from the frame's origin, wherever the map begins.
+    """
+    x, y = (round(value / grid_map.resolution) for value in place[:2])
+    return goal.client, goal.planner_id, x, y
+
+
 class RequestHandler:
     """Answers any number of goals at a time, from any thread, while it `is_active`."""
 
@@ -359,9 +368,7 @@ class RequestHandler:
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
-        # In cells of the map's frame, wherever the map begins.
-        x, y = (round(value / planner.grid_map.resolution) for value in goals[-1][:2])
-        way = job.goal.client, job.goal.planner_id, x, y
+        way = way_key(job.goal, goals[-1], planner.grid_map)
         request = self._ways.add_to(request, way)
         began = time.monotonic()
         plans = planner.plans(request, job.token.stop)
