@@ -35,7 +35,7 @@ resolution: {map.resolution}
 origin: [{map.origin.x}, {map.origin.y}, {map.origin.yaw}]
 negate: 0
 occupied_thresh: 0.65
-free_thresh: 0.25
+free_thresh: {free}
 """
 
 
@@ -90,11 +90,18 @@ class Drawing:
         save(folder, self.name, self.grid_map(), self.places)
 
 
-def save(folder: Path, name: str, grid_map: GridMap, places: Sequence[Place]) -> None:
-    """Write a map and its places, whose polygons are in the frame of the grid's corner."""
-    shades = np.where(grid_map.cells[::-1] > 0, 0, 254).astype(np.uint8)
+def save(
+    folder: Path, name: str, grid_map: GridMap, places: Sequence[Place], free: float = 0.25
+) -> None:
+    """Write a map and its places, whose polygons are in the frame of the grid's corner.
+
+    `free` is the map's free_thresh, below 0.196 where there are unknown cells.
+    """
+    cells = grid_map.cells[::-1]
+    shades = np.select([cells > 0, cells < 0], [0, 205], 254).astype(np.uint8)
     Image.fromarray(shades).save(folder / f'{name}.pgm')
-    (folder / f'{name}.yaml').write_text(YAML.format(name=name, map=grid_map), encoding='utf-8')
+    text = YAML.format(name=name, map=grid_map, free=free)
+    (folder / f'{name}.yaml').write_text(text, encoding='utf-8')
     lines = ',\n'.join(
         json.dumps(feature(place, grid_map), ensure_ascii=False) for place in places
     )

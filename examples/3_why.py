@@ -1,4 +1,4 @@
-"""Ask why there is no path, and why a path ends beside its goal."""
+"""Ask why there is no path, which other ways there are, and lead as near as possible."""
 
 import numpy as np
 
@@ -11,10 +11,15 @@ obstacles[18:21, 20] = False  # a door of three cells
 for radius in (0.5, 2.0):
     planner = Planner(obstacles, CostmapConfig(robot_radius=radius)).prepare()
     plan = planner.plan(PlanRequest((5, 20), (35, 20)))
-    # The code is Nav2's; the sentence names what is in the way.
+    # The code is Nav2's; the sentence names what is in the way, and how wide a robot passes.
     print(f'radius {radius}: {plan.code.name}: {plan.message}')
+print(plan.why.causes)
 
-# A goal in an obstacle moves to the nearest cell that can be reached, and a warning says so.
-planner = Planner(obstacles).prepare()
-plan = planner.plan(PlanRequest((5, 20), (20, 25), tolerance=2.0))
-print(plan.code.name, *plan.warnings)
+# The path to the nearest point that can be reached is marked as partial.
+plan = planner.plan(PlanRequest((5, 20), (35, 20), allow_partial_planning=True))
+print(plan.message, 'to', plan.path[-1])
+
+# Ways that pass the pillar on either side, each the cheapest of its kind.
+obstacles[10:30, 10] = True
+for way in Planner(obstacles).plan(PlanRequest((5, 20), (35, 20), alternatives=2)).alternatives:
+    print(f'{way.length:.1f} cells, other side of {way.around}')

@@ -1,51 +1,9 @@
 """The files that the commands of the documentation take for granted, of our own making."""
 
-import json
-
-import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.source import SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
-from PIL import Image
-
-RESOLUTION = 0.05
-ORIGIN = (-7.14, -7.83)
-# Racks of the depot as (x, y, width, height) in cells; every aisle is over 1 m wide.
-RACKS = [(70 + 90 * column, y, 50, 26) for column in range(6) for y in (60, 100, 164, 216)]
-PLACES = {
-    'dock': (20, 20, 30, 30),
-    'workbench': (552, 262, 30, 30),
-    'tables': (340, 100, 50, 26),
-    'pallets': (250, 164, 50, 26),
-}
-
-
-def write_depot(folder):
-    """Write depot.yaml, depot.pgm and depot.places.geojson: 604 x 307 cells of 0.05 m."""
-    picture = np.full((307, 604), 254, dtype=np.uint8)
-    picture[:3] = picture[-3:] = picture[:, :3] = picture[:, -3:] = 0
-    for x, y, width, height in RACKS:
-        picture[y : y + height, x : x + width] = 0
-    Image.fromarray(picture[::-1]).save(folder / 'depot.pgm')
-    (folder / 'depot.yaml').write_text(
-        f'image: depot.pgm\nmode: trinary\nresolution: {RESOLUTION}\n'
-        f'origin: [{ORIGIN[0]}, {ORIGIN[1]}, 0.0]\nnegate: 0\n'
-        'occupied_thresh: 0.65\nfree_thresh: 0.196\n'
-    )
-    features = [
-        {'type': 'Feature', 'properties': {'name': name},
-         'geometry': {'type': 'Polygon', 'coordinates': [corners(*box)]}}
-        for name, box in PLACES.items()
-    ]  # fmt: skip
-    places = {'type': 'FeatureCollection', 'frame_id': 'map', 'features': features}
-    (folder / 'depot.places.geojson').write_text(json.dumps(places))
-
-
-def corners(x, y, width, height):
-    """Return the closed outline of a box of cells, in metres."""
-    cells = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
-    return [[round(at * RESOLUTION + o, 3) for at, o in zip(cell, ORIGIN)] for cell in cells]
 
 
 def write_movingai(folder):

@@ -56,7 +56,7 @@ CAUSES = [
         CODE.GOAL_OUTSIDE_MAP,
         'goal cell (3, 20) at (0.35, 2.05) m is outside',
     ),
-    (OPEN, {'goal': (3, 30), 'tolerance': 0.5}, CODE.GOAL_OUTSIDE_MAP, 'within 0.5 m'),
+    (OPEN, {'goal': (3, 30), 'tolerance': 0.5}, CODE.GOAL_OUTSIDE_MAP, 'is outside the map'),
     (OPEN, {'start': (30, 3)}, CODE.START_OCCUPIED, 'occupancy 100'),
     (BODY, {'start': (29, 3)}, CODE.START_OCCUPIED, "robot's radius, 0.25 m"),
     (BODY, {'start': (5, 15)}, CODE.START_OCCUPIED, 'unknown'),

@@ -12,10 +12,11 @@ import venv
 import zipfile
 from pathlib import Path
 
+import httpx
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-OWN = ('llm_astar', 'llm_astar_lab', 'llm_astar_msgs_adapter', 'llm_astar_planner')
+OWN = ('llm_astar_lab', 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_ros')
 COPIED = ('Makefile', 'LICENSE', 'config', 'maps', 'packaging', 'src')
 
 
@@ -51,7 +52,7 @@ def test_there_are_a_wheel_and_a_source_archive_of_each(dist):
     version = versions()['llm_astar_planner']
     assert {f'{name}-{version}-py3-none-any.whl' for name in OWN} < names
     # Newer setuptools write '_' for '-' in the names of archives, too.
-    archives = {name.replace('llm-astar', 'llm_astar') for name in names}
+    archives = {name.replace('llm-astar-ros', 'llm_astar_ros') for name in names}
     assert {f'{name}-{version}.tar.gz' for name in OWN} < archives
 
 
@@ -128,7 +129,7 @@ def user(dist, tmp_path_factory):
     environment |= {'NUMBA_CACHE_DIR': str(home / 'compiled')}
     python = home / 'venv' / 'bin' / 'python'
     install = [sys.executable, '-m', 'pip', '--python', python, 'install', '--quiet']
-    install += ['--find-links', dist, 'llm-astar']
+    install += [*dist.glob('*.whl')]
     done = subprocess.run(install, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     (home / 'work').mkdir()
@@ -139,7 +140,7 @@ def user(dist, tmp_path_factory):
             command, env=environment, cwd=home / 'work', capture_output=True, text=True
         )
 
-    run.folder = home / 'work'
+    run.folder, run.environment, run.bin = home / 'work', environment, home / 'venv' / 'bin'
     return run
 
 
@@ -149,19 +150,32 @@ def test_there_is_no_ros_where_the_wheels_are_installed(user):
 
 
 def test_one_name_installs_all_three_packages(user):
-    names = 'llm-astar', 'llm-astar-planner', 'llm-astar-msgs-adapter', 'llm-astar-lab'
+    names = 'llm-astar-ros', 'llm-astar-planner', 'llm-astar-msgs-adapter', 'llm-astar-lab'
     code = f'from importlib.metadata import version; print(*map(version, {names!r}))'
     assert set(user('python', '-c', code).stdout.split()) == {*versions().values()}
 
 
+@pytest.mark.timeout(1800)  # the searches are compiled, from nothing
 def test_the_wheels_plan_keep_an_instruction_and_draw_it(user):
-    words = ('--instruction', 'avoid 12, 4 by 2 m', '--png', 'plan.png', '--json')
+    words = ('--map', 'house', '--robot-radius', '0.2', '--from', 'bedroom', '--to', 'sofa')
+    words += ('--instruction', 'stay out of the dining room', '--png', 'plan.png', '--json')
     done = user('llm-astar', 'plan', *words)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert found['code'] == 0
     assert found['instruction_report']['clauses'][0]['status'] == 'kept'
     assert (user.folder / 'plan.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_wheels_open_the_page(user):
+    words = ('play', '--no-browser', '--port', '0')
+    command, pipe = [user.bin / 'llm-astar', *words], subprocess.PIPE
+    with subprocess.Popen(command, env=user.environment, stdout=pipe, text=True) as page:
+        try:
+            address = re.search(r'http://\S+', page.stdout.readline())[0]
+            assert '<html' in httpx.get(address, timeout=60.0).text
+        finally:
+            page.terminate()
 
 
 @pytest.mark.slow

@@ -254,6 +254,13 @@ def test_a_footprint_in_the_global_frame_is_moved_back_by_the_transform_at_its_s
     assert 'the last one stays' in logger.error.call_args[0][0]
 
 
+def test_a_footprint_that_comes_before_the_frame_of_the_robot_is_waited_for_quietly():
+    server, logger, _ = footprint_server(Frames(Buffer(Pose2D(0.0, 0.0), 7 * 10**9)))
+    server.on_message(polygon_of(np.eye(3)[:, :2], 'map', Time(sec=8)))
+    logger.error.assert_not_called()
+    assert 'no transform is known' in logger.debug.call_args[0][0]
+
+
 @pytest.mark.parametrize(
     ('points', 'words'),
     [

@@ -156,7 +156,7 @@ def test_rviz_buttons_plan_and_a_goal_without_a_start_says_so(caller):
         (START, Pose2D(60.0, 3.0), 'map', 'GOAL_OUTSIDE_MAP'),
         (Pose2D(20.0, 15.0), GOAL, 'map', 'START_OCCUPIED'),
         (START, Pose2D(0.0, 0.0), 'map', 'GOAL_OCCUPIED'),
-        (Pose2D(float('nan'), 3.0), GOAL, 'map', 'UNKNOWN'),
+        (Pose2D(float('nan'), 3.0), GOAL, 'map', 'START_OUTSIDE_MAP'),
     ],
 )
 def test_a_request_that_cannot_be_met_gets_its_code_and_an_empty_path(

@@ -131,6 +131,10 @@ class Graph:
         instruction = self.planner._server._instructions.current.instruction
         return instruction.interpretation if instruction else None
 
+    def parameters(self, **values):
+        for name, value in values.items():
+            assert set_parameter(self.caller, 'planner_node', name, value).successful
+
     def parameter(self, name):
         return self.planner.get_parameter(name).value
 
@@ -149,6 +153,48 @@ def use_model(graph, server):
     values = {'source': 'endpoint', 'base_url': server.base_url, 'model': 'tiny'}
     parameters = [Parameter(name, value=value) for name, value in values.items()]
     assert graph.client.set_parameters_atomically(parameters).successful
+
+
+def test_a_question_about_the_last_plan_is_answered_in_its_language(graph):
+    graph.caller.call(START, GOAL)
+    graph.ask('why', 'Warum nicht durch das dock?')
+    wait_for(lambda: len(graph.answers('why')) == 2, 'the answer')
+    first, last = graph.answers('why')
+    assert (first['status'], last['status']) == ('not understood yet', 'nothing about the route')
+    assert last['understood_by'] == 'planner'
+    assert last['detail'].startswith('durch das dock: ')
+    assert ' statt ' in last['detail']
+    graph.ask('what', 'why not through the ballroom?')
+    wait_for(lambda: len(graph.answers('what')) == 2, 'the answer')
+    assert 'is not understood' in graph.answers('what')[1]['detail']
+
+
+def test_ways_to_choose_from_are_published_in_the_order_of_the_report(graph):
+    ways = []
+    graph.caller.listen(PathMessage, 'planner_node/alternatives', ways.append, RELIABLE)
+    graph.parameters(alternatives=2)
+    try:
+        _, report, _ = graph.caller.call(START, GOAL)
+        wait_for(lambda: len(ways) == 2, 'both ways')
+    finally:
+        graph.parameters(alternatives=0)
+    for way, said in zip(ways, report.alternatives):
+        length = np.hypot(*np.diff(path_from_message(way), axis=0).T).sum()
+        assert length == pytest.approx(said['length'], abs=0.01)
+
+
+def test_a_goal_in_a_wall_gets_a_partial_path_where_that_is_allowed(graph):
+    wall = Pose2D(27.0, 15.0)
+    _, refused, _ = graph.caller.call(START, wall)
+    assert refused.why['causes'] == [{'kind': 'walls', 'holds': 'goal'}]
+    assert refused.why['sentence'] in refused.message
+    graph.parameters(allow_partial_planning=True)
+    try:
+        path, report, _ = graph.caller.call(START, wall)
+    finally:
+        graph.parameters(allow_partial_planning=False)
+    assert (report.code, report.partial, report.why) == (0, True, refused.why)
+    assert path_from_message(path)[-1].tolist() == report.why['nearest']
 
 
 def test_an_instruction_from_the_topic_is_understood_enforced_and_verified(graph):

@@ -246,7 +246,8 @@ def test_a_thousand_poses_are_passed(graph):
         (to_pose(goal=Pose2D(99.0, 3.0)), 'GOAL_OUTSIDE_MAP'),
         (to_pose(start=Pose2D(20.5, 5.5)), 'NO_VALID_PATH'),
         (to_pose(goal=Pose2D(20.5, 5.5)), 'NO_VALID_PATH'),
-        (to_pose(goal=Pose2D(float('nan'), 5.5)), 'UNKNOWN'),
+        (to_pose(frame=''), 'TF_ERROR'),
+        (to_pose(goal=Pose2D(float('nan'), 5.5)), 'GOAL_OUTSIDE_MAP'),
     ],
 )
 def test_each_failure_of_a_path_to_a_pose_has_its_code_and_a_sentence(graph, goal, name):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message, yaw_of
 from llm_astar_planner.nodes.planner.publishers import POSE_SECONDS, PathWriter
 from llm_astar_planner.planning.endpoints import cell_of
 from llm_astar_planner.planning.planner import Planner
@@ -95,13 +95,17 @@ def test_in_one_cell_the_path_leads_from_pose_to_pose():
     assert written(start, turned, keeps_heading=True)[1] == [pytest.approx(start)]
 
 
-def test_an_end_that_was_moved_stays_at_the_centre_of_its_cell():
+def test_a_goal_that_was_moved_stays_at_the_centre_of_its_cell():
     plan, poses = written((5.3, 5.2, 2.0), (1000.3, 5.1, -1.0), tolerance=2.0)
     assert plan.goal == (999, 5)
     assert poses[-1] == pytest.approx((999.0, 5.0, -1.0))
+
+
+def test_the_robot_comes_before_a_start_that_was_moved():
     plan, poses = written((1000.3, 5.1, 2.0), (990.2, 5.3, -1.0), start_tolerance=2.0)
     assert plan.start == (999, 5)
-    assert poses[0] == pytest.approx((999.0, 5.0, np.pi))
+    assert poses[0] == pytest.approx((1000.3, 5.1, 2.0))
+    assert poses[1] == pytest.approx((999.0, 5.0, np.pi))
     assert poses[-1] == pytest.approx((990.2, 5.3, -1.0))
 
 
@@ -109,3 +113,21 @@ def test_the_same_points_are_the_same_message():
     writer = PathWriter(PLANNER, Time(), pose_at(5.3, 5.2), pose_at(8.1, 5.2), keeps_heading=True)
     points = [(5, 5), (6, 5), (7, 5), (8, 5)]
     assert writer.write(points) is writer.write(np.array(points, dtype=np.int32))
+
+
+def test_a_smooth_path_begins_and_ends_at_the_poses_without_a_kink():
+    cells = np.zeros((40, 60), dtype=np.int8)
+    cells[:25, 30:33] = 100
+    planner = Planner(GridMap(cells))
+    plan = planner.plan(PlanRequest((10, 10), (50, 10), any_angle=True, smoothing=True))
+    start, goal = pose_at(9.6, 10.4, 1.0), pose_at(50.3, 9.7, -1.0)
+    writer = PathWriter(planner, Time(), start, goal, keeps_heading=False)
+    path, left_out = writer.write_plan(plan, time.monotonic() + 60.0)
+    assert left_out == ()
+    points = path_from_message(path) - 0.5
+    assert points[0] == pytest.approx((9.6, 10.4))
+    assert points[-1] == pytest.approx((50.3, 9.7))
+    yaws = np.array([yaw_of(pose.pose.orientation, 'pose') for pose in path.poses])
+    assert yaws[[0, -1]] == pytest.approx([1.0, -1.0])
+    turns = (np.diff(yaws[1:-1]) + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.degrees(np.abs(turns)).max() < 12.0

@@ -325,6 +325,50 @@ def test_a_request_that_fails_does_not_stop_the_replanning_of_a_broken_path(worl
     world.show()
 
 
+def test_the_way_is_kept_from_call_to_call_and_the_report_says_why_it_changes(world):
+    forget(world)
+    world.set(switch_margin=0.05, use_waypoints=False)
+    narrow = [(20, 25)]
+    try:
+        world.show(*narrow)
+        first = world.caller.call(START, GOAL)[0]
+        # The wider gap saves less than 5 %.
+        world.show()
+        way = path_from_message(first)
+        on_it = Pose2D(*way[6], 0.0)
+        path, report, _ = world.caller.call(on_it, GOAL)
+        assert 'kept: at most ' in report.message
+        assert path_from_message(path)[1:] == pytest.approx(way[7:])
+        wait_for(lambda: len(world.paths) == 2, 'both paths')
+        # Another goal has a way of its own, and so has each way to ask.
+        assert 'kept' not in world.caller.call(on_it, OTHER_GOAL)[1].message
+        x, y = (int(value) for value in way[12])
+        world.show((x, y))
+        path, report, _ = world.caller.call(on_it, GOAL)
+        assert f'changed: blocked at ({x + 0.5:.2f}, {y + 0.5:.2f})' in report.message
+        assert report.code == 0
+    finally:
+        world.set(switch_margin=0.0, use_waypoints=True)
+        world.show()
+    assert 'kept' not in world.caller.call(on_it, GOAL)[1].message
+
+
+def test_a_smooth_path_has_no_kink_and_begins_at_the_robot_even_in_an_obstacle(world):
+    forget(world)
+    world.set(any_angle=True, smoothing=True, start_tolerance=2.0)
+    try:
+        path = world.caller.call(START, GOAL)[0]
+        turns = (np.diff(yaws(path)[1:-1]) + np.pi) % (2.0 * np.pi) - np.pi
+        assert np.degrees(np.abs(turns)).max() < 20.0
+        world.show((5, 5))
+        path, report, _ = world.caller.call(START, GOAL)
+        assert report.start_shift > 0.0
+        assert path_from_message(path)[0] == pytest.approx(START[:2])
+    finally:
+        world.set(any_angle=False, smoothing=False, start_tolerance=0.25)
+        world.show()
+
+
 def test_replan_on_map_replans_a_path_that_is_still_valid(world):
     forget(world)
     world.set(replan_on_map=True)

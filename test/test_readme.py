@@ -1,7 +1,7 @@
 """Every command in README.md and docs/*.md runs, in order, as its reader would run it.
 
-Each page is one shell, in a folder with what a clone has and with the files that the page takes
-for granted. A command fails if it prints a traceback or exits with another code than 0. What
+Each page is one shell, in a folder with what a clone has and with the files of PROVIDED. A command
+fails if it prints a traceback or exits with another code than 0. What
 cannot run here is in CANNOT_RUN with the reason, and what takes long is shortened by SHORTER.
 
 `pytest -m slow test/test_readme.py` makes a new clone and its environment first, as the README
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from reader_files import write_depot, write_movingai, write_transcript
+from reader_files import write_movingai, write_transcript
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
@@ -46,8 +46,18 @@ CANNOT_RUN = {
     r'llm-astar watch .*jq': 'needs jq',
     r'llm-astar evaluate .*/global_costmap/costmap': 'needs the bag of a Nav2 stack',
     r'llm-astar instruct-bench .*house': 'needs a suite of the reader',
+    r'llm-astar .*/nav2_bringup/maps/': "needs Nav2's map, which comes with ROS",
     r'llm-astar record': 'runs until Ctrl-C; test_recording.py runs it',
     r'python -m benchmarks': 'minutes, and needs maps from elsewhere',
+}
+# Files that no clone has, by what a command calls them, and whose they are.
+PROVIDED = {
+    r'x\.map': 'downloaded from MovingAI',
+    r'--path movingai': 'downloaded from MovingAI',
+    r'environment_50_30\.json': "the paper's own file",
+    r'replies\.jsonl': 'recorded by `transcript` or by `--record`',
+    r'(evaluate|report) run1': 'recorded by the line before it',
+    r'evaluate drive': "the user's own recordings",
 }
 # Blocks of Python that cannot run, by page and first line, and why.
 FRAGMENTS = {
@@ -138,7 +148,6 @@ def write_files(folder):
     for name in ('config', 'maps', 'benchmarks', 'examples'):
         (folder / name).symlink_to(ROOT / name)
     shutil.copytree(ROOT / 'docs', folder / 'docs', ignore=shutil.ignore_patterns('images'))
-    write_depot(folder)
     write_movingai(folder)
     (folder / 'movingai').mkdir()
     write_movingai(folder / 'movingai')
@@ -239,6 +248,13 @@ def test_every_command_of_a_page_runs(page, outcomes):
     assert not any(problems), '\n\n'.join(filter(None, problems))
 
 
+def test_the_output_that_the_readme_shows_is_what_its_commands_print(outcomes):
+    printed = {line for *_, text in outcomes['README.md'] for line in text.splitlines()}
+    (shown,) = (block for language, block in FENCE.findall(PAGES[0].read_text()) if not language)
+    assert len(shown.splitlines()) > 3
+    assert {*shown.splitlines()} <= printed
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize('page', PAGES, ids=identify)
@@ -259,6 +275,8 @@ def test_most_commands_run_and_each_reason_is_needed():
     assert {'README.md', 'benchmark.md', 'bags.md', 'robot.md'} <= {c.page for c in ran}
     for start in CANNOT_RUN | SLOW:
         assert any(re.match(start, command.written) for command in every), start
+    for name in PROVIDED:
+        assert any(re.search(name, command.written) for command in every), name
     for page, start in FRAGMENTS:
         assert any(c.page == page and c.written.startswith(start) for c in every), start
 

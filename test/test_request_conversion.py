@@ -137,6 +137,28 @@ def test_too_many_goals_are_refused_before_any_is_converted():
         to_request(converter(), PlanGoal(goals, pose(2.0, 2.0)), MAP)
 
 
+@pytest.mark.parametrize('start', [pose(2.0, 2.0), pose(2.0, 2.0, frame='')])
+def test_a_pose_without_a_frame_is_refused_by_actions_alone(start):
+    goal = PlanGoal((pose(1.0, 1.0, frame=''),), start)
+    assert to_request(converter(), goal).goal == (2, 2)
+    code, why = refusal(converter(), replace(goal, client='compute_path_to_pose'))
+    assert code == 'TF_ERROR'
+    assert 'has no frame_id' in why
+
+
+def test_a_path_that_comes_each_second_is_logged_at_debug_level_unless_it_warns():
+    node = Mock()
+    node.get_name.return_value = 'planner_node'
+    publisher = PlanPublisher(Mock(node=node), PreemptingGoalSlot())
+    plan = Plan(ResultCode.NONE, 'a path', '', (0, 0), (0, 0), NOTHING)
+    for warnings in ((), ('0.20 m off',)):
+        response = PlanResponse(None, replace(plan, warnings=warnings), None)
+        publisher.publish_report(response, STAMP, is_cancelled=False, is_routine=True)
+    publisher._thread.shutdown()
+    node.get_logger().debug.assert_called_once_with('path found: a path')
+    node.get_logger().info.assert_called_once_with('path found: a path; 0.20 m off')
+
+
 def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():
     """Where maps come at 5 Hz, each replan may preempt the one before."""
     node = Mock()
@@ -220,7 +242,10 @@ def test_a_fallback_serves_where_the_robots_pose_is_not_known():
 
 def test_a_pose_that_is_not_finite_is_refused():
     goal = PlanGoal((pose(math.nan, 1.0),), pose(2.0, 2.0))
-    assert refusal(converter(), goal) == ('UNKNOWN', 'goal: holds a number that is not finite')
+    why = 'goal: holds a number that is not finite'
+    assert refusal(converter(), goal) == ('GOAL_OUTSIDE_MAP', why)
+    goal = PlanGoal((pose(2.0, 2.0),), pose(math.nan, 1.0))
+    assert refusal(converter(), goal)[0] == 'START_OUTSIDE_MAP'
     with pytest.raises(GridMapError):
         Frames(None).locate(pose(1.0, math.inf), 'map', 'goal')
 
@@ -371,7 +396,7 @@ def test_viapoints_of_later_distributions_are_read():
 @pytest.mark.parametrize(
     ('viapoints', 'code', 'words'),
     [
-        ((pose(1.0, 1.0), pose(math.nan, 1.0)), 'UNKNOWN', 'via point 2'),
+        ((pose(1.0, 1.0), pose(math.nan, 1.0)), 'GOAL_OUTSIDE_MAP', 'via point 2'),
         ((pose(1.0, 1.0, frame='odom'),), 'TF_ERROR', 'via point 1'),
         ((pose(1.0, 1.0),) * 1025, 'INVALID_PLANNER', 'viapoints: 1025, over the 1024'),
     ],

@@ -13,7 +13,7 @@ data_files = [
     (f'share/{NAME}/launch', glob('launch/*.launch.py')),
     (f'share/{NAME}/config', glob('config/*.*')),
     (f'share/{NAME}/config/sros2', glob('config/sros2/*')),
-    (f'share/{NAME}/maps', glob('maps/*.json*')),
+    (f'share/{NAME}/maps', glob('maps/*.*')),
     (f'share/{NAME}/maps/instructions', glob('maps/instructions/*')),
 ]
 if 'bdist_wheel' in sys.argv:

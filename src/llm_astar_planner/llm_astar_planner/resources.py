@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from llm_astar_msgs_adapter.errors import nearest_name
+
 PACKAGE = 'llm_astar_planner'
 # Our 1000 samples on 100 maps.
 SAMPLES_FILE = 'samples_1000.json'
@@ -36,15 +38,17 @@ def state_file(name: str) -> Path:
 def find_file(name: str, folder: str) -> Path:
     """Return the path of a file: `name` if it exists, else the file of that name in `folder`.
 
-    Raises FileNotFoundError naming the files that the folder holds.
+    Its ending `.yaml` may be left out there: `depot` is the map of maps/depot.yaml. Raises
+    FileNotFoundError naming the files that the folder holds.
     """
     path = Path(name).expanduser()
     if path.is_file():
         return path
     for share in share_folders():
-        if (share / folder / name).is_file():
-            return share / folder / name
+        for shipped in (share / folder / name, share / folder / f'{name}.yaml'):
+            if shipped.is_file():
+                return shipped
     known = sorted({file.name for share in share_folders() for file in (share / folder).glob('*')})
-    raise FileNotFoundError(
-        f'{name!r} is not a file, and {folder}/ holds {", ".join(known) or "nothing"}'
-    )
+    stems = [Path(file).stem for file in known]
+    holds = f'{", ".join(known) or "nothing"}{nearest_name(name, stems)}'
+    raise FileNotFoundError(f'{name!r} is not a file, and {folder}/ holds {holds}')

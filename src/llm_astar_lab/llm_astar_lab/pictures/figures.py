@@ -80,7 +80,8 @@ class Picture:
     their names, `instructed` says what became of an instruction, the `footprint` is drawn along
     the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
     the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
-    `recorded` [n, 2] is another path, the one that a bag holds.
+    `recorded` [n, 2] is another path, the one that a bag holds, and `ways` are those to choose
+    from.
     """
 
     grid_map: GridMap
@@ -99,6 +100,7 @@ class Picture:
     shown: raster.Window | None = None
     has_scale_bar: bool = True
     recorded: NDArray[np.float64] | None = None
+    ways: Sequence[NDArray[np.int32]] = ()
 
     @property
     def in_metres(self) -> bool:
@@ -164,6 +166,7 @@ def picture_of(
     return Picture(
         grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',
         offset, places, instructed, plan.footprint, inflated, plan.via,
+        ways=[way.path for way in plan.alternatives],
     )  # fmt: skip
 
 
@@ -254,6 +257,8 @@ def draw(axes: Axes, picture: Picture) -> None:
     if picture.recorded is not None and len(picture.recorded):
         x, y = picture.on_axes(picture.recorded).T
         axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
+    for number, way in enumerate(picture.ways, start=1):
+        axes.plot(*picture.on_axes(way).T, linewidth=5, alpha=0.4, label=f'way {number}')
     if len(picture.path):
         x, y = picture.on_axes(picture.path).T
         axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')

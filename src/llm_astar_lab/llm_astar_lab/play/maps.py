@@ -35,6 +35,8 @@ BARE_IMAGE = b'{resolution: 0.05, origin: [0, 0, 0], occupied_thresh: 0.65, free
 # The files in maps/ that the page offers, those of robots first.
 SHIPPED = (
     'demo.json',
+    'depot.yaml',
+    'hospital.yaml',
     *(
         f'instructions/{name}.yaml'
         for name in ('house', 'office', 'warehouse', 'museum', 'market', 'ward', 'workshop')
@@ -172,6 +174,7 @@ def check_size(file: str, width: int, height: int) -> None:
 def read_maps(file: str) -> Iterator[PlayMap]:
     """Yield the first maps of a file, a path or a name in maps/; raises as `Maps` does."""
     path = find_file(file, 'maps')
+    file = file if Path(file).suffix else path.name  # a shipped map by its short name
     scenarios = Path(f'{path}.scen')
     if path.suffix.lower() in BARE_MAP and scenarios.is_file():
         file, path = f'{file}.scen', scenarios

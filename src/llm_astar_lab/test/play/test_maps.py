@@ -34,6 +34,13 @@ def test_a_movingai_map_is_offered_with_the_pairs_of_its_scenarios(maze, capsys)
     assert '5.00 cells' in capsys.readouterr().out
 
 
+def test_a_shipped_map_is_taken_by_its_short_name():
+    office = next(iter(Maps(['office'])))
+    assert office.id == 'office.yaml'
+    assert office.is_metric
+    assert len(office.places) == 17
+
+
 def test_the_shipped_maps_follow_and_each_is_listed_once(maze):
     listed = [play_map.id for play_map in Maps([maze, 'demo.json', maze])]
     assert len(listed) == len(set(listed))

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,6 +55,20 @@ class Pose2D(NamedTuple):
 ORIGIN = Pose2D(0.0, 0.0)
 
 
+class Composed(Protocol):
+    """What was composed onto a map: `base` is the map without it."""
+
+    @property
+    def base(self) -> GridMap:
+        """The map without what was composed onto it."""
+
+    def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
+        """Yield of all that closes cells its kind, name and window, and which cells of that."""
+
+    def without_each(self) -> Iterator[tuple[str, GridMap]]:
+        """Yield the label of each zone, with the map without it."""
+
+
 @dataclass(frozen=True, eq=False)
 class GridMap:
     """An occupancy grid in plain values.
@@ -61,7 +76,8 @@ class GridMap:
     `cells` is int8 [height, width], -1 unknown, 0 to 100 occupancy, row 0 at the origin.
     `resolution` is metres a cell. `origin` is the pose of the outer corner of cell (0, 0) in
     `frame_id`, as in nav_msgs/MapMetaData. A cell is named (x, y), column before row. `zones`
-    names the zones that were composed onto the cells; maps with equal cells are equal without.
+    names the zones that were composed onto the cells, and `composed` tells them apart; maps with
+    equal cells are equal without.
     Raises GridMapError on a malformed shape, value, resolution, origin or frame.
     """
 
@@ -70,6 +86,7 @@ class GridMap:
     origin: Pose2D = ORIGIN
     frame_id: str = 'map'
     zones: tuple[str, ...] = ()
+    composed: Composed | None = None
 
     def __post_init__(self) -> None:
         """Check the fields and make the cells read-only."""

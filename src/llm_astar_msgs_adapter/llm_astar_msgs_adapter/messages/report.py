@@ -69,6 +69,9 @@ class PlanReport:
     seconds_map: float = 0.0
     zones: tuple[str, ...] = ()
     instruction_report: dict[str, Any] | None = None
+    why: dict[str, Any] | None = None
+    partial: bool = False
+    alternatives: tuple[dict[str, Any], ...] = ()
 
     @property
     def level(self) -> bytes:

@@ -28,7 +28,7 @@ from llm_astar_planner.search.result import Cell
 # What --map takes.
 MAP_KINDS = (
     "a robot's map as a map_server yaml, a MovingAI x.map or x.map.scen, or barrier-map JSON; a "
-    'path or a name in maps/'
+    'path or a name in maps/, as depot, office, house and hospital'
 )
 # Decimals of metres in listings.
 DECIMALS = 3
@@ -118,7 +118,7 @@ def coordinates_of(
     arguments: argparse.Namespace, problem: ProblemMap, grid_map: GridMap
 ) -> Coordinates:
     """Return the unit of a map's points: by the options, else by the kind of the map's file."""
-    is_robot_map = arguments.query is None and Path(arguments.map).suffix.lower() in YAML
+    is_robot_map = not arguments.query and find_file(arguments.map, 'maps').suffix.lower() in YAML
     in_metres = arguments.metres or (is_robot_map and not arguments.cells)
     return Coordinates(grid_map, problem.offset, in_metres)
 

@@ -3,9 +3,9 @@
 
 r"""Serve route planning to agents over MCP, the Model Context Protocol.
 
-The server speaks on standard input and output. Its tools are list_places, interpret, plan_route
-and check_path, on a map file with its places, or on what a running planner_node plans with. It
-needs the official SDK: pip install 'mcp>=2'.
+The server speaks on standard input and output. Its tools are list_places, interpret, plan_route,
+ask_why and check_path, on a map file with its places, or on what a running planner_node plans
+with. It needs the official SDK: pip install 'mcp>=2'.
 
 usage: llm-astar mcp [--map FILE [--places FILE] | --graph [--namespace NAME]] [options]
 

@@ -85,6 +85,16 @@ def make_server(tools: Callable[[], RouteTools]) -> MCPServer[Any]:
 
     @server.tool(annotations=READ_ONLY)
     @as_tool_errors
+    def ask_why(
+        start: PlaceOrPoint,
+        goal: PlaceOrPoint,
+        question: Annotated[str, Field(max_length=MAX_INSTRUCTION_CHARS)],
+    ) -> dict[str, Any]:
+        """Answer "why not through PLACE?", "why so long?" or "what if PLACE were open?"."""
+        return tools().ask_why(start, goal, question)
+
+    @server.tool(annotations=READ_ONLY)
+    @as_tool_errors
     def check_path(
         points: Annotated[list[Point], Field(min_length=1, max_length=MAX_POINTS)],
         instruction: Instruction = '',

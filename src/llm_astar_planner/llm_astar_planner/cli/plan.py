@@ -14,20 +14,22 @@ usage: llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NA
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
+  llm-astar plan --map depot --from "dock 1" --to workshop --robot-radius 0.3 --png out/plan.png
   llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
-  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
-  llm-astar plan --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --params-file robot.yaml
-  llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
-  llm-astar plan --map house.yaml --from kitchen --to sofa --instruction "avoid the hal" --confirm
+  llm-astar plan --map depot --start 46 51 --goal 536 256 --cells
+  llm-astar plan --map depot.yaml --start -5.7 -2.4 --goal 18.8 7.8 --params-file robot.yaml
+  llm-astar plan --map house --from kitchen --to study --instruction "avoid the hall"
+  llm-astar plan --map house --from kitchen --to sofa --instruction "avoid the hal" --confirm
+  llm-astar plan --map house --from kitchen --to study --why "why not through the hall?"
+  llm-astar plan --map depot --from "dock 1" --to workshop --alternatives 3
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
     horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
     [[25, 10, 22]]."
 
-exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path that does not keep the instruction
-or, with --require-waypoints, no usable waypoint
+exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path that does not keep the instruction,
+a partial path, or, with --require-waypoints, no usable waypoint
 """
 
 from __future__ import annotations
@@ -45,8 +47,10 @@ from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.instructions.clauses.end_at import EndAt
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning.questions import Questions
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
 
@@ -62,6 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'exit with 3 if no waypoint came that the search could use'
     option(output, '--require-waypoints', text)
     add_picture_option(output, 'draw the plan')
+    text = 'answer "why not through the kitchen?", "why so long?", "what if the door were open?"'
+    option(output, '--why QUESTION', f'{text} (in English, German, French or Spanish)')
     option(output, '--json', 'print one JSON object, with its points in cells')
 
 
@@ -74,7 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     with compile_progress():
         planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
-    show(plan, arguments, asked.coordinates)
+    answer = answered(arguments.why, asked) if arguments.why else {}
+    show(plan, arguments, asked.coordinates, answer)
     if not arguments.json and may_touch(plan, asked):
         print(f'robot      {POINT_ROBOT}')
     if drawing is not None:
@@ -85,13 +92,27 @@ def run(arguments: argparse.Namespace) -> int:
     return exit_code(plan, arguments)
 
 
-def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) -> None:
+def answered(question: str, asked: Problem) -> dict[str, Any]:
+    """Answer a question about what was planned. Raises QuestionError."""
+    interpreter = GrammarInterpreter()
+    return Questions(asked.planner, asked.request, interpreter, asked.places).answer(question)
+
+
+def show(
+    plan: Plan,
+    arguments: argparse.Namespace,
+    coordinates: Coordinates,
+    answer: dict[str, Any] | None,
+) -> None:
     """Print a plan; write a hint where metres lie off a map on which they would be cells."""
     if arguments.json:
-        print(json.dumps(plan_to_json(plan, coordinates.offset)))
+        answered = {'answer': answer} if answer else {}
+        print(json.dumps(plan_to_json(plan, coordinates.offset) | answered))
     else:
         goal = 'by the instruction' if ends_route(plan) else arguments.goal_place or ''
         print(plan_to_text(plan, coordinates, arguments.start_place or '', goal))
+        if answer:
+            print(f'answer     {answer["sentence"]}')
     if plan.instruction is not None and plan.instruction.interpretation.questions:
         sys.stderr.write(CONFIRM_HINT)
     if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
@@ -117,15 +138,16 @@ def ends_route(plan: Plan) -> bool:
 def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
     """Return 0 for a path, 1 for none, 3 where it is not what was asked.
 
-    That is where it does not keep the instruction, and where waypoints were required and none
-    could be used.
+    That is where it does not keep the instruction or is partial, and where waypoints were
+    required and none could be used.
     """
     if plan.code:
         return 1
     if arguments.require_waypoints and not guiding_points(plan.checked_waypoints):
         sys.stderr.write('llm-astar: --require-waypoints: no waypoint came that can be used\n')
         return 3
-    return 3 if plan.instruction is not None and plan.instruction.satisfied is False else 0
+    is_broken = plan.instruction is not None and plan.instruction.satisfied is False
+    return 3 if is_broken or plan.partial else 0
 
 
 def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
@@ -144,6 +166,7 @@ def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
             {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.status.value}
             for point in plan.checked_waypoints
         ],
+        'ways': [(way.path + offset).tolist() for way in plan.alternatives],
         'any_angle_path': None if shortened is None else (shortened.points + offset).tolist(),
     }
 
@@ -190,4 +213,12 @@ def path_lines(plan: Plan, coordinates: Coordinates) -> list[str]:
         segments = len(plan.any_angle.points) - 1
         length = coordinates.describe_length(plan.any_angle.length)
         lines.append(f'any angle  {length}, in {segments} straight segments')
+    for number, way in enumerate(plan.alternatives, start=1):
+        cells = map(coordinates.grid_map.world_to_cell, *zip(*way.around)) if way.around else ()
+        others = [coordinates.describe(*cell) for cell in cells]
+        lines.append(
+            f'way {number:<6} {coordinates.describe_distance(way.length)}, '
+            f'clearance {coordinates.describe_distance(way.clearance or math.inf)}'
+            + (f', on the other side of {", ".join(others)}' if others else '')
+        )
     return lines

@@ -31,6 +31,7 @@ from llm_astar_planner.instructions.text import POLICIES, clean_instruction
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.questions import Questions
 from llm_astar_planner.planning.types import PlanRequest, finite_or_none
 from llm_astar_planner.search.any_angle import turning_points
 from llm_astar_planner.search.result import Cell
@@ -94,6 +95,7 @@ class RouteTools:
         return {
             'found': plan.code == 0,
             'message': plan.message,
+            'why': None if plan.why is None else plan.why.to_json(),
             'start': rounded(self.planner.grid_map.grid_to_world([plan.start]))[0],
             'goal': rounded(self.planner.grid_map.grid_to_world([plan.goal]))[0],
             'length': finite_or_none(round(plan.length * resolution, DECIMALS)),
@@ -102,6 +104,18 @@ class RouteTools:
             'questions': list(interpretation.questions),
             'instruction': None if plan.instruction is None else plan.instruction.to_json(),
         }
+
+    def ask_why(
+        self, start: str | Sequence[float], goal: str | Sequence[float], question: str
+    ) -> dict[str, Any]:
+        """Answer a question about the best path between two places or points.
+
+        Raises RouteToolError, PlaceGoalError, QuestionError.
+        """
+        ends = self.cell_of('start', start), self.cell_of('goal', goal)
+        request = PlanRequest(*ends, **request_fields(self.options.values))
+        asked = Questions(self.planner, request, self.interpreter, self.places)
+        return asked.answer(question)
 
     def check_path(
         self, points: Sequence[Sequence[float]], instruction: str = ''

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, UNKNOWN, GridMap
@@ -49,18 +50,19 @@ class ZoneLayer:
         ZonesError for a mask of speeds in m/s without it, and for zones over MOST_CELLS.
         """
         self.config = config or CostmapConfig()
+        self.rules = self.config, max_speed
         self._layout = layout.layout
         covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
-        self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
-        check_size(window for _, window in self._zones)
-        tables = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
+        self.zones = [(zone, window) for zone, window in covered if has_cells(window)]
+        check_size(window for _, window in self.zones)
+        self.masks = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
         shape = Window(0, layout.height, 0, layout.width)
-        self._window = shape if tables else union(window for _, window in self._zones)
+        self._window = shape if self.masks else union(window for _, window in self.zones)
         top, bottom, left, right = self._window
         self._costs = np.full((bottom - top, right - left), TRANSPARENT, dtype=np.int8)
-        for mask, table in tables:
+        for mask, table in self.masks:
             paint_mask(mask.grid_map, table, layout, self._costs)
-        for zone, window in self._zones:
+        for zone, window in self.zones:
             self._paint_zone(zone, window, layout)
 
     def fits(self, grid_map: GridMap) -> bool:
@@ -84,15 +86,16 @@ class ZoneLayer:
         part[is_kept] = UNKNOWN
         cells.flags.writeable = False
         return GridMap(
-            cells, grid_map.resolution, grid_map.origin, grid_map.frame_id, tuple(self._names())
-        )
+            cells, grid_map.resolution, grid_map.origin, grid_map.frame_id, tuple(self._names()),
+            ComposedZones(grid_map, self),
+        )  # fmt: skip
 
     def _names(self) -> Iterator[str]:
         """Yield the labels of the zones on the map, the first MOST_NAMED of them."""
-        for zone, _ in self._zones[:MOST_NAMED]:
+        for zone, _ in self.zones[:MOST_NAMED]:
             yield zone.label
-        if len(self._zones) > MOST_NAMED:
-            yield f'and {len(self._zones) - MOST_NAMED} more'
+        if len(self.zones) > MOST_NAMED:
+            yield f'and {len(self.zones) - MOST_NAMED} more'
 
     def _paint_zone(self, zone: Zone, window: Window, layout: GridMap) -> None:
         """Raise the costs to a zone's, in its window."""
@@ -103,6 +106,33 @@ class ZoneLayer:
             window.top - top : window.bottom - top, window.left - left : window.right - left
         ]
         np.maximum(part, np.where(touched, cost, TRANSPARENT), out=part)
+
+
+class ComposedZones(NamedTuple):
+    """A map, and the layer that was composed onto it."""
+
+    base: GridMap
+    layer: ZoneLayer
+
+    def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
+        """Yield what `Composed.closed` does."""
+        for zone, (top, bottom, left, right) in self.layer.zones:
+            if zone.cost == KEEPOUT:
+                window = Window(top, bottom, left, right)
+                touched = cover_window(zone.geometry, self.base, window).touched
+                yield 'zone', zone.label, (slice(top, bottom), slice(left, right)), touched
+        for mask, table in self.layer.masks:
+            costs = np.full(self.base.cells.shape, TRANSPARENT, dtype=np.int8)
+            paint_mask(mask.grid_map, table, self.base, costs)
+            whole = slice(0, self.base.height), slice(0, self.base.width)
+            yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
+
+    def without_each(self) -> Iterator[tuple[str, GridMap]]:
+        """Yield what `Composed.without_each` does."""
+        masks, rules = [mask for mask, _ in self.layer.masks], self.layer.rules
+        for zone, _ in self.layer.zones:
+            left = [other for other, _ in self.layer.zones if other is not zone]
+            yield zone.label, ZoneLayer(self.base, left, masks, *rules).compose(self.base)
 
 
 def has_cells(window: Window) -> bool:

@@ -214,7 +214,10 @@ class LlmClientNode(Node):
             response.plan = path_to_message(points, query.grid_map.frame_id, stamp)
         self._last = exchange_report(reply, key)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
-        if self._last.level == DiagnosticStatus.OK:
+        if reply.status is SourceStatus.NO_WAYPOINTS:
+            # It was asked and had none to give, as often as each second.
+            self.get_logger().debug(self._last.summary)
+        elif self._last.level == DiagnosticStatus.OK:
             self.get_logger().info(self._last.summary)
         else:
             self.get_logger().warning(self._last.summary)

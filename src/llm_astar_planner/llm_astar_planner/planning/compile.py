@@ -47,6 +47,7 @@ from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
+from llm_astar_planner.planning.why import Explainer
 from llm_astar_planner.search import coarse
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -129,7 +130,7 @@ def compile_for(
             if request.footprint is not None:
                 compile_footprint_kernels()
             if request.instruction is not None:
-                compile_instruction_kernels()
+                compile_instruction_kernels(any_angle=request.any_angle)
     except CompilationStopped:
         if stop is None or not stop[0]:
             raise
@@ -173,6 +174,7 @@ def compile_kernels() -> None:
     """
     compile_map_kernels(landmarks=LandmarkManager())
     compile_zone_kernels()
+    compile_why_kernels()
     for config in CONFIGS:
         for method in METHODS:
             request = PlanRequest(START, GOAL, method, source=WAYPOINTS, any_angle=True)
@@ -217,6 +219,16 @@ def compile_footprint_kernels() -> None:
     FootprintChecker(planner.costmap, FOOTPRINT).collisions([(3.0, 3.0, 0.0)])
 
 
+def compile_why_kernels() -> None:
+    """Compile what says why there is no path, or load it from numba's cache."""
+    cells = np.zeros((24, 24), dtype=np.int8)
+    cells[:, 12], cells[11:14, 12] = OCCUPIED, FREE
+    for radius in (0.0, 3.0):
+        costmap = Costmap(GridMap(cells), CostmapConfig(robot_radius=radius))
+        Explainer(costmap, PlanRequest(START, (12, 2))).explain()
+        Explainer(costmap, PlanRequest(START, GOAL)).explain()
+
+
 def compile_zone_kernels() -> None:
     """Compile what zones and filter masks take, or load it from the cache."""
     grid_map = GridMap(np.zeros((4, 4), dtype=np.int8))
@@ -224,8 +236,8 @@ def compile_zone_kernels() -> None:
     ZoneLayer(grid_map, [Zone('zone', shapely.box(1.0, 1.0, 2.0, 2.0))], [mask]).compose(grid_map)
 
 
-def compile_instruction_kernels() -> None:
-    """Compile the kernels for instructions, or load them from numba's cache.
+def compile_instruction_kernels(*, any_angle: bool = True) -> None:
+    """Compile the kernels for instructions, or load them; without `any_angle` fewer.
 
     Takes about half a minute the first time and a tenth of a second after that.
     """
@@ -247,7 +259,7 @@ def compile_instruction_kernels() -> None:
         planner = PathPlanner(GridMap(cells)).prepare()
         instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
         request = PlanRequest(
-            START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction
+            START, GOAL, time_limit=PATIENCE, any_angle=any_angle, instruction=instruction
         )
         plan_with_instruction(planner, request, instruction, no_stop())
 
@@ -358,6 +370,7 @@ class KernelCompiler:
             lambda: compile_for(config, request, is_graded=False),
             lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
+            compile_why_kernels,
             compile_instruction_kernels,
             compile_kernels,
         )

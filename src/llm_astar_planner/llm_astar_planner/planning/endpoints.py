@@ -26,6 +26,7 @@ from llm_astar_planner.costmap.inflation import squared_cells
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
@@ -39,6 +40,8 @@ SAME_PLACE = 1e-3
 Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
+# Points of a smooth path over which its ends are moved to where they have to be.
+EASED = 10
 
 
 class Endpoints(NamedTuple):
@@ -109,10 +112,12 @@ def moved_goal(
     Raises PlanningFailure, naming it, if there is none.
     """
     tolerance = request.tolerance
-    found = nearest_reached(costmap, goal, component, tolerance)
+    found = None
+    if costmap.grid_map.contains(goal):
+        found = nearest_reached(costmap, goal, component, tolerance)
     if found is None:
         failure = goal_failure(costmap, request, goal, name)
-        if tolerance == 0.0:
+        if tolerance == 0.0 or failure.code is ResultCode.GOAL_OUTSIDE_MAP:
             raise failure
         message = f'{failure}, nor is any cell within {tolerance:g} m of it reachable'
         raise PlanningFailure(failure.code, message)
@@ -311,6 +316,29 @@ def with_exact_ends(
     if start is not None:
         points = with_exact_goal(points[::-1], start, checker)[::-1]
     return points if goal is None else with_exact_goal(points, goal, checker)
+
+
+def with_eased_ends(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64] | None,
+    goal: NDArray[np.float64] | None,
+    checker: CollisionChecker,
+) -> NDArray[np.float64]:
+    """Return a smooth path [n, 2] as `with_exact_ends` does, without a kink near its ends.
+
+    The first and the last EASED points, at most a cell apart, are moved, the less the farther on.
+    Where the path does not stay on free cells so, it is as `with_exact_ends` makes it.
+    """
+    eased, count = points.copy(), min(EASED, len(points) // 2)
+    shares = (1.0 - np.arange(count) / max(count, 1))[:, None]
+    if start is not None:
+        eased[:count] += shares * (start - points[0])
+    if goal is not None:
+        eased[len(eased) - count :] += shares[::-1] * (goal - points[-1])
+    eased = interpolate(eased)
+    if count and checker.is_free_curve(eased):
+        return eased
+    return with_exact_ends(points, start, goal, checker)
 
 
 def ends_that_fit(

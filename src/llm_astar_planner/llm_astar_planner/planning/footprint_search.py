@@ -13,6 +13,7 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,8 +75,8 @@ def fit_footprint(
     return search.endpoints
 
 
-def collides(costmap: Costmap, request: PlanRequest, points: NDArray[np.int32]) -> bool:
-    """Tell whether the footprint of a request collides on straight segments between cells [n, 2].
+def collides(costmap: Costmap, request: PlanRequest, points: NDArray[Any]) -> bool:
+    """Tell whether the footprint of a request collides on straight segments through points [n, 2].
 
     It also turns at the ends, from the start's yaw and to the goal's.
     """

@@ -340,7 +340,9 @@ def verified(
         if count_kept(shortened) >= count_kept(clauses):
             clauses = shortened
         else:
-            plan = replace(plan, any_angle=None)
+            plan = replace(plan, any_angle=None, smoothed=None)
+    if plan.smoothed is not None and count_kept(hold(plan.smoothed)) < count_kept(clauses):
+        plan = replace(plan, smoothed=None)
     note = '' if count_kept(clauses) == len(clauses) else note
     return plan, InstructionOutcome(interpretation, clauses, note)
 

@@ -79,6 +79,11 @@ SEARCH = (
         cli_reason='since a person who names a source wants to see its waypoints used',
     ),
     Parameter('any_angle', False, 'Whether the path is shortened by straight lines at any angle'),
+    NodeParameter(
+        'smoothing',
+        False,
+        'Whether kinks of the path are rounded, where cells and the footprint leave room for it',
+    ),
     Parameter(
         'heuristic',
         'euclidean',
@@ -140,6 +145,26 @@ REQUESTS = (
         between=(0.0, 1000.0),
         bench_default=0.0,
         bench_reason='as paths from different starts do not compare',
+    ),
+    Parameter(
+        'allow_partial_planning',
+        False,
+        'Whether a goal that cannot be reached gets the path to the nearest point that can be, '
+        'marked as partial',
+    ),
+    Parameter(
+        'alternatives',
+        0,
+        'How many ways to choose from a plan has besides: they pass obstacles on different sides, '
+        'and each is the cheapest of its kind',
+        between=(0, 20),
+    ),
+    NodeParameter(
+        'switch_margin',
+        0.0,
+        'How much more than the new path, as a share, the way of the last path to the same goal '
+        'may cost and still be kept: 0.05 for 5 %; 0: it is not kept',
+        between=(0.0, 10.0),
     ),
     NodeParameter(
         'use_final_approach_orientation',
@@ -346,7 +371,10 @@ def source_config(values: Mapping[str, Any]) -> SourceSettings:
 
 
 def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a PlanRequest that all of planner_node's parameters decide."""
+    """Return the fields of a PlanRequest that planner_node's parameters decide.
+
+    Those that only nodes have may be missing.
+    """
     return {
         'method': values['method'],
         'heuristic': values['heuristic'],
@@ -357,7 +385,11 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'max_suboptimality': values['max_suboptimality'] or None,
         'search_while_waiting': values['search_while_waiting'],
         'any_angle': values['any_angle'],
+        'smoothing': values.get('smoothing', False),
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
+        'allow_partial_planning': values['allow_partial_planning'],
+        'alternatives': values['alternatives'],
+        'switch_margin': values.get('switch_margin', 0.0),
         'footprint': Footprint.parse(values['footprint']),
     }

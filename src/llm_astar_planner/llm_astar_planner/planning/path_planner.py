@@ -22,6 +22,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
+    curve_cells,
     footprint_problem,
     shift_problem,
     via_problem,
@@ -44,6 +45,7 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
+from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.search.result import (
@@ -61,6 +63,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from llm_astar_planner.search.any_angle import AnyAnglePath
+    from llm_astar_planner.search.grid_graph import GridGraph
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
@@ -70,6 +73,9 @@ LEAST_SHARE_S, LEAST_SHARE = 0.1, 0.1
 MAX_PICTURES = 2**29
 # The part of the time that is kept for a second search, where a footprint is given.
 FIT_SHARE = 0.4
+# Metres from a kink to where its arc begins, at most, as they are tried one after the other; and
+# how many times longer or more expensive a path with rounded kinks may be.
+TANGENTS, MOST_SMOOTHED = (1.0, 0.5, 0.25, 0.1), 1.02
 NOT_SHORTENED = 'the path at any angle is left out: the footprint would meet an obstacle'
 
 
@@ -252,8 +258,17 @@ class PathPlanner:
         else:
             fields = self.path_fields(segments, result)
             if request.any_angle and fields['is_final']:
-                fields['any_angle'], problem = self.shorten(request, segments, deadline)
+                parts = [
+                    (segment.costmap.grid_graph, stretch)
+                    for segment in segments
+                    for stretch in segment.stretches()
+                ]
+                fields['any_angle'], problem = self.shorten(request, parts, deadline)
                 warnings = (*warnings, problem) if problem else warnings
+            if request.smoothing and fields['is_final']:
+                shortened = fields.get('any_angle')
+                points = result.path if shortened is None else shortened.points
+                fields['smoothed'] = self.smooth(request, endpoints, points)
         # Where there are via points, no source is asked.
         reply = first.reply if first else NOT_ASKED
         if request.source is not None and not (first and first.is_asked):
@@ -313,41 +328,95 @@ class PathPlanner:
         }
 
     def shorten(
-        self, request: PlanRequest, segments: Sequence[SegmentPlanner], deadline: float
+        self,
+        request: PlanRequest,
+        stretches: Sequence[tuple[GridGraph, NDArray[np.int32]]],
+        deadline: float,
     ) -> tuple[AnyAnglePath | None, str]:
-        """Shorten each segment's path at any angle until the deadline, and say what went wrong.
+        """Shorten each part of a path at any angle until the deadline, and say what went wrong.
 
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
         # Kernels that only these plans take.
         from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
             AnyAnglePath,
-            interpolate,
             string_pull,
         )
 
         try:
-            parts = [
-                string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
-                for segment in segments
-                for stretch in segment.stretches()
-            ]
+            parts = [string_pull(graph, part, deadline=deadline) for graph, part in stretches]
         except TimeoutError as error:
             return None, str(error)
         if not parts:
             return None, ''
         points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
+        length, cost = sum(part.length for part in parts), sum(part.cost for part in parts)
+        return self.checked(request, AnyAnglePath(points, length, cost))
+
+    def checked(self, request: PlanRequest, path: AnyAnglePath) -> tuple[AnyAnglePath | None, str]:
+        """Return a path at any angle, or None, with a warning or '', where it is not valid."""
+        points = path.points
         if self.checker.segments_problem(points) is not None:
             return None, ''
-        if request.footprint is not None:
-            from llm_astar_planner.planning.footprint_search import collides  # noqa: PLC0415
+        if request.footprint is not None and self.straight_problem(request, points):
+            return None, NOT_SHORTENED
+        return path, ''
 
-            if collides(self.costmap, request, points) or footprint_problem(
-                interpolate(points), self.costmap, request
-            ):
-                return None, NOT_SHORTENED
-        length, cost = sum(part.length for part in parts), sum(part.cost for part in parts)
-        return AnyAnglePath(points, length, cost), ''
+    def smooth(
+        self, request: PlanRequest, endpoints: Endpoints, points: NDArray[np.int32]
+    ) -> NDArray[np.float64] | None:
+        """Round the kinks of a valid path of straight lines through cells [n, 2].
+
+        Arcs get smaller until the whole is valid and neither longer nor more expensive than
+        MOST_SMOOTHED times the path; None where no size will do.
+        """
+        # What plans without it do not take.
+        from llm_astar_planner.planning.smoothing import smoothed  # noqa: PLC0415
+        from llm_astar_planner.search.any_angle import interpolate, turning_points  # noqa: PLC0415
+
+        before = curve_measures(self.costmap, interpolate(points))
+        kinks, via = turning_points(points), frozenset(endpoints.via)
+        for metres in TANGENTS:
+            longest = max(1.0, metres / self.grid_map.resolution)
+            curve = smoothed(kinks, self.checker.is_free_curve, longest, via)
+            now = curve_measures(self.costmap, curve)
+            is_short = all(new <= MOST_SMOOTHED * old for new, old in zip(now, before))
+            if is_short and self.curve_problem(request, endpoints, curve) is None:
+                return curve
+        return None
+
+    def curve_problem(
+        self, request: PlanRequest, endpoints: Endpoints, curve: NDArray[np.float64]
+    ) -> str | None:
+        """Say why a path of points [n, 2] at most a cell apart does not answer the request."""
+        same_ends = replace(
+            request, start=endpoints.start, goal=endpoints.goal, via=endpoints.via, footprint=None
+        )
+        problem = self.problem(same_ends, endpoints, curve_cells(curve))
+        if problem is not None or request.footprint is None:
+            return problem
+        return self.straight_problem(request, curve)
+
+    def straight_problem(self, request: PlanRequest, points: NDArray[Any]) -> str | None:
+        """Say that the footprint of a request meets an obstacle on straight lines, or None."""
+        # Kernels and shapely, which plans without a footprint do not take.
+        from llm_astar_planner.planning.footprint_search import collides  # noqa: PLC0415
+        from llm_astar_planner.search.any_angle import interpolate  # noqa: PLC0415
+
+        if collides(self.costmap, request, points):
+            return 'the footprint would meet an obstacle'
+        return footprint_problem(interpolate(points), self.costmap, request)
+
+
+def curve_measures(costmap: Costmap, curve: NDArray[np.float64]) -> tuple[float, float]:
+    """Return length and cost, in cells, of points at most a cell apart."""
+    lengths = np.hypot(*np.diff(curve, axis=0).T)
+    surcharge = costmap.grid_graph.cell_surcharge
+    if not surcharge.size:
+        return float(lengths.sum()), float(lengths.sum())
+    x, y = np.floor((curve[1:] + curve[:-1]) / 2.0 + 0.5).astype(np.int64).T
+    prices = 1.0 + surcharge[y * costmap.grid_map.width + x] / SURCHARGE_ONE
+    return float(lengths.sum()), float((lengths * prices).sum())
 
 
 def no_path(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> PlanningFailure:

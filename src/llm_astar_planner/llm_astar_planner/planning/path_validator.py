@@ -77,6 +77,11 @@ class CollisionChecker:
         """Tell whether the robot may be in each of the cells [n, 2] of the map."""
         return bool(kernels.first_blocked(*self.rules, cells) < 0)
 
+    def is_free_curve(self, points: NDArray[np.float64]) -> bool:
+        """Tell whether a line through points [n, 2], at most a cell apart, stays on free cells."""
+        cells = curve_cells(points)
+        return self.path_problem(cells, tuple(cells[0]), tuple(cells[-1])) is None
+
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2], or None.
 
@@ -116,6 +121,22 @@ class CollisionChecker:
         squared, unknown, turns = kernels.measure(*self.rules[:3], cells)
         clearance = math.inf if squared == kernels.NO_LETHAL else math.sqrt(squared)
         return PathMetrics(clearance * self._resolution, unknown * self._resolution, turns)
+
+
+def curve_cells(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Return the cells [m, 2] that a line through points [n, 2] crosses, in turn.
+
+    The points are in grid coordinates, at most a cell apart.
+    """
+    cells = np.floor(points + 0.5)
+    # A line to a cell at a corner crosses a third one, between the borders that it meets.
+    aside = np.flatnonzero((cells[1:] != cells[:-1]).all(axis=1))
+    begin, move = points[aside], points[aside + 1] - points[aside]
+    parts = (np.maximum(cells[aside], cells[aside + 1]) - 0.5 - begin) / move
+    third = np.floor(begin + move * parts.mean(axis=1, keepdims=True) + 0.5)
+    cells = np.insert(cells, aside + 1, third, axis=0).astype(np.int32)
+    moves: NDArray[np.bool_] = (np.diff(cells, axis=0) != 0).any(axis=1)
+    return np.asarray(cells[np.concatenate([[True], moves])])
 
 
 def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:

@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
@@ -16,11 +19,13 @@ from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.types import (
     COMPILED,
+    EXPLAINED,
     PLANNED_ON,
     Plan,
     PlanningFailure,
     PlanRequest,
     ResultCode,
+    finite_or_none,
     kind_of_plan,
 )
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -28,6 +33,7 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
 
+NO_ALTERNATIVES = 'no alternatives: they go with no via points, footprint or instruction'
 NOT_COMPILED = 'cancelled while the searches were compiled'
 
 
@@ -63,9 +69,49 @@ class Planner(PathPlanner):
             failure = PlanningFailure(ResultCode.TIMEOUT, NOT_COMPILED)
             endpoints = Endpoints(request.start, request.goal, request.via)
             return iter([self.build_plan(request, endpoints, [], failure=failure)])
-        if request.instruction is None:
-            return self.direct_plans(request, stop, anytime=anytime)
-        return self.instructed_plans(request, request.instruction, stop)
+        plans = self.direct_plans(request, stop, anytime=anytime)
+        if request.instruction is not None:
+            plans = self.instructed_plans(request, request.instruction, stop)
+        if request.last_way is not None:
+            from llm_astar_planner.planning.kept_way import kept_plans  # noqa: PLC0415
+
+            plans = kept_plans(self, request, request.last_way, plans, stop)
+        return self.explained_plans(request, plans, stop)
+
+    def explained_plans(
+        self, request: PlanRequest, plans: Iterator[Plan], stop: StopFlag
+    ) -> Iterator[Plan]:
+        """Yield plans; one without a path says why, or leads as near as possible if it may."""
+        deadline = time.monotonic() + request.time_limit
+        for plan in plans:
+            if plan.is_final and request.alternatives and plan.code is ResultCode.NONE:
+                yield self.with_alternatives(plan, request, stop, deadline)
+                continue
+            if plan.code not in EXPLAINED or stop[0]:
+                yield plan
+                continue
+            # Only after a failure: other plans do not need it.
+            from llm_astar_planner.planning.why import explained  # noqa: PLC0415
+
+            again = partial(self.plan, stop=stop)
+            yield explained(self.costmap, request, plan, again, deadline)
+
+    def with_alternatives(
+        self, plan: Plan, request: PlanRequest, stop: StopFlag, deadline: float
+    ) -> Plan:
+        """Return a plan with the ways to choose from that are found until the deadline."""
+        if request.via or request.footprint or request.instruction:
+            return replace(plan, warnings=(*plan.warnings, NO_ALTERNATIVES))
+        from llm_astar_planner.planning.alternatives import WaysSearch  # noqa: PLC0415
+
+        between = replace(request, start=plan.start, goal=plan.goal)
+        found = WaysSearch(self.costmap, between, stop, deadline).ways()
+        ways = [
+            way._replace(clearance=finite_or_none(self.checker.measure(way.path).clearance))
+            for way in islice(found, request.alternatives)
+            if self.checker.path_problem(way.path, plan.start, plan.goal) is None
+        ]
+        return replace(plan, alternatives=tuple(ways))
 
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.

@@ -327,9 +327,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     """Say in one sentence what was found."""
     if result is None:
         return ''
-    message, metres = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
-    if metres != 1.0:
-        message = f'{metres * result.length:.2f} m ({message})'
+    message = length_text(first.costmap, result.length)
     message += f', {describe_expansions(result.expansions)}'
     if isinstance(result, BoundedResult):
         is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
@@ -350,6 +348,12 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     elif reply.detail:
         message += f'; {reply.detail}'
     return message
+
+
+def length_text(costmap: Costmap, length: float) -> str:
+    """Return a length in cells as text, with its metres where cells have a size of their own."""
+    text, metres = f'{length:.2f} cells', costmap.grid_map.resolution
+    return text if metres == 1.0 else f'{metres * length:.2f} m ({text})'
 
 
 def check_waypoints(

@@ -14,7 +14,7 @@ from html import escape
 from operator import index
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -55,6 +55,8 @@ UNKNOWN, UNSUPPORTED = 'unknown', 'unsupported'
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
 LIMITS = {item.name: replace(item, zero='') for item in PLANNER if item.name in CHECKED}
+# Metres of the map's frame, [x, y].
+Point = list[float]
 NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
 
 
@@ -101,6 +103,21 @@ class CheckedWaypoint:
     status: WaypointStatus
 
 
+@dataclass(frozen=True, eq=False)
+class Way:
+    """The way of a plan, for a later one to keep, perhaps on another map.
+
+    `cells`: int32 [n, 2], single moves. `turns`: int64 [m], which of them straight lines at any
+    angle join, if there are any. On its map, `first` is the point (x, y) in metres of the
+    cell (0, 0), and `frame` the resolution, the yaw of the origin and the frame.
+    """
+
+    cells: NDArray[np.int32]
+    turns: NDArray[np.int64]
+    first: tuple[float, float]
+    frame: tuple[float, float, str]
+
+
 @dataclass(frozen=True)
 class PlanRequest:
     """One request: a path from start to goal, both cells (x, y).
@@ -118,6 +135,7 @@ class PlanRequest:
       yet. They may then come too late to be used.
     - `any_angle`: also return a path with straight segments at any angle. The search then gets
       90 % of the time; if the rest is too short for it, it is left out with a warning.
+    - `smoothing`: also return the path, at any angle if that is asked for, with its kinks rounded.
     - `want_expanded`: whether the plan has the picture of expanded cells.
     - `sample`: which benchmark sample this is, if it is one.
     - `tolerance`, `start_tolerance`: metres. An unreachable goal or via point is replaced by the
@@ -128,11 +146,17 @@ class PlanRequest:
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
+    - `last_way`: the way of the last plan to this goal. It is kept as far as it is left, valid
+      and costs at most 1 + `switch_margin` times what the path found does.
     - `footprint`: the robot's polygon; a path that it cannot pass is not returned. It stands at
       `start_pose` and ends with `goal_yaw`, in metres and radians of the map's frame; None: as the
       path begins and ends. None of the three matters without a footprint.
     - `instruction`: what was understood of an instruction; the path keeps to it as far as
       possible, and the plan says clause by clause how far. Not together with `via`.
+    - `allow_partial_planning`: where the goal cannot be reached, the path leads to the nearest
+      point that can, and is marked as partial.
+    - `alternatives`: how many ways that pass obstacles on different sides the plan has besides;
+      none with via points, a footprint or an instruction.
 
     Raises ValueError if start, goal or any via point is not a pair of whole numbers.
     """
@@ -148,6 +172,7 @@ class PlanRequest:
     max_suboptimality: float | None = None
     search_while_waiting: bool = False
     any_angle: bool = False
+    smoothing: bool = False
     want_expanded: bool = True
     sample: SampleKey | None = None
     tolerance: float = 0.0
@@ -158,7 +183,11 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
+    last_way: Way | None = None
+    switch_margin: float = 0.0
     first_path_time_limit: float = 0.0
+    allow_partial_planning: bool = False
+    alternatives: int = 0
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -195,6 +224,8 @@ def check_request(request: PlanRequest) -> None:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 
+# Codes of plans that say why there is no path.
+EXPLAINED = (ResultCode.START_OCCUPIED, ResultCode.GOAL_OCCUPIED, ResultCode.NO_VALID_PATH)
 # The kinds of plans that this process has compiled.
 COMPILED: set[tuple[object, ...]] = set()
 
@@ -214,6 +245,49 @@ def kind_of_plan(
     )  # fmt: skip
 
 
+class Alternative(NamedTuple):
+    """One of several ways to choose from, the cheapest that passes obstacles on these sides.
+
+    `path` is int32 [n, 2] cells, `length` in metres, `cost` in cells, at most `ratio` times the
+    least of these sides. `around` are the centres, [x, y] in metres, of obstacles that the best
+    way passes on the other side. `clearance` is in metres, None without obstacles.
+    """
+
+    path: NDArray[np.int32]
+    length: float
+    cost: float
+    ratio: float
+    around: list[Point]
+    clearance: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of reports and `--json`, without the path."""
+        return {name: value for name, value in self._asdict().items() if name != 'path'}
+
+
+class Why(NamedTuple):
+    """Why there is no path: a sentence, and what it says as values for reports.
+
+    `causes` are objects with a `kind`; points are [x, y] in metres of the map's frame. `length`
+    is that of the shortest path without the causes, in metres, None where walls close the way.
+    `nearest` is the point that can be reached nearest to the goal, `short_of` metres off, None
+    where the goal can, and `cell` its cell; with via points to the first of them that cannot,
+    after the first `reached` ones.
+    """
+
+    sentence: str
+    causes: list[dict[str, Any]]
+    length: float | None
+    nearest: Point | None
+    short_of: float | None
+    cell: Cell | None
+    reached: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of reports and `--json`."""
+        return dict(zip(self._fields[:5], self))
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """The answer to a request.
@@ -224,6 +298,8 @@ class Plan:
     - `suboptimality_bound`: the cost is proven to be at most this many times the least possible;
       NaN if the method proves nothing.
     - `any_angle`: the path shortened at any angle, if requested, valid and found in time.
+    - `smoothed`: float64 [m, 2], that path, or `path` where there is none, with rounded kinks, if
+      requested and valid: points in cells, at most one apart.
     - `expansions`, `first_expansions`: all expansions, and those up to the first path.
       `storage`: the states that ever got a g (the paper's storage).
     - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
@@ -240,6 +316,9 @@ class Plan:
     - `seconds_source`, `seconds_search`: wall time; `seconds_map`: how long a node waited for a
       map before. `warnings`: one sentence each.
     - `footprint`: the polygon that the path was searched for, None for a circle.
+    - `why`: what closes the way, where there is none. `partial`: the path leads to the nearest
+      point that can be reached, not to the goal.
+    - `alternatives`: ways that pass obstacles on different sides, the cheapest first.
     - `is_final`: False for a better path found while the search goes on.
     """
 
@@ -261,6 +340,7 @@ class Plan:
     cost: float = math.nan
     suboptimality_bound: float = math.nan
     any_angle: AnyAnglePath | None = None
+    smoothed: NDArray[np.float64] | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
     seconds_map: float = 0.0
@@ -274,6 +354,9 @@ class Plan:
     instruction: InstructionOutcome | None = None
     footprint: Footprint | None = None
     is_final: bool = True
+    why: Why | None = None
+    partial: bool = False
+    alternatives: tuple[Alternative, ...] = ()
 
     def _repr_png_(self) -> bytes | None:
         """Return the picture that a notebook shows, None where there is none."""
@@ -328,6 +411,9 @@ class Plan:
             'warnings': self.warnings,
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,
+            'why': self.why.to_json() if self.why else None,
+            'partial': self.partial,
+            'alternatives': tuple(way.to_json() for way in self.alternatives),
         }
 
 

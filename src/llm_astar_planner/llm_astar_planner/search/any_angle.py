@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,13 @@ def can_see(grid: GridGraph, cell: Cell, other: Cell) -> bool:
     grid.index(other)
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
     return bool(kernels.line_cost(*rules, *cell, *other) >= 0.0)
+
+
+def straight_path(grid: GridGraph, points: NDArray[np.int32]) -> AnyAnglePath | None:
+    """Return the path of straight lines through cells [n, 2], None where one is blocked."""
+    rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
+    cost, length, wrong, _ = kernels.path_cost(rules, points)
+    return AnyAnglePath(points, length, cost) if wrong < 0 else None
 
 
 def string_pull(
@@ -87,7 +94,7 @@ def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(path[np.concatenate([[True], turns, [True]])])
 
 
-def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.float64]:
+def interpolate(points: NDArray[Any], spacing: float = 1.0) -> NDArray[np.float64]:
     """Return points along straight segments, at most `spacing` cells apart: float64 [m, 2].
 
     The given points are among them. Raises ValueError for a spacing that is not positive.

@@ -1,6 +1,7 @@
 """The command line as a user types it, without ROS."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -147,19 +148,19 @@ def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
 
 
 def test_shifts_by_tolerances_and_via_cells_are_reported(capsys, room):
-    where = ['plan', '--map', room, '--cells', '--start', '30', '35', '--goal', '66', '20']
-    code, refused = run_json(capsys, *where, '--tolerance', '0')
+    where = ['plan', '--map', room, '--cells', '--start', '30', '35']
+    code, refused = run_json(capsys, *where, '--goal', '66', '20', '--tolerance', '0.5')
     assert (code, refused['code_name']) == (1, 'GOAL_OUTSIDE_MAP')
-    where += ['--robot-radius', '0.2', '--tolerance', '0.5']
+    where += ['--goal', '32', '20', '--robot-radius', '0.2', '--tolerance', '0.5']
     where += ['--via', '10', '9', '--via', '50', '33']
     code, plan = run_json(capsys, *where)
     assert code == 0
-    assert plan['goal'] == plan['path'][-1] == [59, 20]
-    assert plan['goal_shift'] == pytest.approx(0.35)
+    assert plan['goal'] == plan['path'][-1] == [35, 20]
+    assert plan['goal_shift'] == pytest.approx(0.15)
     assert plan['path'].index([10, 9]) < plan['path'].index([50, 33])
     assert len(plan['warnings']) == 1
     text = run(capsys, *where)[1]
-    assert 'warning    the goal cell (66, 20) at (2.325, -0.975) m is outside the map' in text
+    assert 'warning    the goal cell (32, 20) at (0.625, -0.975) m is not free' in text
     assert 'clearance  4.47 cells to the nearest obstacle' in text
     escape = ['--start', '28', '20', '--goal', '10', '20', '--start-tolerance', '0.3']
     words = ('plan', '--map', room, '--cells', '--robot-radius', '0.2')
@@ -541,6 +542,17 @@ def test_a_robot_without_a_radius_is_named_where_its_path_is_close_to_an_obstacl
     assert said not in run(capsys, *office, '--robot-radius', '0.3')[1]
     # Cells of a map without metres have no size to compare with.
     assert said not in run(capsys, 'plan')[1]
+
+
+def test_a_shipped_map_is_found_by_its_short_name_with_its_places_and_metres(capsys):
+    ends = '--robot-radius', '0.3', '--from', 'bathroom', '--to', 'kitchen'
+    code, text, errors = run(capsys, 'plan', '--map', 'house', *ends)
+    assert (code, errors) == (0, '')
+    assert re.search(r'start +\(.* m, cell \(.*, bathroom\n', text)
+    # Where a file is missing, the names are listed.
+    missing = run(capsys, 'plan', '--map', 'depto', *ends)[2]
+    assert 'office.yaml' in missing
+    assert missing.endswith('did you mean depot?\n')
 
 
 def test_waypoints_that_the_checks_let_through_are_called_accepted(capsys):

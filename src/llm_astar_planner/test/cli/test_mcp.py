@@ -98,6 +98,11 @@ CALLS = {
     ),
     'path off the map': ('check_path', {'points': [[1, 1], [90, 1]]}),
     'no path': ('check_path', {'points': []}),
+    'why': (
+        'ask_why',
+        {'start': [1, 3.5], 'goal': 'lab', 'question': 'why not through the south door?'},
+    ),
+    'why what': ('ask_why', {'start': [1, 3.5], 'goal': 'lab', 'question': 'why me?'}),
 }
 
 
@@ -132,12 +137,19 @@ def error(answers, name):
     return answer.content[0].text
 
 
-def test_the_four_tools_have_descriptions_and_bounded_arguments(answers):
+def test_the_five_tools_have_descriptions_and_bounded_arguments(answers):
     tools = answers[0]
-    assert set(tools) == {'list_places', 'interpret', 'plan_route', 'check_path'}
+    assert set(tools) == {'list_places', 'interpret', 'plan_route', 'ask_why', 'check_path'}
     assert all(len(tool.description) > 40 for tool in tools.values())
     assert tools['interpret'].input_schema['properties']['text']['maxLength'] == 500
     assert tools['check_path'].input_schema['properties']['points']['maxItems'] == 10_000
+
+
+def test_a_question_is_answered_with_both_lengths(answers):
+    found = value(answers, 'why')
+    assert found['other'] > found['own'] > 7.0
+    assert found['sentence'].startswith('through the south door: ')
+    assert 'why me' in error(answers, 'why what')
 
 
 def test_places_are_listed_with_the_map(answers):

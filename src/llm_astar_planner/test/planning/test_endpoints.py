@@ -59,11 +59,11 @@ def test_a_goal_that_is_cut_off_is_approached():
     assert words in plan.warnings[0]
 
 
-def test_a_goal_off_the_map_is_approached_as_well():
-    plan = planner(empty()).plan(PlanRequest((2, 2), (33, 23), tolerance=0.6))
-    assert plan.goal == (29, 19)
-    assert plan.goal_shift == pytest.approx(0.1 * math.hypot(4, 4))
-    assert 'outside the map' in plan.warnings[0]
+@pytest.mark.parametrize('fields', [{'goal': (30, 12)}, {'goal': (2, 9), 'via': ((30, 12),)}])
+def test_a_goal_off_the_map_is_refused_whatever_the_tolerance(fields):
+    plan = planner(empty()).plan(PlanRequest((2, 2), tolerance=0.6, **fields))
+    assert plan.code is ResultCode.GOAL_OUTSIDE_MAP
+    assert 'outside the map' in plan.message
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,8 @@ def test_a_goal_off_the_map_is_approached_as_well():
 def test_a_goal_out_of_tolerance_keeps_its_own_code(goal, code):
     plan = planner(shelf()).plan(PlanRequest((2, 2), goal, tolerance=0.29))
     assert plan.code is code
-    assert 'within 0.29 m' in plan.message
+    is_outside = code is ResultCode.GOAL_OUTSIDE_MAP
+    assert ('outside the map' if is_outside else 'within 0.29 m') in plan.message
     assert plan.goal == goal
 
 

@@ -28,6 +28,7 @@ from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning import instruction as instruction_module
 from llm_astar_planner.planning.compile import compile_instruction_kernels
+from llm_astar_planner.planning.kept_way import way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 
@@ -315,3 +316,41 @@ def test_the_answer_to_a_request_that_cannot_be_served_names_the_cause(planner):
     made = plan(planner, Visit(regions=(WEST,)), goal=(20, 12))
     assert made.code is ResultCode.GOAL_OCCUPIED
     assert made.instruction.note == 'there is no path'
+
+
+@pytest.mark.parametrize('policy', ['prefer', 'require'])
+@pytest.mark.parametrize('any_angle', [False, True])
+def test_the_last_way_is_kept_while_it_keeps_to_the_instruction_as_well(
+    planner, policy, any_angle
+):
+    more = {'any_angle': any_angle, 'smoothing': True, 'switch_margin': 0.05}
+    clause = Pass(region=RACK, side='south')
+    first = plan(planner, clause, policy=policy, **more)
+    assert statuses(first) == ['kept']
+    way = way_of(first, planner.costmap)
+    start = tuple(way.cells[3].tolist())
+    kept = plan(planner, clause, policy=policy, start=start, last_way=way, **more)
+    assert 'kept: ' in kept.message
+    assert kept.message.endswith('instruction: 1 of 1 clauses kept')
+    assert statuses(kept) == ['kept']
+    assert kept.path.tolist() == way.cells[3:].tolist()
+    # Another instruction is another way, whatever it costs.
+    clause = Pass(region=RACK, side='north')
+    plain = plan(planner, clause, policy=policy, start=start, **more)
+    other = plan(planner, clause, policy=policy, start=start, last_way=way, **more)
+    assert f'changed: "{clause.sentence()}" is kept now' in other.message
+    assert other.path.tolist() == plain.path.tolist()
+
+
+def test_a_way_kept_at_any_price_visits_what_is_left_to_visit(planner):
+    more = {'switch_margin': 10.0}
+    first = plan(planner, Visit(regions=(WEST,)), **more)
+    way = way_of(first, planner.costmap)
+    kept = plan(planner, Visit(regions=(WEST,)), last_way=way, **more)
+    assert 'kept: ' in kept.message
+    assert inside(planner, kept, 'west room') > 0.5
+    # The straight way visits nothing.
+    straight = way_of(plan(planner), planner.costmap)
+    other = plan(planner, Visit(regions=(WEST,)), last_way=straight, **more)
+    assert 'changed: ' in other.message
+    assert statuses(other) == ['kept']

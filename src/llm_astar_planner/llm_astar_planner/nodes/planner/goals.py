@@ -31,6 +31,9 @@ from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 if TYPE_CHECKING:
     from llm_astar_planner.planning.planner import Planner
 
+# The services, actions and topics that goals come by.
+ACTION_NAMES = ('compute_path_to_pose', 'compute_path_through_poses')
+GET_PLAN, GOAL_POSE = '~/get_plan', 'goal_pose'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
 # An action takes as many goals, which preempt each other, and rejects more.
 CALLERS = 16
@@ -45,10 +48,7 @@ try:
 except ImportError:
     ACTIONS: dict[str, Any] = {}
 else:
-    ACTIONS = {
-        'compute_path_to_pose': ComputePathToPose,
-        'compute_path_through_poses': ComputePathThroughPoses,
-    }
+    ACTIONS = dict(zip(ACTION_NAMES, (ComputePathToPose, ComputePathThroughPoses)))
 
 # Seconds that a result is kept, as long as Nav2's planner_server keeps it: it may be large.
 RESULT_SECONDS = 10
@@ -66,7 +66,7 @@ class PlanGoal:
 
     `tolerance` in metres replaces the parameter if it is above 0. `planner_id` may name a method.
     `fallback_start` is used if the robot's pose is not known. `viapoints` guide the search; the
-    path need not pass them.
+    path need not pass them. `client` names the service, action or topic that it came by.
     """
 
     goals: tuple[PoseStamped, ...]
@@ -75,6 +75,12 @@ class PlanGoal:
     planner_id: str = ''
     fallback_start: PoseStamped | None = None
     viapoints: tuple[PoseStamped, ...] = ()
+    client: str = ''
+
+    @property
+    def is_of_action(self) -> bool:
+        """Whether one of Nav2's actions was called."""
+        return self.client in ACTION_NAMES
 
 
 class CancellationToken:
@@ -156,11 +162,12 @@ def serve_goals(
     def on_get_plan(
         request: GetPlan.Request, response: GetPlan.Response, arrived: float, busy: str
     ) -> GetPlan.Response:
-        goal = PlanGoal((request.goal,), request.start, float(request.tolerance))
+        tolerance = float(request.tolerance)
+        goal = PlanGoal((request.goal,), request.start, tolerance, client=GET_PLAN)
         response.plan = answer(goal, CancellationToken(arrived, busy)).path
         return response
 
-    calls = QueuedService(entities, GetPlan, '~/get_plan', on_get_plan, threads=CALLERS)
+    calls = QueuedService(entities, GetPlan, GET_PLAN, on_get_plan, threads=CALLERS)
     state = INTROSPECTION_STATES[introspection]
     calls.service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():
@@ -169,16 +176,19 @@ def serve_goals(
     entities.node.get_logger().info(f"{served} Nav2's planner actions")
 
 
-def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
-    """Convert an action's goal: `goal`, or `goals`, which since Kilted is a nav_msgs/Goals.
+def plan_goal(goal: Any, client: str = '') -> PlanGoal:  # noqa: ANN401 - a goal of either action
+    """Convert the goal of the action `client`.
 
-    `viapoints` came to ComputePathToPose after Kilted.
+    That is `goal`, or `goals`, which since Kilted is a nav_msgs/Goals. `viapoints` came to
+    ComputePathToPose after Kilted.
     """
     goals = getattr(goal, 'goals', None)
     poses = [goal.goal] if goals is None else getattr(goals, 'goals', goals)
     start = goal.start if goal.use_start else None
     viapoints = tuple(getattr(goal, 'viapoints', ()))
-    return PlanGoal(tuple(poses), start, planner_id=goal.planner_id, viapoints=viapoints)
+    return PlanGoal(
+        tuple(poses), start, planner_id=goal.planner_id, viapoints=viapoints, client=client
+    )
 
 
 def fill_result(result: Any, response: PlanResponse, reason: str = '') -> Any:  # noqa: ANN401 - of either action
@@ -281,7 +291,7 @@ class PathAction:
 
     def execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
         """Plan for a goal and finish it."""
-        goal, token = plan_goal(handle.request), self.token_of(handle)
+        goal, token = plan_goal(handle.request, self._name), self.token_of(handle)
         feedback = self._kind.Feedback()
         response = self._answer(goal, token, lambda: handle.publish_feedback(feedback))
         if token.reason == CANCELED:

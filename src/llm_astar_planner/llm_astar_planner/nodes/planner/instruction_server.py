@@ -42,6 +42,7 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import QuestionServer
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.questions import read_question
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import state_file
 
@@ -58,7 +59,8 @@ class InstructionServer:
 
     `~/instruction` sets one, as the parameter does, and `~/confirm` answers the questions about
     it. `~/interpret` asks what a text means, and
-    `~/interpretation` answers: at once by the grammar, and once more if a model is asked.
+    `~/interpretation` answers: at once by the grammar, and once more if a model is asked, or if
+    the text is a question about the last plan.
     """
 
     def __init__(
@@ -67,16 +69,19 @@ class InstructionServer:
         settings: Parameters,
         places: Callable[[], Places],
         on_understood: Callable[[], None],
+        answer: Callable[[str], str],
     ) -> None:
         """Make the parts; `start` joins the graph.
 
-        `on_understood` is called on any thread when something else is understood.
+        `on_understood` is called on any thread when something else is understood. `answer`
+        answers a question about the last plan; it may raise LlmAstarError.
         """
         self._entities = entities
         self._node = entities.node
         self._settings = settings
         self._places = places
         self._on_understood = on_understood
+        self._answer, self._is_answering = answer, threading.Lock()
         name = settings['llm_client']
         self._reader = InstructionReader(
             InstructionClient(entities, name) if name else None,
@@ -96,14 +101,29 @@ class InstructionServer:
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
         entities.subscription(Bool, '~/confirm', self.on_confirm, RELIABLE, group)
-        QuestionServer(
-            entities,
-            lambda question, on_answer: self._reader.read(
-                question.text, self._places(), on_answer
-            ),
-        )
+        QuestionServer(entities, self.interpret)
         entities.timer(ASK_AGAIN_PERIOD, self.ask_again, group)
         self.refresh()
+
+    def interpret(
+        self, question: Question, on_answer: Callable[[Interpretation], None]
+    ) -> Interpretation:
+        """Return what a text means now; a question about the last plan is answered soon."""
+        if read_question(question.text) is None:
+            return self._reader.read(question.text, self._places(), on_answer)
+        arguments = question.text, on_answer
+        Thread(target=self.answer_question, args=arguments, daemon=True).start()
+        return pending(question.text, 'it is a question about the last plan')
+
+    def answer_question(self, text: str, on_answer: Callable[[Interpretation], None]) -> None:
+        """Answer a question about the last plan: the sentence is the detail of the answer."""
+        with self._is_answering:
+            try:
+                detail = self._answer(text)
+            except LlmAstarError as error:
+                detail = str(error)
+        about = Understanding.IRRELEVANT
+        on_answer(Interpretation(text, understood_by='planner', status=about, detail=detail))
 
     def refresh(self) -> None:
         """Follow changed parameters and places."""

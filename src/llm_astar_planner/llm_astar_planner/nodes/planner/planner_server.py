@@ -26,7 +26,7 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
-from llm_astar_planner.nodes.planner.goals import Answer, PlanGoal, PreemptingGoalSlot
+from llm_astar_planner.nodes.planner.goals import GOAL_POSE, Answer, PlanGoal, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
@@ -63,8 +63,9 @@ class PlannerServer:
         self._cache: CachedWaypointSource | None = None
         self._places = PlacesServer(entities, settings)
         self._instructions = InstructionServer(
-            entities, settings, lambda: self._places.places, self.on_understood
-        )
+            entities, settings, lambda: self._places.places, self.on_understood,
+            lambda text: self.handler.answer_question(text, self._places.places),
+        )  # fmt: skip
         name = settings['llm_client']
         self._client = WaypointClient(entities, name, self.on_client_change) if name else None
         self._cache = CachedWaypointSource(self._client) if self._client else None
@@ -133,7 +134,7 @@ class PlannerServer:
     def on_goal_pose(self, message: PoseStamped) -> None:
         """Plan to the goal that was set in RViz; a newer one preempts it."""
         token = self._goals.begin('a newer goal came')
-        goal = PlanGoal((message,), fallback_start=self._initial_pose)
+        goal = PlanGoal((message,), fallback_start=self._initial_pose, client=GOAL_POSE)
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
         self._node.executor.create_task(self._answer, goal, token)
 
@@ -199,7 +200,7 @@ class PlannerServer:
         group, node = MutuallyExclusiveCallbackGroup(), self._node
         for kind, topic, callback in (
             (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
-            (PoseStamped, 'goal_pose', self.on_goal_pose),
+            (PoseStamped, GOAL_POSE, self.on_goal_pose),
             (String, '~/goal_place', self.on_goal_place),
         ):
             self._entities.subscription(kind, topic, callback, RELIABLE, group)

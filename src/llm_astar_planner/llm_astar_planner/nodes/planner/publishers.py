@@ -30,7 +30,12 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSlot
-from llm_astar_planner.planning.endpoints import Ends, ends_that_fit, with_exact_ends
+from llm_astar_planner.planning.endpoints import (
+    Ends,
+    ends_that_fit,
+    with_eased_ends,
+    with_exact_ends,
+)
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import (
@@ -87,11 +92,12 @@ class PathWriter:
             self._fits = FootprintSearch(planner.costmap, request).passes_ends
         self._last: tuple[NDArray[np.float64], Path] | None = None
 
-    def write(self, points: ArrayLike) -> Path:
+    def write(self, points: ArrayLike, *, is_smooth: bool = False) -> Path:
         """Write points [n, 2] in grid coordinates; equal points give the same message again.
 
         Where they begin in the start's cell and end in the goal's, the path begins and ends at
-        those poses. Where an end was moved it stays at the centre of its cell.
+        those poses. A goal that was moved stays at the centre of its cell; where the start was,
+        the robot's pose comes before the centre of the cell. A path that `is_smooth` stays so.
         """
         cells = np.asarray(points, dtype=np.float64)
         if self._last is not None and np.array_equal(self._last[0], cells):
@@ -104,14 +110,21 @@ class PathWriter:
                 start if cells[0].tolist() == begin else None,
                 goal if cells[-1].tolist() == end else None,
             )
+            is_smooth &= self._fits is None
             if self._fits is not None:
                 ends = ends_that_fit(cells, ends, checker, self._fits)
-        places = grid_map.grid_to_world(with_exact_ends(cells, *ends, checker))
+        to_ends = with_eased_ends if is_smooth else with_exact_ends
+        places = grid_map.grid_to_world(to_ends(cells, *ends, checker))
         if ends[1] is not None:
             places[-1] = self._goal[:2]
         if ends[0] is not None:
             places[0] = self._start[:2]
-        start_yaw = self._start.yaw if ends[0] is not None or len(places) == 1 else None
+        is_moved = bool(len(cells)) and cells[0].tolist() != self._cells[0]
+        if is_moved:
+            # The robot gets out of the obstacle first.
+            places = np.concatenate(([self._start[:2]], places))
+        starts_here = is_moved or ends[0] is not None or len(places) == 1
+        start_yaw = self._start.yaw if starts_here else None
         path = path_to_message(places, grid_map.frame_id, self._stamp, self._goal_yaw, start_yaw)
         self._last = (cells, path)
         return path
@@ -128,6 +141,8 @@ class PathWriter:
         spacing = length * POSE_SECONDS / time_left
         if spacing <= 1.0:
             cells = plan.path if shortened is None else interpolate(shortened.points)
+            if plan.smoothed is not None:
+                return self.write(plan.smoothed, is_smooth=True), ()
             return self.write(cells), ()
         turns = turning_points(plan.path) if shortened is None else shortened.points
         path = self.write(interpolate(turns, spacing))
@@ -151,6 +166,7 @@ class PlanPublisher:
         self._node = entities.node
         self._plan = entities.publisher(Path, 'plan', RELIABLE)
         self._raw_plan = entities.publisher(Path, '~/raw_plan', RELIABLE)
+        self._alternatives = entities.publisher(Path, '~/alternatives', RELIABLE)
         self._report = entities.publisher(DiagnosticArray, '~/report', REPORTS)
         self._markers = entities.publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored = entities.publisher(GridCells, '~/explored', RELIABLE)
@@ -175,16 +191,27 @@ class PlanPublisher:
         if is_new:
             self._plan.publish(path)
 
-    def publish_report(self, response: PlanResponse, stamp: Time, *, is_cancelled: bool) -> None:
+    def publish_report(
+        self,
+        response: PlanResponse,
+        stamp: Time,
+        *,
+        is_cancelled: bool,
+        is_routine: bool = False,
+    ) -> None:
         """Count, publish and log the plan of a response.
 
         A failure that was somebody's wish is logged at debug level: on a map that changes at
-        5 Hz, each replan may preempt the last.
+        5 Hz, each replan may preempt the last. So is a path that `is_routine`, one a second.
         """
         self._free.acquire(timeout=LONGEST_WAIT)
-        self._thread.submit(self.logged, self.write_report, response, stamp, is_cancelled)
+        self._thread.submit(
+            self.logged, self.write_report, response, stamp, is_cancelled, is_routine
+        )
 
-    def write_report(self, response: PlanResponse, stamp: Time, is_cancelled: bool) -> None:
+    def write_report(
+        self, response: PlanResponse, stamp: Time, is_cancelled: bool, is_routine: bool
+    ) -> None:
         """Count, publish and log the plan of a response now."""
         self._free.release()
         plan, planner = response.plan, response.planner
@@ -198,18 +225,21 @@ class PlanPublisher:
             logger.warning(report.summary)
         else:
             guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
-            logger.info('; '.join([report.summary, *guide, *plan.warnings]))
+            say = logger.debug if is_routine and not plan.warnings else logger.info
+            say('; '.join([report.summary, *guide, *plan.warnings]))
 
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]
     ) -> None:
-        """Publish what only viewers want: the path before it was shortened, and the markers.
+        """Publish the ways to choose from, and what only viewers want: raw path and markers.
 
         `write` makes the message of a path. Markers are drawn on the publisher's thread; a newer
         plan replaces one not drawn yet.
         """
         if len(plan.path) and self._raw_plan.get_subscription_count():
             self._raw_plan.publish(write(plan.path))
+        for way in plan.alternatives:
+            self._alternatives.publish(write(way.path))
         if not (self._markers.get_subscription_count() or self.wants_expanded):
             return
         with self._lock:

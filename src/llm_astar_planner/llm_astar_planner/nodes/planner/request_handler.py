@@ -15,15 +15,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from rclpy.node import Node
 
 from llm_astar_planner.caches import Recent
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
 from llm_astar_planner.nodes.planner.goals import (
+    GOAL_POSE,
     CancellationToken,
     PlanGoal,
     PlanResponse,
@@ -34,7 +37,9 @@ from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
+from llm_astar_planner.planning.kept_way import Ways
 from llm_astar_planner.planning.parameters import request_fields
+from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import (
     MAX_VIA,
     MAX_VIAPOINTS,
@@ -150,6 +155,9 @@ class RequestConverter:
             for name, pose in zip(names, [goal.start, *goal.goals, *goal.viapoints]):
                 if pose is None:
                     place = self.robot_pose(goal, grid_map.frame_id, may_wait)
+                elif goal.is_of_action and not pose.header.frame_id:
+                    # As in planner_server. Elsewhere no frame means that of the map.
+                    raise FrameError(f'the {name} has no frame_id')
                 elif pose.header.frame_id in ('', grid_map.frame_id):
                     place = pose_from_message(pose.pose, name)
                 else:
@@ -159,7 +167,10 @@ class RequestConverter:
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
-            raise RequestError(ResultCode.UNKNOWN, str(error)) from None
+            # What is not finite lies on no map; a code after which trees do not clear it.
+            is_start = not places and goal.start is not None
+            code = ResultCode.START_OUTSIDE_MAP if is_start else ResultCode.GOAL_OUTSIDE_MAP
+            raise RequestError(code, str(error)) from None
         start, goals = places[0], places[1 : last + 1]
         fields = self.fields(goal) | {'want_expanded': want_expanded, 'time_limit': time_left()}
         if self._footprint.current is not None:
@@ -200,6 +211,15 @@ class RequestConverter:
         return fields
 
 
+def way_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, ...]:
+    """Return what goals share that keep one way: client, method and place, in cells of the frame.
+
+    They are counted from the frame's origin, wherever the map begins.
+    """
+    x, y = (round(value / grid_map.resolution) for value in place[:2])
+    return goal.client, goal.planner_id, x, y
+
+
 class RequestHandler:
     """Answers any number of goals at a time, from any thread, while it `is_active`."""
 
@@ -220,6 +240,7 @@ class RequestHandler:
         self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
+        self._ways = Ways()
         # How many plans began at each of the last times of the clock.
         self._plans_at: Recent[int, int] = Recent(KEPT_TIMES)
         self._node = node
@@ -230,6 +251,7 @@ class RequestHandler:
         self._converter = converter
         self._publisher = publisher
         self._instructions = instructions
+        self._last: PlanResponse | None = None
 
     def activate(self) -> None:
         """Answer goals from now on."""
@@ -239,6 +261,7 @@ class RequestHandler:
     def deactivate(self, reason: str) -> None:
         """Refuse goals from now on, cancel those being answered and wait until they ended."""
         self.is_active = False
+        self._ways.clear()
         with self._ended:
             for token in self._running:
                 token.cancel(reason)
@@ -254,7 +277,7 @@ class RequestHandler:
         """Plan, publish what came of it, and return it; never raises.
 
         `token` cancels it from another thread: its code is then TIMEOUT and only the report is
-        published. `on_better` is called after each better path published on the way.
+        published. `on_better` is called for each better path on the way.
         `replan_reason` says why the path monitor plans again, '' if a client requested it.
         """
         token = token or CancellationToken()
@@ -279,12 +302,26 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
-            self._publisher.publish_report(response, stamp, is_cancelled=bool(token.reason))
+            self._last = response
+            self._publisher.publish_report(
+                response,
+                stamp,
+                is_cancelled=bool(token.reason),
+                is_routine=bool(replan_reason) or goal.is_of_action,
+            )
         finally:
             with self._ended:
                 self._running.discard(token)
                 self._ended.notify_all()
         return replace(response, seconds=time.monotonic() - job.begin)
+
+    def answer_question(self, text: str, places: Places) -> str:
+        """Return the answer to a question about the last plan. Raises QuestionError."""
+        last = self._last
+        if last is None or last.planner is None or last.request is None:
+            raise QuestionError('nothing was planned yet that a question could be about')
+        asked = Questions(last.planner, last.request, GrammarInterpreter(), places)
+        return str(asked.answer(text)['sentence'])
 
     def next_stamp(self) -> Time:
         """Return the time now, a nanosecond later for each earlier plan at this time.
@@ -331,19 +368,24 @@ class RequestHandler:
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
+        way = way_key(job.goal, goals[-1], planner.grid_map)
+        request = self._ways.add_to(request, way)
         began = time.monotonic()
         plans = planner.plans(request, job.token.stop)
         # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
         deadline = job.begin + job.limit
+        # Who calls gets one path, and RViz shows that one; so where a way may be kept.
+        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
         for plan in plans:
-            if not plan.is_final:
+            if plan.is_final or job.token.reason:
+                continue
+            if shows_better:
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
-                if not job.token.reason:
-                    self._publisher.publish_path(path, is_replan=bool(replan_reason))
-                    if on_better is not None:
-                        on_better()
+                self._publisher.publish_path(path, is_replan=bool(replan_reason))
+            if on_better is not None:
+                on_better()
         job.goes_on()
         # A first path that came late is written whole all the same.
         deadline = max(deadline, time.monotonic() + min(FINISH_SECONDS, FINISH_SHARE * job.limit))
@@ -353,6 +395,7 @@ class RequestHandler:
         is_made = plan.code is ResultCode.NONE
         if is_made:
             self._publisher.publish_path(path, is_replan=bool(replan_reason))
+            self._ways.remember(plan, request, way, planner.costmap)
             if request.instruction is not None:
                 self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -17,7 +18,7 @@ from llm_astar_planner.costmap.config import COSTMAP_THRESHOLD
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
-from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
 
 TOPIC = 'published_footprint'
@@ -51,6 +52,7 @@ class RobotFootprint:
         self._on_change = on_change
         self._logger = entities.node.get_logger()
         self._received: Footprint | None = None
+        self._loud_from = time.monotonic() + QUIET_SECONDS
         self.report()
 
     def subscribe(self) -> None:
@@ -72,12 +74,15 @@ class RobotFootprint:
         try:
             received = self.in_base_frame(message)
         except LlmAstarError as error:
+            # At the start, the robot's frame may come later than its footprint.
+            is_early = isinstance(error, FrameError) and time.monotonic() < self._loud_from
+            say = self._logger.debug if is_early else self._logger.error
             text = f'{TOPIC}: {error}; the last one stays ({self.current})'
-            self._logger.error(text, throttle_duration_sec=QUIET_SECONDS)
+            say(text, throttle_duration_sec=QUIET_SECONDS)
             return
         before = self._received
         if before is None or not before.is_close_to(received, SAME_METRES):
-            self._received = received
+            self._received, self._loud_from = received, 0.0
             self.refresh()
 
     def is_planned_for(self, footprint: Footprint) -> bool:

@@ -1,0 +1,352 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Keeps the way of the last plan to a goal while a new path would gain too little.
+
+The rest of that way, from the robot on, is held against the newest map by the check of every
+path, priced on it exactly, and compared with the path of the new search.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Hashable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from numpy.typing import NDArray
+
+from llm_astar_planner.caches import Recent
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.text import REQUIRE
+from llm_astar_planner.planning.endpoints import Endpoints
+from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_validator import via_problem
+from llm_astar_planner.planning.segment import length_text
+from llm_astar_planner.planning.types import (
+    Plan,
+    PlanRequest,
+    ResultCode,
+    Way,
+    describe_expansions,
+)
+from llm_astar_planner.search.grid_graph import path_cost, path_length
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.stop import StopFlag
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.interpretation import RouteInstruction
+    from llm_astar_planner.search.any_angle import AnyAnglePath
+
+# Goals whose last ways are remembered.
+REMEMBERED_GOALS = 64
+# How far a robot may be off its last way and still be taken to follow it: cells, metres.
+OFF_CELLS, OFF_METRES = 3.0, 0.5
+# The part of a request's time that a path at any angle along the kept way may take.
+PULL_SHARE = 0.1
+# Costs that differ by less, in cells, are the same.
+SAME_COST = 1e-6
+
+
+class WayLost(LlmAstarError):  # noqa: N818 - an outcome, not a bug
+    """Why the last way is not kept, as a report says it."""
+
+
+class Ways:
+    """Remembers the last way by a key: a client and its goal. Thread-safe."""
+
+    def __init__(self) -> None:
+        """Remember nothing yet."""
+        self._lock = threading.Lock()
+        self._ways: Recent[Hashable, Way] = Recent(REMEMBERED_GOALS)
+
+    def add_to(self, request: PlanRequest, key: Hashable) -> PlanRequest:
+        """Return the request with the last way of a key, if there is one to keep."""
+        if not request.switch_margin:
+            return request
+        with self._lock:
+            return replace(request, last_way=self._ways.get(key))
+
+    def remember(self, plan: Plan, request: PlanRequest, key: Hashable, costmap: Costmap) -> None:
+        """Remember the way of a plan; one without a path changes nothing."""
+        if request.switch_margin and plan.code is ResultCode.NONE:
+            way = way_of(plan, costmap)
+            with self._lock:
+                self._ways[key] = way
+
+    def clear(self) -> None:
+        """Forget all."""
+        with self._lock:
+            self._ways.clear()
+
+
+def way_of(plan: Plan, costmap: Costmap) -> Way:
+    """Return the way of a plan that has a path: the cells along what was published."""
+    cells, turns = plan.path, np.zeros(0, dtype=np.int64)
+    if plan.any_angle is not None:
+        parts = lines_along(plan.any_angle.points, costmap.blocked)
+        cells = np.concatenate(parts)
+        turns = np.cumsum([len(part) for part in parts]) - 1
+    ((x, y),) = costmap.grid_map.grid_to_world([(0, 0)]).tolist()
+    return Way(cells, turns, (x, y), frame_of(costmap.grid_map))
+
+
+def frame_of(grid_map: GridMap) -> tuple[float, float, str]:
+    """Return what two maps share if the cells of one are those of the other, moved along."""
+    return grid_map.resolution, grid_map.origin.yaw, grid_map.frame_id
+
+
+def kept_plans(
+    planner: PathPlanner, request: PlanRequest, way: Way, plans: Iterator[Plan], stop: StopFlag
+) -> Iterator[Plan]:
+    """Yield the plans of a request; of the answer, which is the last, the way is kept if it can.
+
+    The answer's message says so, or why the way has changed. A request that was stopped, or that
+    has no path for another reason than its time, is answered as it is.
+    """
+    for plan in plans:
+        is_answer = plan.is_final and not stop[0]
+        if not is_answer or plan.code not in (ResultCode.NONE, ResultCode.TIMEOUT):
+            yield plan
+            continue
+        deadline = time.monotonic() + PULL_SHARE * request.time_limit
+        try:
+            yield WayKeeper(planner, request, plan, deadline).keep(way)
+        except WayLost as lost:
+            yield replace(plan, message=f'{plan.message}; changed: {lost}')
+
+
+class WayKeeper:
+    """Decides for one plan whether the last way is kept instead of its path.
+
+    At any angle, the way is shortened until the `deadline` (monotonic seconds).
+    """
+
+    def __init__(
+        self, planner: PathPlanner, request: PlanRequest, plan: Plan, deadline: float
+    ) -> None:
+        """Take the plan of a request, with a path or out of time."""
+        self.planner, self.costmap = planner, planner.costmap
+        self.graph = planner.costmap.grid_graph
+        self.plan = plan
+        self.deadline = deadline
+        # The ends of the plan were judged when they were moved.
+        self.request = replace(request, start=plan.start, goal=plan.goal, via=plan.via)
+        self.ends = Endpoints(plan.start, plan.goal, plan.via)
+
+    def keep(self, way: Way) -> Plan:
+        """Return the plan that keeps the rest of a way. Raises WayLost."""
+        cells, turns = rest_of_way(self.costmap, way, self.plan)
+        problem = self.problem(cells)
+        if problem is not None:
+            raise WayLost(problem)
+        kept = replace(
+            self.plan,
+            code=ResultCode.NONE,
+            path=cells,
+            length=path_length(cells),
+            cost=path_cost(self.graph, cells),
+            any_angle=self.straightened(cells, turns),
+            **self.planner.checker.measure(cells)._asdict(),
+        )
+        if self.request.smoothing:
+            points = cells if kept.any_angle is None else kept.any_angle.points
+            kept = replace(kept, smoothed=self.planner.smooth(self.request, self.ends, points))
+        if self.request.instruction is None:
+            return self.compared(kept)
+        return self.instructed(kept, self.request.instruction)
+
+    def problem(self, cells: NDArray[np.int32]) -> str | None:
+        """Say why a path [n, 2] is no answer on this map, or None."""
+        request = self.request
+        problem = self.planner.problem(request, self.ends, cells)
+        if problem is None and request.footprint is not None:
+            # Kernels that plans without a footprint do not take.
+            from llm_astar_planner.planning.footprint_search import collides  # noqa: PLC0415
+
+            if collides(self.costmap, request, cells):
+                problem = 'the footprint would meet an obstacle'
+        return problem
+
+    def straightened(
+        self, cells: NDArray[np.int32], turns: NDArray[np.int32]
+    ) -> AnyAnglePath | None:
+        """Return the path [n, 2] at any angle, if that is asked for: as it was, through `turns`.
+
+        Where the robot does not get to the first turn on a straight line it is shortened again.
+        With an instruction there is one only where the plan has one.
+        """
+        has_one = self.plan.any_angle is not None or self.request.instruction is None
+        if not (self.request.any_angle and has_one):
+            return None
+        # Kernels that only these plans take.
+        from llm_astar_planner.search.any_angle import straight_path  # noqa: PLC0415
+
+        if len(turns):
+            path = straight_path(self.graph, np.concatenate((cells[:1], turns)))
+            kept = None if path is None else self.planner.checked(self.request, path)[0]
+            if kept is not None:
+                return kept
+        parts = [(self.graph, part) for part in between_via(cells, self.request.via)]
+        return self.planner.shorten(self.request, parts, self.deadline)[0]
+
+    def compared(self, kept: Plan) -> Plan:
+        """Return the plan of the kept way with what is known of its cost.
+
+        Raises WayLost if the new plan's path costs less by more than the margin.
+        """
+        plan, is_priced = self.plan, self.graph.cost is not None
+        longer, shorter = ('costlier', 'cheaper') if is_priced else ('longer', 'shorter')
+        found, ratio = 'no better one in time', math.nan
+        if plan.code is ResultCode.NONE:
+            new_cost, cost = path_cost(self.graph, plan.path), kept.cost
+            if plan.any_angle is not None and kept.any_angle is not None:
+                new_cost, cost = plan.any_angle.cost, kept.any_angle.cost
+            if cost > (1.0 + self.request.switch_margin) * new_cost + SAME_COST:
+                raise WayLost(f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter}')
+            more = max(0.0, cost / new_cost - 1.0) if new_cost else 0.0
+            found = f'{100.0 * more:.1f} % {longer} than the best found'
+            # What the search has proven is of paths of cells without an instruction.
+            if self.request.instruction is None and plan.cost > 0.0:
+                ratio = max(1.0, kept.cost * plan.suboptimality_bound / plan.cost)
+            if kept.any_angle is None and math.isfinite(ratio):
+                found = f'at most {100.0 * (ratio - 1.0):.1f} % {longer} than the best'
+        text = length_text(self.costmap, kept.length)
+        message = f'{text}, {describe_expansions(plan.expansions)}; kept: {found}'
+        return replace(kept, suboptimality_bound=ratio, message=message)
+
+    def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:
+        """Return the plan of the kept way with what became of the instruction on it.
+
+        Raises WayLost if the new plan keeps to the instruction better, or costs too much less.
+        """
+        # Many modules, which plans without an instruction do not need.
+        from llm_astar_planner.instructions.outcome import ClauseStatus  # noqa: PLC0415
+        from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
+        from llm_astar_planner.planning import instruction as instructed  # noqa: PLC0415
+
+        plan, before = self.plan, self.plan.instruction
+        places, driven = instruction.places, instruction.driven
+        route = Route(self.costmap, plan.start, plan.goal, places, driven)
+        note = '' if before is None else before.note
+        kept, outcome = instructed.verified(kept, route, instruction, note, self.deadline)
+        pairs = list(zip(before.clauses if before else (), outcome.clauses))
+        for new, old in pairs:
+            most = (1.0 + self.request.switch_margin) * new.measured + SAME_COST
+            if old.measured > most or old.status not in (ClauseStatus.KEPT, new.status):
+                raise WayLost(f'"{new.clause.sentence()}" is {new.status.value} now')
+        problem = instructed.required_problem(outcome) if instruction.policy == REQUIRE else None
+        if problem is not None:
+            raise WayLost(problem)
+        if pairs:
+            clauses = tuple(instructed.with_price(old, new.price) for new, old in pairs)
+            outcome = replace(outcome, clauses=clauses)
+        return instructed.with_outcome(self.compared(kept), outcome)
+
+
+def rest_of_way(
+    costmap: Costmap, way: Way, plan: Plan
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the cells [n, 2] of a way that are left to a plan's goal, and the turns [m, 2] ahead.
+
+    The cells begin at the plan's start: a robot beside the way joins it by a straight line. Raises
+    WayLost.
+    """
+    cells = cells_on(costmap.grid_map, way)
+    if tuple(cells[-1].tolist()) != plan.goal:
+        raise WayLost('it ends at another cell')
+    away = np.hypot(*(cells - plan.start).T)
+    metres, nearest = costmap.grid_map.resolution, float(away.min())
+    if nearest > max(OFF_CELLS, OFF_METRES / metres):
+        raise WayLost(f'the robot is {nearest * metres:.2f} m off the last way')
+    rest, join, ahead = cells, cells[:0], 0
+    for place in places_near(away, nearest):
+        ahead = min(place + math.ceil(2.0 * nearest), len(cells) - 1)
+        rest = cells[ahead:]
+        join = cells_along(np.array([plan.start, rest[0]]), costmap.blocked)[:-1]
+        if via_problem(rest, plan.via) is None:
+            break
+    x, y = np.concatenate((join, rest)).T
+    height, width = costmap.blocked.shape
+    off = (x < 0) | (y < 0) | (x >= width) | (y >= height)
+    wrong = off | costmap.blocked[y.clip(0, height - 1), x.clip(0, width - 1)]
+    if wrong.any():
+        n = int(wrong.argmax())
+        ((east, north),) = costmap.grid_map.grid_to_world([(x[n], y[n])]).tolist()
+        raise WayLost(f'blocked at ({east:.2f}, {north:.2f})')
+    return np.column_stack((x, y)).astype(np.int32), cells[way.turns[way.turns > ahead]]
+
+
+def places_near(away: NDArray[np.float64], nearest: float) -> Iterator[int]:
+    """Yield where a way passes a robot, last first, of the distances [n] of its cells to it.
+
+    A way through via points may pass the same place several times.
+    """
+    near = np.flatnonzero(away <= nearest + 1.0)
+    for passage in reversed(np.split(near, np.flatnonzero(np.diff(near) > 1) + 1)):
+        yield int(passage[away[passage].argmin()])
+
+
+def cells_on(grid_map: GridMap, way: Way) -> NDArray[np.int32]:
+    """Return the cells of a way on a map whose origin may be another. Raises WayLost."""
+    if frame_of(grid_map) != way.frame:
+        raise WayLost('the map has another resolution or frame')
+    shift = grid_map.world_to_cells([way.first])[0]
+    cells: NDArray[np.int32] = (way.cells + shift).astype(np.int32)
+    return cells
+
+
+def between_via(cells: NDArray[np.int32], via: tuple[Cell, ...]) -> list[NDArray[np.int32]]:
+    """Cut a path [n, 2] at the via points that it passes in turn; the parts share their ends."""
+    cuts = [0]
+    for cell in via:
+        cuts.append(cuts[-1] + int((cells[cuts[-1] :] == cell).all(axis=1).argmax()))
+    cuts.append(len(cells) - 1)
+    return [cells[begin : end + 1] for begin, end in pairwise(cuts)]
+
+
+def cells_along(points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return a path of single moves [n, 2] along straight lines between cells `points` [m, 2].
+
+    It keeps to the cells that the lines cross, and goes diagonally where both cells beside are
+    free in `blocked` [height, width]; so it is legal where the lines are.
+    """
+    return np.concatenate(lines_along(points, blocked))
+
+
+def lines_along(
+    points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]
+) -> list[NDArray[np.int32]]:
+    """Return the first point, and for each line the cells [n, 2] that `cells_along` adds."""
+    corners = np.asarray(points, dtype=np.int64)
+    parts = [corners[:1], *(line_cells(*ends, blocked)[1:] for ends in pairwise(corners))]
+    return [part.astype(np.int32) for part in parts]
+
+
+def line_cells(
+    begin: NDArray[np.int64], end: NDArray[np.int64], blocked: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Return the cells [n, 2] from one to another, as `cells_along` does."""
+    counts, signs = np.abs(end - begin), np.sign(end - begin)
+    # The line meets its border number i in x after the part (2 i + 1) / (2 counts[0]) of it, and
+    # those in y likewise: both times twice the product of the counts, these are whole numbers.
+    crossings = [(2 * np.arange(counts[axis]) + 1) * counts[1 - axis] for axis in (0, 1)]
+    if not counts.all():
+        crossings = [np.arange(count) for count in counts]
+    passed = np.unique(np.concatenate(crossings))
+    steps = [np.searchsorted(borders, passed, side='right') for borders in crossings]
+    cells = np.concatenate((begin[None], begin + np.column_stack(steps) * signs))
+    # Each move along the shorter side follows one along the longer: both are one if they may be.
+    short = int(counts[1] <= counts[0])
+    moves = np.diff(cells, axis=0)
+    turns = 1 + np.flatnonzero((moves[1:, 1 - short] == 0) & (moves[:-1, short] == 0))
+    height, width = blocked.shape
+    x, y = (cells[turns - 1] + moves[turns]).T
+    beside = blocked[y.clip(0, height - 1), x.clip(0, width - 1)]
+    return np.delete(cells, turns[~beside], axis=0)

@@ -1,0 +1,217 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Questions about a path: "why not through the kitchen?", "what if the door were open?".
+
+The problem that a question names is solved exactly, and so is the one that was asked; the answer
+compares both, in the language of the question. Regions are read by the grammar of instructions.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Interpreter,
+    RouteInstruction,
+    Understanding,
+)
+from llm_astar_planner.instructions.polygons import RegionError
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.instructions.text import REQUIRE
+from llm_astar_planner.lazy import ndimage
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, PlanRequest, finite_or_none
+from llm_astar_planner.search.methods import EXACT
+
+# What a question asks; the file with the words has these names too.
+INSTEAD, OPENED, LENGTH = 'instead', 'opened', 'length'
+# Metres; what costs less is not worth a word.
+LEAST_PRICE = 0.05
+# Seconds to read a region.
+READING_S = 5.0
+# Seconds that each search may take at least, and zones of which the price is searched for.
+SEARCH_S, MOST_PRICED = 10.0, 20
+END = ' \t\n?!.¿¡"\'«»„“”'
+
+
+class QuestionError(LlmAstarError, ValueError):
+    """A question that is not understood, or about what is not there; says what can be asked."""
+
+
+class Asked(NamedTuple):
+    """A question: its kind, what the grammar is to read, and the words and the language."""
+
+    kind: str
+    text: str
+    words: str
+    language: str
+
+
+@cache
+def languages() -> dict[str, dict[str, Any]]:
+    """Return the questions and answers of each language."""
+    text = Path(__file__).with_name('questions.yaml').read_text(encoding='utf-8')
+    table: dict[str, dict[str, Any]] = yaml.safe_load(text)
+    return table
+
+
+def read_question(text: str) -> Asked | None:
+    """Return what a text asks, None where it is no question about a path."""
+    words = text.strip(END)
+    for language, table in languages().items():
+        for pattern, kind, read in table['questions']:
+            found = re.fullmatch(pattern, words, re.IGNORECASE)
+            if found is not None:
+                named = found[1] if found.groups() else ''
+                # What "why not" is followed by is a name of its own.
+                return Asked(kind, read.format(named), named if read == '{}' else words, language)
+    return None
+
+
+class Questions:
+    """Answers questions about one request on one map; each answer takes some searches."""
+
+    def __init__(
+        self,
+        planner: Planner,
+        request: PlanRequest,
+        interpreter: Interpreter,
+        places: Places = NO_PLACES,
+    ) -> None:
+        """Take the request; instructions are kept strictly here, and every search is exact."""
+        self.planner, self.places, self.interpreter = planner, places, interpreter
+        self.request = replace(
+            request, method=EXACT, source=None, viapoints=(), any_angle=False,
+            want_expanded=False, allow_partial_planning=False, alternatives=0,
+            time_limit=max(request.time_limit, SEARCH_S),
+        )  # fmt: skip
+        self.before = request.instruction or RouteInstruction(Interpretation(''), places)
+        self.said = self.before.interpretation.specification.clauses
+
+    def answer(self, text: str) -> dict[str, Any]:
+        """Answer a question. Raises QuestionError.
+
+        Return the `sentence`, the length of the best path in metres, `own`, and that of the
+        `other` one that was asked about or `prices`, the lengths without single causes; None
+        where there is no path.
+        """
+        asked = read_question(text)
+        if asked is None:
+            raise QuestionError(
+                f'{text[:80]!r} is not understood; ask "why not through PLACE?", "why so long?" '
+                'or "what if PLACE were open?"'
+            )
+        words, own = languages()[asked.language], self.planner.plan(self.request)
+        if asked.kind == LENGTH:
+            return self.length(own, words)
+        is_opened = asked.kind == OPENED
+        other = self.opened(asked) if is_opened else self.under(self.said + self.clauses(asked))
+        template = 'impossible' if other.code else 'possible' if own.code else 'compared'
+        sentence = words[template].format(
+            asked=asked.words, own=self.metres(own), other=self.metres(other),
+            message=other.message,
+        )  # fmt: skip
+        if not other.code and math.isfinite(other.clearance):
+            x, y = self.narrowest(other)
+            spare = other.clearance - self.planner.config.robot_radius
+            sentence += words['narrow'].format(x=x, y=y, spare=spare)
+        lengths = {'own': self.metres(own), 'other': self.metres(other)}
+        return {'sentence': sentence, **{k: finite_or_none(m) for k, m in lengths.items()}}
+
+    def clauses(self, asked: Asked) -> tuple[Clause, ...]:
+        """Return what the grammar reads. Raises QuestionError."""
+        reading = self.interpreter.interpret(asked.text, self.places, READING_S)
+        if not reading.is_whole or not reading.specification.clauses:
+            raise QuestionError(f'{asked.words[:80]!r} is not understood: {reading.summary()}')
+        return reading.specification.clauses
+
+    def under(self, clauses: tuple[Clause, ...]) -> Plan:
+        """Return the best path under some clauses alone."""
+        reading = Interpretation(
+            'asked', Specification(clauses), 'grammar', Understanding.WHOLE
+        ).confirmed()
+        strict = replace(self.before, interpretation=reading, policy=REQUIRE, want_prices=False)
+        return self.planner.plan(replace(self.request, instruction=strict if clauses else None))
+
+    def opened(self, asked: Asked) -> Plan:
+        """Return the best path if a zone were not there or a region free. Raises QuestionError."""
+        grid_map, said = self.planner.grid_map, asked.words.casefold()
+        for label, without in self.without_zones():
+            # The label is the id and the name.
+            if any(name in said for name in label.casefold().strip(')').split(' (')):
+                return Planner(without, self.planner.config).plan(self.request)
+        route = Route(self.planner.costmap, self.request.start, self.request.goal, self.places)
+        cells = grid_map.cells.copy()
+        for clause in self.clauses(asked):
+            if isinstance(clause, Avoid):
+                try:
+                    cells[Ground(route).avoided(clause.region).touched] = FREE
+                except RegionError as error:
+                    raise QuestionError(str(error)) from None
+        return Planner(replace(grid_map, cells=cells), self.planner.config).plan(self.request)
+
+    def length(self, own: Plan, words: dict[str, Any]) -> dict[str, Any]:
+        """Say what makes the best path longer than a straight line."""
+        metres, resolution = self.metres(own), self.planner.grid_map.resolution
+        straight = math.dist(self.request.start, self.request.goal) * resolution
+        most = math.inf if own.code else metres - LEAST_PRICE
+        found = [(name, self.metres(plan)) for name, plan in self.cheaper(words)]
+        prices = [one for one in found if one[1] < most]
+        prices.sort(key=lambda price: price[1])
+        said = [words['price'].format(name=name, other=other) for name, other in prices]
+        template = words['impossible'] if own.code else words['length']
+        sentence = template.format(asked='', own=metres, straight=straight, message=own.message)
+        sentence = sentence.lstrip(': ') + (''.join(said) or words['nothing'])
+        return {'sentence': sentence, 'own': finite_or_none(metres), 'prices': dict(prices)}
+
+    def cheaper(self, words: dict[str, Any]) -> Iterator[tuple[str, Plan]]:
+        """Yield each cause that may be left out, with the plan without it."""
+        grid_map, config = self.planner.grid_map, self.planner.config
+        for label, without in islice(self.without_zones(), MOST_PRICED):
+            yield label, Planner(without, config).plan(self.request)
+        if config.robot_radius:
+            point = replace(config, robot_radius=0.0)
+            yield words['radius'], Planner(grid_map, point).plan(self.request)
+        if not config.allow_unknown:
+            known = replace(config, allow_unknown=True)
+            yield words['unknown'], Planner(grid_map, known).plan(self.request)
+        for clause in self.said:
+            fewer = tuple(other for other in self.said if other is not clause)
+            yield f'"{clause.sentence()}"', self.under(fewer)
+
+    def without_zones(self) -> Iterator[tuple[str, GridMap]]:
+        """Yield the label of each zone, with the map without it."""
+        composed = self.planner.grid_map.composed
+        return iter(()) if composed is None else composed.without_each()
+
+    def metres(self, plan: Plan) -> float:
+        """Return the length of a plan's path, NaN without one."""
+        return round(plan.length * self.planner.grid_map.resolution, 3)
+
+    def narrowest(self, plan: Plan) -> tuple[float, float]:
+        """Return where a path is nearest to an obstacle, (x, y) in metres."""
+        grid_map = self.planner.grid_map
+        lethal = grid_map.cells >= self.planner.config.occupied_threshold
+        distances = ndimage.distance_transform_edt(~lethal)
+        cell = plan.path[np.argmin(distances[plan.path[:, 1], plan.path[:, 0]])]
+        x, y = grid_map.grid_to_world([cell])[0].round(2).tolist()
+        return x, y

@@ -1,0 +1,471 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Why there is no path: the fewest causes whose removal opens a way, and what passes instead.
+
+What closes cells is parted into causes: each clause, zone and mask, unknown cells, the robot's
+radius. Cells closed by the same causes are one group; a best-first search over sets of causes
+floods what each set opens from where the smaller set ended, so the first set that reaches the
+goal is a smallest one. Where all together do not, walls do it. How wide a robot passes is found
+by a widest path search.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
+from numpy.typing import NDArray
+
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.costmap.inflation import inflate, squared_cells
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.text import REQUIRE
+from llm_astar_planner.planning._kernels import causes as kernels
+from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
+from llm_astar_planner.planning.types import (
+    Plan,
+    PlanningFailure,
+    PlanRequest,
+    Point,
+    Why,
+)
+from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.grid_graph import GridGraph, path_length
+from llm_astar_planner.search.jump import jump_search
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.stop import no_stop
+
+Mask = NDArray[np.bool_]
+Items = frozenset[int]
+Window = tuple[slice, slice]
+WHOLE: Window = slice(None), slice(None)
+NOTHING: Items = frozenset()
+# Of sets with equally many causes, what a person changes most easily is named: this order.
+CLAUSE, ZONE, MASK, UNKNOWN, RADIUS = ORDER = ('clause', 'zone', 'mask', 'unknown', 'radius')
+WALLS = 'walls'
+# How much one place in this order counts: less than one cause more.
+PLACE = 1e-4
+# Sets tried before it is looked at whether all causes together close the way, and before a set
+# will do that cannot spare any of its causes.
+SOON, MOST_SETS = 8, 256
+# Metres, to which the widest way is measured of a robot whose size is not known.
+WIDEST = 10.0
+ROUNDING = 1e-6
+NAMED = {
+    CLAUSE: 'the instruction "{name}"',
+    ZONE: 'zone {name}',
+    MASK: 'the filter mask {name}',
+    UNKNOWN: 'unknown cells between {from} and {to}',
+    RADIUS: "the robot's radius of {radius:g} m",
+}
+
+
+class Layers:
+    """The cells in groups that the same causes close; walls, which nothing opens, are group 0.
+
+    `groups` is int32 [height + 2, width + 2], framed by walls, `cells` the map's part of it.
+    """
+
+    def __init__(self, walls: Mask) -> None:
+        """Start with walls, bool [height, width], and nothing else closed."""
+        self.groups = np.pad(~walls, 1).astype(np.int32)
+        self.cells = self.groups[1:-1, 1:-1]
+        self.sets: list[Items | None] = [None, NOTHING]
+        self._numbers: dict[Items, int] = {NOTHING: 1}
+
+    def close(self, cause: int, closed: Mask, window: Window = WHOLE) -> None:
+        """Let a cause close cells of a window of the map."""
+        part = self.cells[window]
+        inside = part[closed]
+        table = np.arange(len(self.sets), dtype=np.int32)
+        for number in np.flatnonzero(np.bincount(inside, minlength=len(self.sets))).tolist():
+            before = self.sets[number]
+            if before is not None:
+                table[number] = self._numbers.setdefault(before | {cause}, len(self.sets))
+                if table[number] == len(self.sets):
+                    self.sets.append(before | {cause})
+        part[closed] = table[inside]
+
+    def is_open(self, removed: Items) -> Mask:
+        """Return which groups are open without some causes: bool [groups]."""
+        return np.array([items is not None and items <= removed for items in self.sets])
+
+
+class Flood(NamedTuple):
+    """What is reached: `target` is a flat cell or -1, `edges` the closed cells that were met."""
+
+    target: int
+    seen: NDArray[np.uint8]
+    edges: NDArray[np.int32]
+
+
+class Goals(NamedTuple):
+    """A question to the kernels, on flat cells of the map with its frame."""
+
+    steps: NDArray[np.int32]
+    start: int
+    targets: Mask
+
+    @classmethod
+    def of(cls, costmap: Costmap, start: Cell, goal: Cell, tolerance: float) -> Goals:
+        """Ask for a cell at most `tolerance` metres from `goal`."""
+        height, width = costmap.blocked.shape
+        across, reach = width + 2, squared_cells(tolerance, costmap.grid_map.resolution)
+        x, y = np.arange(-1, width + 1) - goal[0], np.arange(-1, height + 1) - goal[1]
+        targets = np.add.outer(y * y, x * x) <= reach
+        steps = [1, -1, across, -across]
+        if costmap.config.corner_cutting:
+            steps += [across + 1, across - 1, 1 - across, -1 - across]
+        first = (start[1] + 1) * across + start[0] + 1
+        return cls(np.array(steps, dtype=np.int32), first, targets.reshape(-1))
+
+    def cell(self, number: int) -> Cell:
+        """Return the cell (x, y) of the map that has a number here."""
+        y, x = divmod(number, int(self.steps[2]))
+        return x - 1, y - 1
+
+    def flood(self, layers: Layers, removed: Items, before: Flood | None = None) -> Flood:
+        """Reach what is open without some causes, further than `before` without fewer did."""
+        groups, is_open = layers.groups.reshape(-1), layers.is_open(removed)
+        stack, edges = np.empty(groups.size, dtype=np.int32), np.empty(groups.size, dtype=np.int32)
+        if before is None:
+            edge = np.array([self.start], dtype=np.int32)
+            before = Flood(-1, np.zeros(groups.size, dtype=np.uint8), edge)
+        seen, is_first = before.seen.copy(), is_open[groups[before.edges]]
+        first, left = before.edges[is_first], before.edges[~is_first]
+        stack[: len(first)] = first
+        target, met = kernels.flood(
+            groups, is_open, self.steps, self.targets, seen, stack, len(first), edges
+        )
+        return Flood(target, seen, np.concatenate((left, edges[:met])))
+
+
+class Causes:
+    """All that closes cells of a costmap, by number; `names` are pairs of a kind and a name."""
+
+    def __init__(self, costmap: Costmap, clauses: Sequence[tuple[str, Mask]] = ()) -> None:
+        """Take a costmap, and which of its cells each clause of an instruction closes."""
+        grid_map, config = costmap.grid_map, costmap.config
+        composed, threshold = grid_map.composed, config.obstacle_threshold
+        self.base = grid_map if composed is None else composed.base
+        self.config = replace(config, inflation_radius=0.0, allow_unknown=True)
+        self.resolution = grid_map.resolution
+        self.lethal = self.base.cells >= threshold
+        self.names: list[tuple[str, str]] = []
+        self.radius = -1
+        is_plain = composed is None and config.allow_unknown
+        walls = costmap.blocked if is_plain else inflate(self.base, self.config)[0]
+        self.layers = [Layers(walls)]
+        # Without the robot's radius, also that with which a costmap was inflated.
+        if config.robot_radius > 0.0 or threshold > config.occupied_threshold:
+            self.layers.append(Layers(self.lethal))
+            self.radius = self.add(RADIUS)
+        for name, closed in clauses:
+            self.add(CLAUSE, name, closed)
+        # These are lethal, so they too keep the robot away by its radius.
+        self.zones: dict[int, tuple[Window, Mask]] = {}
+        for kind, name, window, closed in () if composed is None else composed.closed():
+            self.zones[self.add(kind, name, closed, window)] = window, closed
+        if not config.allow_unknown:
+            self.add(UNKNOWN, '', self.base.cells < 0)
+
+    def add(
+        self, kind: str, name: str = '', closed: Mask | None = None, window: Window = WHOLE
+    ) -> int:
+        """Add what closes cells of a window, a zone or mask also around it; return its number."""
+        number = len(self.names)
+        self.names.append((kind, name))
+        if closed is not None:
+            self.layers[-1].close(number, closed, window)
+        if closed is not None and len(self.layers) > 1:
+            if kind in (ZONE, MASK):
+                window, closed = grown(window, closed, self.base, self.config)
+            self.layers[0].close(number, closed, window)
+        return number
+
+    def price(self, removed: Items) -> float:
+        """Return how much a set of causes is: the least is named."""
+        return sum(1.0 + PLACE * ORDER.index(self.names[item][0]) for item in removed)
+
+    def layers_of(self, removed: Items) -> Layers:
+        """Return the layers without some causes."""
+        return self.layers[-1 if self.radius in removed else 0]
+
+    def flood(self, goals: Goals, removed: Items, before: Flood | None = None) -> Flood:
+        """Reach what is open without some causes."""
+        return goals.flood(self.layers_of(removed), removed, before)
+
+    def least(self, goals: Goals, reached: Flood) -> tuple[Items, int] | None:
+        """Return a smallest set of causes without which a way leads to the goal, None for none.
+
+        And to which cell it leads. `reached` is what the start reaches with all of them.
+        """
+        if reached.target >= 0:
+            return NOTHING, reached.target
+        numbers, done, every = count(), set[Items](), frozenset(range(len(self.names)))
+        # What is open with the radius is so without it.
+        roots = [NOTHING] + [frozenset({self.radius})] * (self.radius >= 0)
+        queue = [(self.price(root), next(numbers), root, reached) for root in roots]
+        while queue:
+            _, _, removed, before = heapq.heappop(queue)
+            if removed in done:
+                continue
+            done.add(removed)
+            if len(done) == SOON and self.flood(goals, every).target < 0:
+                return None
+            if len(done) > MOST_SETS:
+                removed = self.without_spare(goals, every)
+            found = self.flood(goals, removed, before if len(done) <= MOST_SETS else None)
+            if found.target >= 0:
+                return removed, found.target
+            layers = self.layers_of(removed)
+            met = np.bincount(layers.groups.reshape(-1)[found.edges], minlength=1)
+            for number in np.flatnonzero(met[1:]).tolist():
+                more = removed | (layers.sets[number + 1] or NOTHING)
+                heapq.heappush(queue, (self.price(more), next(numbers), more, found))
+        return None
+
+    def without_spare(self, goals: Goals, removed: Items) -> Items:
+        """Return what remains of a set that opens a way without each cause that it can spare."""
+        for item in sorted(removed):
+            fewer = removed - {item}
+            removed = fewer if self.flood(goals, fewer).target >= 0 else removed
+        return removed
+
+    def room(self, removed: Items) -> NDArray[np.int32]:
+        """Return how far each open cell is from what stays lethal, squared, in cells.
+
+        Int32 [height, width] with the frame, 0 where it is closed; at most what a robot needs.
+        """
+        lethal, layers = self.lethal.copy(), self.layers_of(removed)
+        for number, (window, closed) in self.zones.items():
+            if number not in removed:
+                lethal[window] |= closed
+        metres = self.config.robot_radius or WIDEST
+        reach = min(math.isqrt(squared_cells(metres, self.resolution)) + 1, max(lethal.shape))
+        # Where the robot passes there is room enough, which is not measured.
+        is_open, is_wide = (one.is_open(removed)[one.cells] for one in (layers, self.layers[0]))
+        room = np.zeros(layers.groups.shape, dtype=np.int32)
+        kernels.fill_room(lethal, reach, is_open, is_wide, room[1:-1, 1:-1])
+        return room
+
+
+def grown(
+    window: Window, lethal: Mask, grid_map: GridMap, config: CostmapConfig
+) -> tuple[Window, Mask]:
+    """Return the cells that lethal cells of a window close to the robot, and their window."""
+    reach = math.isqrt(squared_cells(config.robot_radius, grid_map.resolution))
+    around = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
+    cells = np.zeros_like(grid_map.cells[around])
+    inside = tuple(
+        slice(part.start - whole.start, part.stop - whole.start)
+        for part, whole in zip(window, around)
+    )
+    cells[inside][lethal] = OCCUPIED
+    return (around[0], around[1]), inflate(GridMap(cells, grid_map.resolution), config)[0]
+
+
+class Explainer:
+    """Says why there is no path."""
+
+    def __init__(self, costmap: Costmap, request: PlanRequest) -> None:
+        """Take a request: of its via points and its goal, the first that cannot be reached."""
+        self.costmap, self.start = costmap, request.start
+        components, tolerance = costmap.components, request.tolerance
+        if not components.at(self.start):
+            with suppress(PlanningFailure):
+                self.start = moved_start(costmap, request)
+        here, stops = components.at(self.start), [*request.via, request.goal]
+        cut = [nearest_reached(costmap, stop, here, tolerance) is None for stop in stops]
+        self.reached = cut.index(True) if any(cut) else len(stops) - 1
+        self.goal, is_via = stops[self.reached], self.reached < len(request.via)
+        self.name = f'via {self.reached + 1}' if is_via else 'goal'
+        self.causes = Causes(costmap, closing_clauses(costmap, request, self.start))
+        self.goals = Goals.of(costmap, self.start, self.goal, tolerance)
+        self.here = self.causes.flood(self.goals, NOTHING)
+
+    def explain(self) -> Why | None:
+        """Return why, None where no cell is in the way."""
+        found = self.causes.least(self.goals, self.here)
+        entries, length = list[dict[str, Any]](), None
+        if found is None:
+            entries = [self.walls()]
+        elif found[0]:
+            entries, length = self.opened(*found)
+        else:
+            return None
+        return self.why(entries, length, *self.nearest())
+
+    def opened(self, removed: Items, target: int) -> tuple[list[dict[str, Any]], float | None]:
+        """Return some causes as values, and the metres of the shortest path without them."""
+        causes, layers, entries = self.causes, self.causes.layers_of(removed), []
+        widest: dict[str, Any] = {}
+        if causes.radius in removed:
+            cells, widest = self.widest_path(removed)
+        else:
+            cells = self.path(~layers.is_open(removed)[layers.cells], self.goals.cell(target))
+        on_path = layers.cells[cells[:, 1], cells[:, 0]]
+        for item in sorted(removed):
+            kind, name = causes.names[item]
+            entry: dict[str, Any] = {'kind': kind, 'name': name}
+            if kind == RADIUS:
+                entry = {'kind': kind, 'radius': causes.config.robot_radius, **widest}
+            closes = np.array([item in (items or NOTHING) for items in layers.sets])
+            met = cells[closes[on_path]].tolist()
+            ends = {'from': self.metres(met[0]), 'to': self.metres(met[-1])} if met else {}
+            entries.append(entry | ends)
+        return entries, round(path_length(cells) * causes.resolution, 3)
+
+    def path(self, blocked: Mask, goal: Cell) -> NDArray[np.int32]:
+        """Return the shortest path on cells that would be open."""
+        grid = GridGraph(blocked, corner_cutting=self.costmap.config.corner_cutting)
+        if not grid.corner_cutting:
+            return jump_search(grid, self.start, goal, stop=no_stop()).path
+        return exact_astar(grid, self.start, goal, want_expanded=False).path
+
+    def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
+        """Return the shortest of the widest ways, which robots pass it, and where it is narrow."""
+        room, (steps, _, targets) = self.causes.room(removed), self.goals
+        target, least, where = kernels.widest(
+            room.reshape(-1), steps, targets, self.here.seen.copy(), self.here.edges
+        )
+        cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target))
+        passes = below(math.sqrt(least) * self.causes.resolution)
+        return cells, {'passes': passes, 'at': self.metres(self.goals.cell(where))}
+
+    def walls(self) -> dict[str, Any]:
+        """Say what only walls close: an end in one of them, or the smaller of two rooms."""
+        groups, areas = self.causes.layers[-1].groups.reshape(-1), {}
+        targets = np.flatnonzero(self.goals.targets)
+        for name, ends in (('start', np.array([self.goals.start])), (self.name, targets)):
+            free = ends[groups[ends] > 0]
+            if not len(free):
+                return {'kind': WALLS, 'holds': name}
+            room = Goals(self.goals.steps, int(free[0]), np.zeros_like(self.goals.targets))
+            every = frozenset(range(len(self.causes.names)))
+            seen = self.causes.flood(room, every).seen
+            areas[name] = float((seen == kernels.REACHED).sum()) * self.causes.resolution**2
+        name = min(areas, key=lambda end: areas[end])
+        return {'kind': WALLS, 'room': name, 'area': round(areas[name], 3)}
+
+    def nearest(self) -> tuple[Cell | None, float | None]:
+        """Return the cell reached nearest to the goal, and how far off; None for the goal."""
+        seen = self.here.seen.reshape(self.causes.layers[0].groups.shape)[1:-1, 1:-1]
+        row, column = kernels.nearest_reached(seen, *self.goal)
+        if row < 0 or (column, row) == self.goal:
+            return None, None
+        cells = math.dist((column, row), self.goal)
+        return (column, row), round(cells * self.causes.resolution, 3)
+
+    def metres(self, cell: Sequence[int]) -> Point:
+        """Return the centre of a cell in metres of the map's frame."""
+        point: Point = self.costmap.grid_map.grid_to_world([cell])[0].round(3).tolist()
+        return point
+
+    def place(self, point: Point) -> str:
+        """Name a point by its metres, and by its cell on maps without metres."""
+        x, y = point
+        words = self.costmap.describe_cell(self.costmap.grid_map.world_to_cell(x, y))
+        return words.rpartition(' at ')[2]
+
+    def why(
+        self,
+        entries: list[dict[str, Any]],
+        length: float | None,
+        cell: Cell | None,
+        short_of: float | None,
+    ) -> Why:
+        """Return the answer, with the sentence for a person."""
+        said = ' and '.join(map(self.phrase, entries))
+        if length is not None:
+            verb, them = ('closes', 'it') if len(entries) == 1 else ('close', 'them')
+            said += f' {verb} the way, of {length:.2f} m without {them}'
+        for entry in entries:
+            if 'passes' in entry:
+                said += f'; a radius of {entry["passes"]:g} m passes, at {self.place(entry["at"])}'
+        nearest = None if cell is None else self.metres(cell)
+        if nearest is not None:
+            said += f'; the nearest point reached is {self.place(nearest)}, {short_of:.2f} m off'
+        return Why(said, entries, length, nearest, short_of, cell, self.reached)
+
+    def phrase(self, entry: dict[str, Any]) -> str:
+        """Return what one cause is, in words."""
+        kind = entry['kind']
+        if kind == WALLS and 'holds' in entry:
+            return f'the {entry["holds"]} lies in an obstacle of the map'
+        if kind == WALLS:
+            return f'walls close the room of {entry["area"]:g} m2 that the {entry["room"]} is in'
+        if kind == RADIUS and not entry['radius']:
+            return 'the inflation of the costmap'
+        points = {end: self.place(entry[end]) for end in ('from', 'to', 'at') if end in entry}
+        return NAMED[kind].format_map(entry | points)
+
+
+def below(metres: float) -> float:
+    """Return the greatest number of whole millimetres that is less, else a little less."""
+    whole = math.ceil(1000.0 * metres - ROUNDING) - 1
+    return whole / 1000.0 if whole > 0 else metres * (1.0 - ROUNDING)
+
+
+def closing_clauses(costmap: Costmap, request: PlanRequest, start: Cell) -> list[tuple[str, Mask]]:
+    """Return the sentence of each clause that is required, and which cells it closes."""
+    instruction = request.instruction
+    if instruction is None or instruction.policy != REQUIRE:
+        return []
+    # Many modules, which plans without an instruction do not need.
+    from llm_astar_planner.instructions.enforcement import Enforcer, demands_of  # noqa: PLC0415
+
+    route = Route(costmap, start, request.goal, instruction.places, instruction.driven)
+    enforcer = Enforcer(demands_of(instruction.interpretation.specification, route), route)
+    closing = []
+    for demand in enforcer.demands:
+        closed, priced = enforcer.barred(demand)
+        # What an end lies in has a price there, and no path keeps it.
+        closed = priced.touched if closed is None and priced is not None else closed
+        if closed is not None and demand.is_must:
+            closing.append((demand.clause.sentence(), closed))
+    return closing
+
+
+def explained(
+    costmap: Costmap,
+    request: PlanRequest,
+    plan: Plan,
+    plan_again: Callable[[PlanRequest], Plan],
+    deadline: float,
+) -> Plan:
+    """Return a plan without a path with the reason, or where it may the path as near as it can.
+
+    That is what `plan_again` plans until the `deadline`, in monotonic seconds.
+    """
+    try:
+        why = Explainer(costmap, request).explain()
+    except ArithmeticError:  # a path too long for the records of a search
+        why = None
+    if why is None:
+        return plan
+    failed = replace(plan, message=f'{plan.message}; {why.sentence}', why=why)
+    if not request.allow_partial_planning or why.cell in (None, plan.start):
+        return failed
+    nearer = replace(
+        request, goal=why.cell, via=request.via[: why.reached], goal_yaw=None,
+        allow_partial_planning=False, time_limit=deadline - time.monotonic(),
+    )  # fmt: skip
+    partial, short_of = plan_again(nearer), why.short_of or 0.0
+    if partial.code:
+        return failed
+    warning = f'the path is partial, {short_of:.2f} m short of the goal: {failed.message}'
+    return replace(
+        partial, message=f'partial: {partial.message}', warnings=(*partial.warnings, warning),
+        goal_shift=short_of, why=why, partial=True,
+    )  # fmt: skip
