@@ -30,7 +30,7 @@ BAG = ROOT / 'test' / 'data' / 'version_0_1_0'
 # The commands that do not run, by how they begin, and why.
 CANNOT_RUN = {
     r'git clone|sudo apt-get|make install|\. \.venv': 'the checkout and its environment are here',
-    r'make train|\.venv/bin/|PYTHONPATH=training|cp out/training': 'hours of training',
+    r'make train|\.venv/bin/|PYTHONPATH=training|cp out/(training|reader)': 'hours of training',
     r'pip install': 'installs packages',
     r'llm-astar plan --source sidestep': 'needs what pip installs; test_plugins.py installs it',
     r'make dist|twine|bloom-release|catkin_': 'publishes; test_dist.py builds what is published',
@@ -39,7 +39,7 @@ CANNOT_RUN = {
     r'export \w+_API_KEY|llm-astar .*(llm_openai|--source endpoint)': 'needs a key',
     r'llm-astar bench .*qwen.jsonl': 'needs recorded replies; test_recorded_replies.py runs it',
     r'ollama|llama-server': 'needs a server of language models',
-    r'python -m pytest': 'is what runs this',
+    r'(LLM_ASTAR_JUDGE_ALL=1 )?python -m pytest': 'is what runs this',
     r'python docs/make_play_picture': 'needs chromium; test_play_page.py looks at the page',
     r'llm-astar play': 'runs until Ctrl-C; test_play_page.py opens it',
     r'llm-astar watch(?!.*--count)': 'runs until Ctrl-C; test_watch.py runs it',

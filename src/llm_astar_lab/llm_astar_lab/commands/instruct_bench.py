@@ -13,7 +13,8 @@ usage: llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--o
 sources:
   truth     the suite's own specification: the planner apart from understanding
   grammar   the grammar alone, no model
-  endpoint  the grammar, then a language model for what it does not read whole
+  reader    the grammar, then the small network of the package
+  endpoint  both, then a language model for what they are not sure of
   replay    the same with a recorded model (--transcript)
   none      no instruction at all: what is met by chance
 
@@ -51,6 +52,7 @@ from typing import Any
 from llm_astar_planner.cli import flags
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE, defaults, request_fields
@@ -66,8 +68,8 @@ from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.runner.config import progress
 
 OWN_SUITE = 'instructions/suite.json'
-GRAMMAR, ENDPOINT, REPLAY = 'grammar', 'endpoint', 'replay'
-SOURCES = (running.TRUTH, GRAMMAR, ENDPOINT, REPLAY, running.NO_INSTRUCTION)
+GRAMMAR, READER, ENDPOINT, REPLAY = 'grammar', 'reader', 'endpoint', 'replay'
+SOURCES = (running.TRUTH, GRAMMAR, READER, ENDPOINT, REPLAY, running.NO_INSTRUCTION)
 # The parameters of llm_client_node that matter to a model that understands instructions.
 MODEL = flags.named(
     SOURCE, 'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature',
@@ -171,10 +173,9 @@ def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
     """Return the sources by name; raises what the interpreters raise for their settings."""
     made = {running.TRUTH: running.TRUE_SOURCE, running.NO_INSTRUCTION: running.NO_SOURCE}
     for name in (name for name in chosen if name not in made):
-        settings = values | {'source': running.NO_INSTRUCTION if name == GRAMMAR else name}
-        made[name] = running.interpreter_source(
-            name, make_interpreter(settings), values['timeout_s']
-        )
+        settings = values | {'source': running.NO_INSTRUCTION if name == READER else name}
+        made_of = GrammarInterpreter() if name == GRAMMAR else make_interpreter(settings)
+        made[name] = running.interpreter_source(name, made_of, values['timeout_s'])
     return [made[name] for name in chosen]
 
 

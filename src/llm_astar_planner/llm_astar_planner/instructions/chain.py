@@ -28,6 +28,8 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
+from llm_astar_planner.instructions.reader.interpreter import NAME as READER
+from llm_astar_planner.instructions.reader.interpreter import ReaderInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.client import make_client
@@ -118,7 +120,7 @@ def wait_for(running: Future[Interpretation], text: str, time_limit: float) -> I
 
 
 class ChainInterpreter:
-    """Asks interpreters one after the other until one has understood all of a sentence.
+    """Asks interpreters one after the other until one has settled a sentence.
 
     If none has, the fullest of the partial readings is taken. Each interpreter remembers its
     answers. Thread-safe where its parts are.
@@ -138,9 +140,14 @@ class ChainInterpreter:
             left = time_limit - (time.monotonic() - started)
             reading = part.interpret(text, places, max(0.0, left))
             readings.append(reading)
-            if reading.is_read:
+            if is_settled(reading):
                 break
         return fullest(readings)
+
+
+def is_settled(reading: Interpretation) -> bool:
+    """Whether nobody else need be asked: all is read, and not by the reader with a question."""
+    return reading.is_whole or (reading.is_read and reading.understood_by != READER)
 
 
 def fullest(readings: Sequence[Interpretation]) -> Interpretation:
@@ -175,18 +182,18 @@ def rank(reading: Interpretation) -> tuple[bool, float, bool]:
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
     """Make the interpreter that the settings of a waypoint source name.
 
-    `source` endpoint: the grammar, then the model; replay: the grammar, then the recorded replies
-    of `transcript`; others: the grammar alone. Values that are no settings of a source are
-    ignored. Raises SettingsError, or TranscriptError or ExamplesError for a file.
+    The grammar and the reader come first; then, with `source` endpoint, the model, with replay
+    the recorded replies of `transcript`. Values that are no settings of a source are ignored.
+    Raises SettingsError, or TranscriptError or ExamplesError for a file.
     """
     settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
     settings.check()
     slow = make_slow_interpreter(settings)
-    return ChainInterpreter([GrammarInterpreter(), *([slow] if slow else [])])
+    return ChainInterpreter([GrammarInterpreter(), ReaderInterpreter(), *([slow] if slow else [])])
 
 
 def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
-    """Make the interpreter behind the grammar, None where the settings name none."""
+    """Make the interpreter behind those of the robot, None where the settings name none."""
     if settings.source == 'replay' and settings.transcript:
         return ReplayInterpreter(settings.transcript, settings.model)
     if settings.source != 'endpoint':
@@ -236,7 +243,7 @@ class BackgroundInterpreter:
         what is PENDING still if the slow interpreter did not answer.
         """
         reading = self._quick.interpret(text, places, 0.0)
-        if reading.is_read:
+        if is_settled(reading):
             return reading
         known = self._slow.known(text, places)
         if known is not None and known.status is not Understanding.PENDING:

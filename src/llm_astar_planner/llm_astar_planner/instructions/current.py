@@ -15,9 +15,8 @@ from typing import Protocol
 
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
-from llm_astar_planner.instructions.chain import BackgroundInterpreter, CachedInterpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter, make_interpreter
 from llm_astar_planner.instructions.confirmations import Confirmations
-from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
@@ -50,7 +49,7 @@ class RemoteInterpreter(Interpreter, Protocol):
 
 
 class InstructionReader:
-    """Reads instructions: the grammar at once, and a remote interpreter when it answers.
+    """Reads instructions: grammar and reader at once, and a remote interpreter when it answers.
 
     What a person has answered, of `confirmations`, is not asked again.
     """
@@ -60,13 +59,13 @@ class InstructionReader:
     ) -> None:
         """Take the remote interpreter, None if there is none to be asked."""
         self.confirmations = Confirmations() if confirmations is None else confirmations
-        self._grammar = CachedInterpreter(GrammarInterpreter())
+        self._local = make_interpreter({})
         self._remote = remote
         self._background = None if remote is None else self.make_background(remote)
 
     def make_background(self, remote: RemoteInterpreter) -> BackgroundInterpreter:
         """Return what asks the remote interpreter on a thread of its own."""
-        return BackgroundInterpreter(self._grammar, remote, LIMIT_S)
+        return BackgroundInterpreter(self._local, remote, LIMIT_S)
 
     @property
     def ready(self) -> bool:
@@ -76,7 +75,7 @@ class InstructionReader:
     def prepare(self, places: Places) -> None:
         """Do now what the first question about these places needs, in each language."""
         for text in FIRST_TEXTS:
-            self._grammar.interpret(text, places, 0.0)
+            self._local.interpret(text, places, 0.0)
 
     def read(self, text: str, places: Places, on_answer: OnAnswer) -> Interpretation:
         """Return what is understood now of a clean text.
@@ -91,7 +90,7 @@ class InstructionReader:
                 ),
                 places,
             )
-        reading = self._confirmed(self._grammar.interpret(text, places, 0.0), places)
+        reading = self._confirmed(self._local.interpret(text, places, 0.0), places)
         if background is None or self._remote is None or reading.is_read:
             return reading
         detail = f'{self._remote.name} is not there to be asked'

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Protocol
@@ -19,7 +20,7 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS
 from llm_astar_planner.instructions.route import not_driven
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
-from llm_astar_planner.instructions.text import PREFER
+from llm_astar_planner.instructions.text import PREFER, InstructionError, clean_instruction
 
 
 class Understanding(Enum):
@@ -141,6 +142,21 @@ class Interpreter(Protocol):
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
         """Say what was understood of a clean text within `time_limit` seconds. Never raises."""
+
+
+def interpreted(text: str, name: str, read: Callable[[str], Interpretation]) -> Interpretation:
+    """Return what `read` understands of a text as one clean line, with the time it took.
+
+    What is no instruction is not understood, and what is empty asks nothing.
+    """
+    began = time.perf_counter()
+    try:
+        clean = clean_instruction(text)
+    except InstructionError as error:
+        return not_understood(text[:80], str(error), name)
+    if not clean:
+        return Interpretation('', understood_by=name, status=Understanding.IRRELEVANT)
+    return replace(read(clean), seconds=time.perf_counter() - began)
 
 
 def status_of(specification: Specification) -> Understanding:

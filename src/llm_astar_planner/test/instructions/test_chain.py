@@ -261,8 +261,9 @@ def test_a_closed_one_answers_by_the_quick_one_alone(background):
 
 
 def test_the_settings_of_a_source_make_the_chain(chat_server, tmp_path):
-    assert len(make_interpreter({'source': 'none'}).parts) == 1
-    assert len(make_interpreter({}).parts) == 1
+    names = [part.name for part in make_interpreter({'source': 'none'}).parts]
+    assert names == ['grammar', 'reader']
+    assert len(make_interpreter({}).parts) == 2
     chat_server.script = [
         chat_server.completion('{"clauses": [{"do": "visit", "where": "lobby"}]}')
     ]

@@ -15,7 +15,8 @@ TEXT = 'avoid ward 2 and drive through the corridor'
 
 
 def read(confirmations=None, text=TEXT):
-    return GrammarInterpreter(confirmations).interpret(text, HOSPITAL, 1.0)
+    known = Confirmations() if confirmations is None else confirmations
+    return known.applied(GrammarInterpreter().interpret(text, HOSPITAL, 1.0), HOSPITAL)
 
 
 def test_an_answer_makes_the_same_reading_sure_next_time():

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import re
-import time
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,7 +27,6 @@ from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar.lexemes import (
     AND,
@@ -68,13 +66,12 @@ from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabul
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
-    Understanding,
+    interpreted,
     not_understood,
     status_of,
 )
 from llm_astar_planner.instructions.regions import AnyOf, Except, NamedPlace, Region, Tagged
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
-from llm_astar_planner.instructions.text import InstructionError, clean_instruction
 
 NAME = 'grammar'
 # What a canonical sentence quotes: what was not understood, and what a path does not have.
@@ -811,26 +808,12 @@ class GrammarInterpreter:
 
     name = NAME
 
-    def __init__(self, confirmations: Confirmations | None = None) -> None:
-        """Take the answers of persons to earlier questions, None for none."""
-        self._confirmations = confirmations
-
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
         """Say what was understood of a text; takes milliseconds, whatever the time limit.
 
         Never raises: a text that is too long is not understood.
         """
-        began = time.perf_counter()
-        try:
-            clean = clean_instruction(text)
-        except InstructionError as error:
-            return not_understood(text[:80], str(error), NAME)
-        if not clean:
-            return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
-        best = best_reading(clean, places).interpretation
-        if self._confirmations is not None:
-            best = self._confirmations.applied(best, places)
-        return replace(best, seconds=time.perf_counter() - began)
+        return interpreted(text, NAME, lambda one: best_reading(one, places).interpretation)
 
 
 @lru_cache(maxsize=64)

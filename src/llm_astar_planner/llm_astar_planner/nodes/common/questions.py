@@ -17,8 +17,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, places_from_ge
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.chain import BackgroundInterpreter
-from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter, make_interpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
@@ -114,7 +113,7 @@ class QuestionServer:
 
 
 class InterpretationServer:
-    """Answers each question once: at once if the grammar reads all of it, else by the model.
+    """Answers each question once: at once if it is read whole here, else by the model.
 
     The model is asked one question at a time, the newest first; what is too old to be asked is
     answered with what the grammar reads.
@@ -123,9 +122,9 @@ class InterpretationServer:
     def __init__(self, entities: Entities, interpreter: Interpreter) -> None:
         """Serve."""
         self._logger = entities.node.get_logger()
-        self._grammar = GrammarInterpreter()
+        self._local = make_interpreter({})
         self._interpreter = interpreter
-        self._background = BackgroundInterpreter(self._grammar, interpreter, LIMIT_S)
+        self._background = BackgroundInterpreter(self._local, interpreter, LIMIT_S)
         self._geojson: Mapping[str, Any] | None = None
         self._places = NO_PLACES
         QuestionServer(entities, self.interpret, limit=MAX_QUESTION_WITH_PLACES, waits=True)
@@ -135,11 +134,11 @@ class InterpretationServer:
         """Ask this interpreter from now on; questions that wait for another are dropped."""
         if interpreter is not self._interpreter:
             before, self._interpreter = self._background, interpreter
-            self._background = BackgroundInterpreter(self._grammar, interpreter, LIMIT_S)
+            self._background = BackgroundInterpreter(self._local, interpreter, LIMIT_S)
             before.close()
 
     def interpret(self, question: Question, on_answer: OnAnswer) -> Interpretation:
-        """Return what the grammar understands. Raises PlacesError for the question's places."""
+        """Return what is understood here. Raises PlacesError for the question's places."""
         places = self.places_of(question)
 
         def answer(interpretation: Interpretation) -> None:

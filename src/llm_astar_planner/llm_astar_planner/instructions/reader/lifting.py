@@ -1,0 +1,200 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Lifting: slots in a sentence for what the map and numbers say, so that the rest is language.
+
+'avoid the loading dock by 2 m' becomes `avoid the @R1 by @L1`. Names, kinds and tags, also as
+descriptions ('the second aisle from the west'), are matched by the words of the grammar.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.places import Place, Places
+
+from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
+from llm_astar_planner.instructions.grammar.lexemes import LENGTH, POINT, TIMES, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG
+from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
+from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
+from llm_astar_planner.instructions.regions import (
+    MAX_JOINED,
+    AnyOf,
+    Disc,
+    NamedPlace,
+    Region,
+    Tagged,
+)
+
+SIDE = 'SIDE'
+# What slots begin with.
+SIGN = '@'
+# How many slots of a kind a sentence may have.
+SLOTS = {'R': 9, 'L': 4, 'S': 4, 'K': 4}
+# A noun with its adjectives, and with what may follow them, by the kinds of lexemes.
+DESCRIBED = re.compile(
+    f'((?:(?:{"|".join(sorted(ADJECTIVES))}) )*NOUN )(?:TAG )*'
+    '(?:(?:IN |UPON |TO |FROM )?(?:SIDE |CENTER )+(?:SIDENOUN |CORNER )?)?'
+)
+MOST_DESCRIBED = 12
+SHORTEST_PART = 3
+# Words in names that tell nothing.
+VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala'})
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What one slot stands for.
+
+    - `kind`: R a region, L metres, S a side, K how often (least, most, turned round by 'not').
+    - `shown`: R one place, O an object, G several, Y any one of several.
+    - `members`: the regions of a group. `doubts`: words that may mean something else.
+    """
+
+    kind: str
+    value: Any
+    shown: str = ''
+    members: tuple[Region, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def in_json(self) -> Any:  # noqa: ANN401 - JSON
+        """The value in JSON."""
+        return self.value.to_json() if isinstance(self.value, Region) else self.value
+
+
+@dataclass(frozen=True)
+class Lifted:
+    """A sentence with slots: tokens, what the slots stand for by name ('R1'), and the lexemes."""
+
+    tokens: tuple[str, ...] = ()
+    slots: dict[str, Slot] = field(default_factory=dict)
+    lexemes: tuple[Lexeme, ...] = ()
+    words: tuple[Word, ...] = ()
+    language: str = 'en'
+
+
+def lifted(text: str, places: Places) -> Lifted:
+    """Return a clean text with slots, in the language that most of its words are of."""
+    read = [word for word in read_words(text) if word.text != SIGN]
+    language = next(iter(languages_of(read)))
+    lexer = lexer_for(places, language)
+    words, _ = lexer.corrected(read)
+    lexemes = lexer.lexemes(words)
+    tokens: list[str] = []
+    slots: dict[str, Slot] = {}
+    at = 0
+    for start, end, slot in sorted(slots_in(lexemes, places), key=lambda one: one[0]):
+        tokens += [word.text for word in read if at <= word.start < start]
+        name = named(slot, slots)
+        if name:
+            slots.setdefault(name, slot)
+            tokens.append(f'{SIGN}{slot.shown or slot.kind}{name[1:]}')
+        at = max(at, end)
+    tokens += [word.text for word in read if word.start >= at]
+    return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)
+
+
+def named(slot: Slot, slots: Mapping[str, Slot]) -> str:
+    """Return the name of a slot, that of the same one before; '' where there are too many."""
+    mine = {name: one for name, one in slots.items() if name[0] == slot.kind}
+    same = (n for n, one in mine.items() if (one.value, one.shown) == (slot.value, slot.shown))
+    new = f'{slot.kind}{len(mine) + 1}' if len(mine) < SLOTS[slot.kind] else ''
+    return next(same, new)
+
+
+def slots_in(lexemes: Sequence[Lexeme], places: Places) -> Iterator[tuple[int, int, Slot]]:
+    """Yield the slots of a sentence, each with where it stands."""
+    at = 0
+    while at < len(lexemes):
+        count, slot = noun_phrase(lexemes[at:])
+        if slot is None:
+            count, slot = 1, simple_slot(lexemes[at], places)
+        if slot is not None:
+            yield lexemes[at].start, lexemes[at + count - 1].end, slot
+        at += count
+
+
+def noun_phrase(lexemes: Sequence[Lexeme]) -> tuple[int, Slot | None]:
+    """Return how many lexemes a noun takes with what describes it, and its slot, None if unclear.
+
+    Words after the noun count where they tell the place: 'the room in the top left corner'.
+    """
+    match = DESCRIBED.match(''.join(f'{one.kind} ' for one in lexemes[:MOST_DESCRIBED]))
+    for count in (match[0].count(' '), match[1].count(' ')) if match else ():
+        slot = described(lexemes[:count])
+        if slot is not None:
+            return count, slot
+    return 0, None
+
+
+def described(lexemes: Sequence[Lexeme]) -> Slot | None:
+    """Return the slot of a noun with adjectives and words for where it lies; None if unclear."""
+    noun = [one.kind for one in lexemes].index(NOUN)
+    before = [Modifier(one.kind, one.value) for one in lexemes[:noun]]
+    after = [Modifier(one.kind, one.value) for one in lexemes[noun + 1 :]]
+    tags = [one for one in after if one.kind == TAG]
+    where = [one for one in after if one.kind in (SIDE, 'CENTER')]
+    try:
+        found = select_group(lexemes[noun].value, [*before, *tags], where)
+    except Unclear:
+        return None
+    doubts = tuple(said for one in lexemes for said, _ in one.doubts)
+    if len(found.places) == 1 and not found.is_walls:
+        return place_slot(found.places[0], doubts)
+    region = found.together or AnyOf(found.regions[:MAX_JOINED])
+    shown = 'Y' if found.any_one else 'G'
+    return None if found.is_walls else Slot('R', region, shown, found.regions, doubts)
+
+
+def place_slot(place: Place, doubts: tuple[str, ...]) -> Slot:
+    """Return the slot of one place."""
+    return Slot('R', NamedPlace(place.name), 'O' if place.is_object else 'R', (), doubts)
+
+
+def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
+    """Return the slot of one lexeme, None of one that is language."""
+    doubts = tuple(said for said, _ in lexeme.doubts)
+    value = lexeme.value
+    if lexeme.kind == PLACE:
+        return place_slot(value, doubts)
+    if lexeme.kind == LENGTH:
+        return Slot('L', float(value), doubts=doubts)
+    if lexeme.kind == SIDE:
+        return Slot('S', str(value), doubts=doubts)
+    if lexeme.kind == POINT:
+        return Slot('R', Disc(*value), 'R')
+    if lexeme.kind == TIMES:
+        return Slot('K', value, doubts=doubts) if isinstance(value, tuple) else None
+    if lexeme.kind == TAG:
+        found = places.with_tag(str(value))
+        if len(found) == 1:
+            return place_slot(found[0], doubts)
+        return Slot('R', Tagged(value), 'G', tuple(NamedPlace(one.name) for one in found), doubts)
+    if lexeme.kind == UNKNOWN and len(str(value)) >= SHORTEST_PART:
+        return named_in_part(str(value), places)
+    return None
+
+
+def named_in_part(word: str, places: Places) -> Slot | None:
+    """Return the place that alone has a word in its names, with a doubt: 'packing' station."""
+    if word in VAGUE:
+        return None
+    found = name_parts(places).get(word) or name_parts(places).get(word.removesuffix('s')) or ()
+    return place_slot(found[0], (word,)) if len(found) == 1 else None
+
+
+@lru_cache(maxsize=16)
+def name_parts(places: Places) -> dict[str, list[Place]]:
+    """Return the places by the words of their names and aliases."""
+    found: dict[str, list[Place]] = {}
+    for place in places:
+        names = (place.name, *place.aliases)
+        for word in {word for name in names for word in phrase_words(name)}:
+            found.setdefault(word, []).append(place)
+    return found

@@ -1,0 +1,168 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The language of meanings that the network writes, and the clauses that they stand for.
+
+A meaning is a row of tokens, clauses in prefix form: `A R1` avoids the first region of the
+sentence, `V R1 R2 ) V R3 )` visits two in any order and then a third, `W` makes a wish of what
+follows. Slots are regions R, lengths L, sides S and counts K, numbered as in the sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
+
+from llm_astar_planner.instructions.clauses.unsupported import ABOUT
+from llm_astar_planner.instructions.grammar.meaning import CLEAR
+from llm_astar_planner.instructions.grammar.selection import DRAWN
+from llm_astar_planner.instructions.reader.lifting import SLOTS, Slot
+from llm_astar_planner.instructions.regions import NEAR_WIDTH
+
+END, CLOSE, UNKNOWN, WISH, EACH = '<end>', ')', '?', 'W', 'EA'
+# The parts of each clause: c a clause, r a region, p a place, s a side, l a length, k how often,
+# w a region or the walls, f the first of regions to visit; a star ends a list of any length.
+CLAUSES = {
+    'A': 'r', 'B': 'rr', 'T': 'rr', 'N': 'rr', 'S': 'r', 'P': 'rs', 'K': 'wl', 'E': 'r',
+    'C': 'rk', 'CN': 'rk', 'HF': 's', 'HO': 'sp', 'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
+    'V': 'fv', 'OR': 'rrm', 'EX': 'rrm',
+}  # fmt: skip
+LISTS = ('V', 'OR', 'EX')
+REGIONS = ('HF', 'HO', 'AL', 'BW', 'EA', 'OR', 'EX')
+# All tokens in the order of the network's outputs.
+TOKENS = (
+    END, CLOSE, *CLAUSES, 'START', 'GOAL', 'WALLS', UNKNOWN, 'D', *(f'U_{one}' for one in ABOUT),
+    *(f'{kind}{number}' for kind, most in SLOTS.items() for number in range(1, most + 1)),
+)  # fmt: skip
+# The fields in JSON of each kind of clause.
+FIELDS = {
+    'A': ('avoid', 'region'), 'S': ('stay_in', 'region'), 'E': ('end_at', 'region'),
+    'B': ('before', 'first', 'second'), 'T': ('then', 'first', 'second'),
+    'N': ('never_after', 'first', 'second'), 'P': ('pass', 'region', 'side'),
+    'K': ('keep_distance', 'from', 'metres'),
+}  # fmt: skip
+Parts = tuple[Any, ...]
+
+
+class Unreadable(LlmAstarError):  # noqa: N818 (no error of the program: the meaning is none)
+    """A meaning that makes no clauses."""
+
+
+def parsed(tokens: Iterator[str]) -> Iterator[Parts]:
+    """Yield the clauses of a meaning as trees (token, part, ...). Raises Unreadable."""
+    for token in tokens:
+        yield tree(token, tokens)
+
+
+def tree(token: str, tokens: Iterator[str]) -> Parts:
+    """Return a token with its parts. Raises Unreadable where some are missing."""
+    if token in LISTS:
+        return token, *(tree(part, tokens) for part in iter(lambda: following(tokens), CLOSE))
+    return token, *(tree(following(tokens), tokens) for _ in CLAUSES.get(token, ''))
+
+
+def following(tokens: Iterator[str]) -> str:
+    """Return the next token. Raises Unreadable where there is none."""
+    for token in tokens:
+        return token
+    raise Unreadable('it ends too soon')
+
+
+def ordered(tokens: Sequence[str]) -> tuple[Parts, ...]:
+    """Return the clauses of a meaning in one order of all that mean the same."""
+    found = [sorted_parts(part) for part in parsed(iter(tokens))]
+    visits = [part for part in found if is_visit(part)]
+    return (*visits, *sorted({part for part in found if not is_visit(part)}, key=str))
+
+
+def is_visit(part: Parts) -> bool:
+    """Whether a clause is a visit, or the wish for one."""
+    return 'V' in (part[0], part[-1][0] if part[0] == WISH else '')
+
+
+def sorted_parts(part: Parts) -> Parts:
+    """Return a clause with what is in any order in one order."""
+    inner = [sorted_parts(one) for one in part[1:]]
+    return part[0], *(sorted(inner, key=str) if part[0] in ('V', 'OR') else inner)
+
+
+@dataclass
+class Writer:
+    """Writes the clauses of a meaning in JSON, with the slots of its sentence.
+
+    `about` are the words for what a path does not have, '' for others; `used` the slots named.
+    """
+
+    slots: Mapping[str, Slot]
+    about: Mapping[str, str]
+    used: set[str] = field(default_factory=set)
+
+    def clause(self, part: Parts) -> dict[str, Any]:
+        """Return a clause. Raises Unreadable."""
+        kind, *inner = part
+        if kind == WISH:
+            return {'strength': 'should', **self.clause(inner[0])}
+        if UNKNOWN in str(part):
+            return {'kind': 'unknown', 'text': self.about['']}
+        if kind.startswith('U_'):
+            about = kind[2:]
+            text = self.about.get(about, self.about[''])
+            return {'kind': 'unsupported', 'text': text, 'about': about}
+        values = [self.value(one) for one in inner]
+        if kind == 'V':
+            return {'kind': 'visit', 'regions': [one for some in values for one in as_list(some)]}
+        if kind in ('C', 'CN'):
+            return count(*values, is_refused=kind == 'CN')
+        if kind not in FIELDS:
+            raise Unreadable(f'{kind} is no clause')
+        name, *fields = FIELDS[kind]
+        return {'kind': name, **dict(zip(fields, values))}
+
+    def value(self, part: Parts) -> Any:  # noqa: ANN401 - a region, a number, a side
+        """Return a part of a clause in JSON. Raises Unreadable."""
+        kind, *inner = part
+        if kind in self.slots:
+            self.used.add(kind)
+            return self.slots[kind].in_json
+        if kind == EACH:
+            self.used.add(inner[0][0])
+            slot = self.slots[inner[0][0]]
+            return [one.to_json() for one in slot.members] or slot.in_json
+        values = [self.value(one) for one in inner]
+        match kind:
+            case 'START' | 'GOAL':
+                return {'end': kind.lower()}
+            case 'WALLS' | 'D':
+                return 'walls' if kind == 'WALLS' else CLEAR
+            case 'OR':
+                return {'any_of': values}
+            case 'EX':
+                return {'region': values[0], 'except': values[1:]}
+            case 'HF':
+                return {'half': values[0]}
+            case 'HO':
+                return {'half': DRAWN.get(values[0], values[0]), 'of': values[1].get('place')}
+            case 'AL':
+                return {'along': values[0].get('place'), 'width': NEAR_WIDTH}
+            case 'BW':
+                return {'between': [one.get('place') for one in values]}
+        raise Unreadable(f'{kind} is nothing of the sentence')
+
+
+def as_list(value: Any) -> list[Any]:  # noqa: ANN401 - JSON
+    """Return what is no list as one."""
+    return value if isinstance(value, list) else [value]
+
+
+def count(region: object, times: Sequence[Any], *, is_refused: bool) -> dict[str, Any]:
+    """Return how often a region is entered. Raises Unreadable for 'not twice'."""
+    least, most, turns = times
+    if is_refused != bool(turns):
+        raise Unreadable('not so often, or how often')
+    if is_refused:
+        least, most = (0, least - 1) if least else (int(most) + 1, None)
+    most = None if most is None else int(most)
+    return {'kind': 'count', 'region': region, 'at_least': int(least), 'at_most': most}

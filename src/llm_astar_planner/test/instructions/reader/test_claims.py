@@ -1,0 +1,65 @@
+"""Right readings may be claimed; wrong ones may not, whatever the network says."""
+
+import pytest
+from instruction_places import HOSPITAL
+from llm_astar_planner.instructions.reader.claims import doubt, strange
+from llm_astar_planner.instructions.reader.lifting import lifted
+from llm_astar_planner.instructions.reader.meaning import ordered
+
+RIGHT = [
+    ('avoid the kitchen', 'A R1'),
+    ('the kitchen is closed today', 'A R1'),
+    ('go to ward 1 and then to ward 2', 'V R1 ) V R2 )'),
+    ('ward 1 before ward 2', 'V R1 ) V R2 )'),
+    ('do not enter ward 2 before you have been to ward 1', 'B R2 R1'),
+    ('if you enter ward 1, go to ward 2 afterwards', 'T R1 R2'),
+    ('if possible, stay out of the kitchen', 'W A R1'),
+    ('visit the kitchen or ward 1', 'V OR R1 R2 ) )'),
+    ('keep 2 m away from the lift', 'K R1 L1'),
+    ('pass the lift on the north side', 'P R1 S1'),
+    ('visit the kitchen at most twice', 'C R1 K1'),
+    ('finish in the kitchen', 'E R1'),
+]
+WRONG = [
+    ('avoid the kitchen', 'V R1 )'),
+    ('do not skip the kitchen', 'A R1'),
+    ('visit the kitchen', 'A R1'),
+    ('visit the kitchen and ward 1', 'V R1 )'),
+    ('visit the kitchen and ward 1', 'V R1 ) V R2 )'),
+    ('go to ward 1 and then to ward 2', 'V R1 R2 )'),
+    ('if you enter ward 1, go to ward 2 afterwards', 'V R1 ) V R2 )'),
+    ('once you visit ward 1, go to ward 2', 'V R2 R1 )'),
+    ('if possible, avoid the kitchen', 'A R1'),
+    ('avoid the kitchen', 'W A R1'),
+    ('visit the kitchen or ward 1', 'V R1 R2 )'),
+    ('keep 2 m away from the lift', 'K R1 D'),
+    ('pass the lift on the north side', 'V R1 )'),
+    ('visit the kitchen at most twice', 'V R1 )'),
+    ('finish in the kitchen', 'V R1 )'),
+    ('visit the kitchen', 'E R1'),
+    ('only the main corridor', 'V R1 )'),
+    ('avoid the kitchen and 3 more', 'A R1'),
+    ('avoid the kithcen', 'A R1'),
+]
+
+
+def reason(text, meaning):
+    one = lifted(text, HOSPITAL)
+    clauses = ordered(meaning.split())
+    used = {token for token in meaning.split() if token in one.slots}
+    return doubt(one, clauses, used)
+
+
+@pytest.mark.parametrize(('text', 'meaning'), RIGHT)
+def test_right_readings_pass(text, meaning):
+    assert reason(text, meaning) == ''
+
+
+@pytest.mark.parametrize(('text', 'meaning'), WRONG)
+def test_wrong_readings_do_not(text, meaning):
+    assert reason(text, meaning)
+
+
+def test_a_word_that_may_name_a_place_is_strange():
+    one = lifted('avoid the ballroom and the qwertzuiop', HOSPITAL)
+    assert [one.tokens[at] for at in strange(one)] == ['ballroom', 'qwertzuiop']

@@ -1,0 +1,51 @@
+"""What becomes a slot in a sentence, and what stays language."""
+
+import pytest
+from instruction_places import HOSPITAL
+from llm_astar_planner.instructions.reader.lifting import lifted
+from llm_astar_planner.instructions.regions import NamedPlace, Tagged
+
+
+def words(text):
+    return ' '.join(lifted(text, HOSPITAL).tokens)
+
+
+@pytest.mark.parametrize(
+    ('text', 'tokens'),
+    [
+        ('Avoid the kitchen, please.', 'avoid the @R1 , please .'),
+        ('keep 2 m from the lift', 'keep @L1 from the @O1'),
+        ('pass the elevator on the left', 'pass the @O1 on the @S1'),
+        ('at most twice through ward 2', '@K1 through @R1'),
+        ('visit the blue rooms', 'visit the @G1'),
+        ('ward 1, then ward 2, then ward 1', '@R1 , then @R2 , then @R1'),
+        ('the westernmost ward is closed', 'the @R1 is closed'),
+        ('avoid the ballroom', 'avoid the ballroom'),
+        ('meide die Küche', 'meide die @R1'),
+    ],
+)
+def test_names_numbers_sides_and_counts_become_slots(text, tokens):
+    assert words(text) == tokens
+
+
+def test_a_slot_knows_what_it_stands_for_and_what_is_doubtful_of_it():
+    one = lifted('the kithcen, the blue wards and 1.5 m', HOSPITAL)
+    assert one.slots['R1'].value == NamedPlace('kitchen')
+    assert one.slots['R1'].doubts == ('kithcen',)
+    assert one.slots['R2'].value == Tagged('blue')
+    assert one.slots['R2'].members == (NamedPlace('ward 1'), NamedPlace('ward 2'))
+    assert one.slots['L1'].value == 1.5
+
+
+def test_a_word_of_one_name_alone_means_it_with_a_doubt():
+    slot = lifted('the store is closed', HOSPITAL).slots['R1']
+    assert (slot.value, slot.doubts) == (NamedPlace('store room'), ('store',))
+
+
+def test_an_identifier_is_a_whole_word():
+    assert '@' not in words('avoid ward 1a')
+
+
+def test_there_are_no_more_slots_than_the_network_knows():
+    one = lifted('1 m, ' * 3 + '2 m, 3 m, 4 m, 5 m, 6 m', HOSPITAL)
+    assert sorted(one.slots) == ['L1', 'L2', 'L3', 'L4']

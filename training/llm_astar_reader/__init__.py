@@ -1,0 +1,1 @@
+"""Trains the small model that reads instructions (docs/reader.md)."""
