@@ -32,8 +32,8 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train train-reader test quick soak lint dist clean check-python check-venv \
-	check-moved
+.PHONY: help install demo bench train train-reader test quick figures soak lint dist clean \
+	check-python check-venv check-moved
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -69,6 +69,9 @@ quick: $(VENV)/.tools ## Lint without types and run the tests that take under a 
 	$(BIN)/ruff check .
 	PYTHONPATH=$(subst $(eval ) ,:,$(PACKAGES:./%=$(CURDIR)/%)) \
 		$(BIN)/python -m pytest -q -n 2 --dist loadfile $(QUICK) $(PYTEST_ARGS)
+
+figures: install ## Measure what README and docs say again and compare: ten minutes
+	PYTHONPATH=training $(BIN)/python -m benchmarks.figures --measure
 
 # How long both nodes live; the other tests take hours of their own.
 HOURS ?= 0.08

@@ -87,8 +87,11 @@ def description(error: BaseException) -> str:
         name += f': {error}' if str(error) else ''
     except BaseException:  # noqa: BLE001 - its __str__ is foreign code, too
         name += ' without a readable message'
-    frames = traceback.extract_tb(error.__traceback__)[-1:]
-    where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in frames)
+    frames = traceback.extract_tb(error.__traceback__)
+    # A module that is not there was not imported by a line of the plug-in's.
+    own = (__file__, pkgutil.__file__)
+    known = [at for at in frames if at.filename not in own and 'importlib' not in at.filename][-1:]
+    where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in known)
     return printable(shortened(name, MAX_MESSAGE) + where)
 
 

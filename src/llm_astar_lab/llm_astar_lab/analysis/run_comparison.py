@@ -6,8 +6,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from llm_astar_msgs_adapter.errors import nearest_name, shortened
 from numpy.typing import NDArray
 
 from llm_astar_lab.analysis import statistics as stats
-from llm_astar_lab.analysis.statistics import LENGTH_TOLERANCE, Floats, Interval
+from llm_astar_lab.analysis.statistics import LENGTH_TOLERANCE, Estimate, Floats, Interval
 from llm_astar_lab.analysis.summary import RATIO, report_order
 from llm_astar_lab.analysis.thresholds import variants_of
 from llm_astar_lab.results.folder import ResultsFolder
@@ -27,6 +28,10 @@ from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
 METRICS = ('operation', 'storage', 'length', 'seconds_search')
 # Changed samples that are kept of each variant, the largest changes first.
 MAX_SAMPLES = 10_000
+# The probability that equal runs have any regression, over all variants of all runs.
+LEVEL = 0.05
+# The growth of a metric whose probability to be found is said.
+SMALL = 0.02
 # Parameters of a run that do not change its rows.
 IRRELEVANT = ('jobs', 'price')
 # Queries of a variant: its samples, and those that are in the run of another schema too.
@@ -51,7 +56,8 @@ class Run(NamedTuple):
 class MetricChange:
     """The ratios second / first of a metric over the `samples` that both runs solved.
 
-    `mean` is the geometric mean; `less`, `equal` and `more` count the samples, `p5` and `p95` are
+    `mean` is the geometric mean, `error` the standard error of its logarithm and `degrees` one
+    less than the maps; `less`, `equal` and `more` count the samples, `p5` and `p95` are
     percentiles of their ratios.
     """
 
@@ -62,6 +68,13 @@ class MetricChange:
     more: int
     p5: float
     p95: float
+    error: float = math.nan
+    degrees: int = 0
+
+    @property
+    def estimate(self) -> Estimate:
+        """The mean logarithm of the ratios, and how exact it is."""
+        return Estimate(math.log(self.mean.value), self.error, self.degrees)
 
 
 @dataclass(frozen=True)
@@ -70,7 +83,9 @@ class VariantChange:
 
     `only_first` and `only_second` count the samples that only one run has. `valid` is the change
     of the share of valid paths, second - first; `lost` and `gained` count the samples whose path
-    only the first or only the second run found.
+    only the first or only the second run found. `lost_p` is the p-value of no lower share, NaN
+    where no path was lost. `judge` fills in the rest: the p-value among all variants, the
+    `power` to find a growth by SMALL, and a sentence for a `regression`.
     """
 
     variant: Variant
@@ -82,19 +97,24 @@ class VariantChange:
     lost: int
     gained: int
     metrics: Mapping[str, MetricChange]
+    lost_p: float
+    p_value: float = math.nan
+    power: float = math.nan
+    regression: str | None = None
 
-    def regression(self, metric: str, threshold: float) -> str | None:
-        """Say how the second run is worse, or return None.
+    def p_grown(self, metric: str, threshold: float) -> float:
+        """Return the p-value of a ratio of at most 1 + `threshold`."""
+        return self.metrics[metric].estimate.p_above(math.log1p(threshold) + LENGTH_TOLERANCE)
 
-        It is where the whole interval of the metric's ratio is above 1 + `threshold`, or that of
-        the valid paths below 0, whatever the threshold.
-        """
-        mean = self.metrics[metric].mean
-        if mean.low > 1.0 + threshold + LENGTH_TOLERANCE:
+    def problem(self, metric: str, grown: float, lost: float) -> str | None:
+        """Say how the second run is worse by two adjusted p-values, or return None."""
+        if grown < LEVEL:
+            mean = self.metrics[metric].mean
             low, high = (100.0 * end for end in mean[1:])
-            return f'{metric} is {100 * mean.value:.2f} % ({low:.2f} to {high:.2f})'
-        if self.valid.high < 0.0:
-            return f'valid paths changed by {100 * self.valid.value:.2f} points'
+            text = f'{metric} is {100 * mean.value:.2f} % ({low:.2f} to {high:.2f})'
+            return f'{text}, p = {grown:.2g}'
+        if lost < LEVEL:
+            return f'valid paths changed by {100 * self.valid.value:.2f} points, p = {lost:.2g}'
         return None
 
 
@@ -131,20 +151,30 @@ class RunComparison:
     samples: Sequence[SampleChange]
 
 
+@dataclass(frozen=True)
 class PairedRows:
     """The rows of one variant on the samples that two runs share, in the order of the samples.
 
-    Columns `*_0` are of the first run, `*_1` of the second; `found` says which have a valid path.
+    Columns `*_0` are of the first run, `*_1` of the second. `only_first` and `only_second` count
+    the samples that only one run has.
     """
 
-    def __init__(self, first: StoredRows, second: StoredRows, variant: Variant) -> None:
+    variant: Variant
+    columns: Mapping[str, NDArray[Any]]
+    only_first: int = 0
+    only_second: int = 0
+
+    @classmethod
+    def of(cls, first: StoredRows, second: StoredRows, variant: Variant) -> PairedRows:
         """Pair the rows of two runs, which are in one database."""
-        self.variant = variant
-        self.columns = first.arrays(PAIRED.format(second.schema), *variant, *variant)
-        self.found = [self.columns[f'code_{run}'] == 'NONE' for run in (0, 1)]
-        self.only_first, self.only_second = (
-            len(rows.arrays(SAMPLES, *variant)['map']) - len(self) for rows in (first, second)
-        )
+        columns = first.arrays(PAIRED.format(second.schema), *variant, *variant)
+        samples = (len(rows.arrays(SAMPLES, *variant)['map']) for rows in (first, second))
+        return cls(variant, columns, *(count - len(columns['map']) for count in samples))
+
+    @property
+    def found(self) -> list[NDArray[np.bool_]]:
+        """Which samples have a valid path in the first run, and in the second."""
+        return [self.columns[f'code_{run}'] == 'NONE' for run in (0, 1)]
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -160,32 +190,50 @@ class PairedRows:
         """Return second / first of a metric; NaN where either found no path or has none."""
         return np.where(self.found[0] & self.found[1], self.columns[metric], np.nan)
 
-    def change(self, seed: int) -> VariantChange:
-        """Return how the variant differs, with 95 % intervals by bootstrap over maps."""
+    def change(self) -> VariantChange:
+        """Return how the variant differs, with 95 % intervals of Student's t over maps."""
         first, second = self.found
+        valid = stats.estimate(second.astype(float) - first, self.groups)
         return VariantChange(
             self.variant,
             len(self),
             len(np.unique(self.columns['map'])),
             self.only_first,
             self.only_second,
-            stats.mean_interval(second.astype(float) - first, self.groups, seed),
+            valid.interval(),
             int((first & ~second).sum()),
             int((second & ~first).sum()),
-            {metric: self.metric_change(metric, seed) for metric in METRICS},
+            {metric: self.metric_change(metric) for metric in METRICS},
+            self.lost_p(valid),
         )
 
-    def metric_change(self, metric: str, seed: int) -> MetricChange:
+    def lost_p(self, valid: Estimate) -> float:
+        """Return the p-value of no fewer valid paths, NaN where none was lost.
+
+        Of k maps with a change all have lost paths by chance with a probability of 1 / 2^k,
+        which Student's t does not know of.
+        """
+        first, second = self.found
+        if not (first & ~second).any():
+            return math.nan
+        changed = len(np.unique(self.groups[first != second]))
+        return max(Estimate(-valid.value, *valid[1:]).p_above(0.0), 0.5**changed)
+
+    def metric_change(self, metric: str) -> MetricChange:
         """Return the change of one metric."""
         ratios, groups = stats.known(self.ratios(metric), self.groups)
+        found = stats.estimate(np.log(ratios), groups)
+        p5, p95 = np.percentile(ratios, (5, 95)) if len(ratios) else (np.nan, np.nan)
         less, more = ratios < 1.0 - LENGTH_TOLERANCE, ratios > 1.0 + LENGTH_TOLERANCE
         return MetricChange(
             len(ratios),
-            stats.ratio_interval(ratios, groups, seed),
+            Interval(*map(float, np.exp(found.interval()))),
             int(less.sum()),
             int((~less & ~more).sum()),
             int(more.sum()),
-            *map(float, np.percentile(ratios, (5, 95)) if len(ratios) else (np.nan, np.nan)),
+            float(p5),
+            float(p95),
+            *found[1:],
         )
 
     def sample_changes(self, metric: str) -> Iterator[SampleChange]:
@@ -224,16 +272,15 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
     Raises ResultsError where they have different datasets or share no samples.
     """
     check_datasets(base, other)
-    seed = int(base.metadata['parameters'].get('seed', 0))
     of_base = base.rows.variants()
     every = sorted({*of_base, *other.rows.variants()}, key=report_order)
     chosen = chosen_variants(every, name)
     changes: list[VariantChange] = []
     samples: list[SampleChange] = []
     for variant in chosen:
-        paired = PairedRows(base.rows, other.rows, variant)
+        paired = PairedRows.of(base.rows, other.rows, variant)
         if len(paired):
-            changes.append(paired.change(seed))
+            changes.append(paired.change())
             samples += paired.sample_changes(metric)
     if not changes:
         message = f'{base.path} and {other.path} share no sample of {name or "any variant"}'
@@ -248,6 +295,30 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
         [variant for variant in of_base if variant in unpaired],
         sorted(samples, key=lambda sample: -sample.size),
     )
+
+
+def judge(
+    comparisons: Sequence[RunComparison], metric: str, threshold: float
+) -> list[RunComparison]:
+    """Return comparisons with p-values, power and regressions of all their variants.
+
+    A regression is a growth of the metric by more than `threshold`, or fewer valid paths
+    whatever the threshold, with a p-value below LEVEL after Holm's adjustment over everything
+    that is tested.
+    """
+    changes = [change for item in comparisons for change in item.changes]
+    grown = [change.p_grown(metric, threshold) for change in changes]
+    adjusted = stats.holm([*grown, *(change.lost_p for change in changes)])
+    tests = sum(not math.isnan(p) for p in adjusted)
+    judged = iter([
+        replace(
+            change, p_value=float(np.fmin(grown, lost)),
+            power=change.metrics[metric].estimate.power(math.log1p(SMALL), LEVEL / max(tests, 1)),
+            regression=change.problem(metric, grown, lost),
+        )
+        for change, grown, lost in zip(changes, adjusted, adjusted[len(changes):])
+    ])  # fmt: skip
+    return [replace(item, changes=[next(judged) for _ in item.changes]) for item in comparisons]
 
 
 def chosen_variants(every: Sequence[Variant], name: str | None) -> list[Variant]:

@@ -5,7 +5,9 @@
 
 The samples of one map share its barriers, so they are not independent. The bootstrap therefore
 draws whole maps with replacement, as many as there are, and the interval is the middle 95 % of
-the means of the draws.
+the means of the draws. Of few maps it would be too narrow: there, and where runs are compared, a
+mean has Student's t with the standard error over maps. Several tests at once are adjusted by
+Holm's method.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import nctdtr, stdtr, stdtrit
 
 Floats = NDArray[np.float64]
 DRAWS = 2000
@@ -27,6 +30,11 @@ MAX_DRAWN = 2_000_000
 # Over more maps a mean has the interval that its draws approach: they would take minutes.
 MOST_MAPS = 4000
 LEVEL = 0.95
+# Over fewer maps a ratio has the interval of Student's t: with three maps 13 of 100 of the
+# bootstrap's missed the truth on one side.
+FEW_MAPS = 20
+# A standard error of values that are equal but for their last digits.
+ROUNDING = 1e-12
 # Lengths that differ by less than this share count as equal.
 LENGTH_TOLERANCE = 1e-9
 
@@ -69,7 +77,7 @@ def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interv
     if numbers.size == 0:
         return UNKNOWN
     if len(np.unique(groups)) > MOST_MAPS:
-        return normal_interval(numbers, groups)
+        return estimate(numbers, groups).interval()
     return middle_of(float(numbers.mean()), bootstrap_means(numbers, groups, seed))
 
 
@@ -115,18 +123,66 @@ def middle_of(value: float, means: Floats) -> Interval:
     return Interval(value, float(low), float(high))
 
 
-def normal_interval(values: Floats, groups: ArrayLike) -> Interval:
-    """Return mean and interval of `values` [n] as the bootstrap over very many maps approaches it.
+class Estimate(NamedTuple):
+    """A mean, its standard error over maps, and the degrees of freedom: one less than maps.
 
-    With s and c the sum and the number of the values of a map the mean is r = sum(s) / sum(c) and
-    its standard error sqrt(sum((s - r c)^2)) / sum(c), the delta method's for a ratio of sums.
+    The error of a single map is NaN.
     """
+
+    value: float
+    error: float
+    degrees: int
+
+    def interval(self) -> Interval:
+        """Return the mean with the 95 % interval of Student's t, NaN of a single map."""
+        half = float(stdtrit(self.degrees, (1.0 + LEVEL) / 2.0)) * self.error
+        return Interval(self.value, self.value - half, self.value + half)
+
+    def p_above(self, limit: float) -> float:
+        """Return the one-sided p-value of a mean of at most `limit`; NaN of a single map."""
+        if self.error == 0.0:
+            return 0.0 if self.value > limit else 1.0
+        return float(stdtr(self.degrees, (limit - self.value) / self.error))
+
+    def power(self, beyond: float, level: float) -> float:
+        """Return how probably a mean that lies so far `beyond` the limit has p < `level`."""
+        if self.error == 0.0:
+            return 1.0
+        needed = stdtrit(self.degrees, 1.0 - level)
+        return float(1.0 - nctdtr(self.degrees, beyond / self.error, needed))
+
+
+def estimate(values: ArrayLike, groups: ArrayLike) -> Estimate:
+    """Return the mean of `values` [n] with its error; `groups` [n] is the map of each value.
+
+    With s and c the sum and the number of the values of one of G maps the mean is
+    r = sum(s) / sum(c), and its standard error the delta method's for a ratio of sums:
+    sqrt(G / (G - 1) sum((s - r c)^2)) / sum(c).
+    """
+    numbers = np.asarray(values, dtype=float)
+    if numbers.size == 0:
+        return Estimate(math.nan, math.nan, 0)
     _, group = np.unique(np.asarray(groups), return_inverse=True)
-    sums, counts = np.bincount(group, weights=values), np.bincount(group)
-    mean = float(values.mean())
-    error = math.sqrt(np.square(sums - mean * counts).sum()) / len(values)
-    half = NormalDist().inv_cdf((1.0 + LEVEL) / 2.0) * error
-    return Interval(mean, mean - half, mean + half)
+    sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
+    mean, degrees = float(numbers.mean()), len(sums) - 1
+    squares = float(np.square(sums - mean * counts).sum())
+    factor = len(sums) / degrees if degrees else math.nan
+    error = math.sqrt(factor * squares) / len(numbers)
+    return Estimate(mean, 0.0 if error < ROUNDING else error, degrees)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return p-values adjusted for being several; those that are NaN are no tests.
+
+    That any of them is below a level although nothing differs has at most that probability,
+    however the tests depend on each other (Holm, 1979).
+    """
+    adjusted, least = list(p_values), 0.0
+    tests = sorted((p, index) for index, p in enumerate(p_values) if not math.isnan(p))
+    for rank, (p, index) in enumerate(tests):
+        least = max(least, min(1.0, (len(tests) - rank) * p))
+        adjusted[index] = least
+    return adjusted
 
 
 def wilson_interval(count: int, total: int) -> Interval:
@@ -153,8 +209,9 @@ def known(values: ArrayLike, groups: ArrayLike) -> tuple[Floats, NDArray[Any]]:
 def ratio_interval(ratios: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
     """Return the geometric mean (r_1 r_2 ... r_n)^(1/n) of the known ratios with its interval."""
     values, kept = known(ratios, groups)
-    logs = mean_interval(np.log(values), kept, seed)
-    return Interval(*(float(value) for value in np.exp(logs)))
+    is_few, logs = 1 < len(np.unique(kept)) < FEW_MAPS, np.log(values)
+    mean = estimate(logs, kept).interval() if is_few else mean_interval(logs, kept, seed)
+    return Interval(*(float(value) for value in np.exp(mean)))
 
 
 def spread(values: ArrayLike) -> Spread:

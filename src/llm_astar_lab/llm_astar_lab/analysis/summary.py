@@ -20,7 +20,7 @@ from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.replies import count_problems
 from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio, Spread, spread
 from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
-from llm_astar_lab.results.stored_rows import ANSWERED, OF_VARIANT, StoredRows
+from llm_astar_lab.results.stored_rows import ANSWERED, FAILED, OF_VARIANT, StoredRows
 
 Arrays = Mapping[str, NDArray[Any]]
 SampleId = tuple[int, int]
@@ -40,7 +40,8 @@ FAMILIES = 'SELECT family FROM rows GROUP BY family ORDER BY min(rowid)'
 # The ratio of two columns where both are above 0.
 RATIO = "CASE WHEN {0} > 0 AND {1} > 0 THEN {0} / {1} ELSE 'nan'::DOUBLE END"
 # Queries of a variant: its numbers at scale 1, the samples that another variant solved too, its
-# texts, and what it solved at any scale with the number of scales that it solved the sample at.
+# texts, how often its source failed, and what it solved at any scale with the number of scales
+# that it solved the sample at.
 OWN_NUMBERS = f"""
     SELECT map, family, code = 'NONE' AS found, {ANSWERED} AS answered, seconds_source,
         seconds_search, seconds_round_trip, prompt_tokens, completion_tokens, ratio, clearance,
@@ -52,11 +53,15 @@ OWN_NUMBERS = f"""
 SOLVED = f"(FROM rows WHERE code = 'NONE' AND {OF_VARIANT})"
 SOLVED_PAIRS = f"""
     SELECT map, a.family, a.length AS own_length, b.length AS base_length,
+        a.{FAILED} AS failed,
         {', '.join(f'{RATIO.format(f"a.{name}", f"b.{name}")} AS {name}' for name in COMPARED)}
     FROM {SOLVED} a JOIN {SOLVED} b USING (map, pair, scale) WHERE scale = 1 ORDER BY map, pair"""
 TEXTS = f"""
     SELECT {{0}}, count(*) AS times FROM rows WHERE scale = 1 AND {{0}} <> '' AND {OF_VARIANT}
     GROUP BY {{0}} ORDER BY min(rowid)"""
+FAILURES = f"""
+    SELECT source_status, count(*) AS times FROM rows WHERE scale = 1 AND {FAILED} AND {OF_VARIANT}
+    GROUP BY source_status ORDER BY times DESC, source_status"""
 SOLVED_AT_SCALES = f"""
     SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
     FROM {SOLVED} WHERE operation > 0 AND NOT isnan(operation) ORDER BY scale, map, pair"""
@@ -102,7 +107,8 @@ class VariantSummary:
     `operation`, `storage` and `length` are ratios to A* over the samples that both solved;
     `valid` is over all samples. `seconds_*` are per sample. `verdicts` are the shares of the
     waypoints by status. `cost` is in the currency of the given price, None without a price.
-    `unanswered` counts the samples whose source never answered. `operation_exact` is the ratio of
+    `unanswered` counts the samples whose source never answered, `failures` those and the replies
+    without a list of points, by status. `operation_exact` is the ratio of
     expansions to our exact A*, where that was run; `proven` are the proven suboptimality bounds,
     of methods that prove one. `clearance` and `unknown_length` (metres) and `turns` describe the
     paths found. `recorded` is the length over that of the path in the bag, where there is one.
@@ -130,6 +136,7 @@ class VariantSummary:
     completion_tokens: int = 0
     cost: float | None = None
     unanswered: int = 0
+    failures: Mapping[str, int] = field(default_factory=dict)
     seconds_round_trip: Spread = NO_SPREAD
     operation_exact: Ratio | None = None
     proven: Spread = NO_SPREAD
@@ -151,6 +158,8 @@ class PairedComparison:
     """A variant compared with its method without waypoints, on the samples that both solved.
 
     `operation` and `length` are geometric means of variant / none; below 1 the waypoints help.
+    Of the `asked` samples some have `failures` of the source, by status; `answered` are the
+    operation ratio and the number of the compared samples that have none.
     """
 
     variant: Variant
@@ -158,6 +167,9 @@ class PairedComparison:
     maps: int
     operation: Interval
     length: Interval
+    asked: int = 0
+    failures: Mapping[str, int] = field(default_factory=dict)
+    answered: tuple[Interval, int] = UNKNOWN, 0
 
 
 @dataclass(frozen=True)
@@ -266,6 +278,7 @@ def summarise_variant(
         else None,
         proven=spread(bounds[bounds >= 1.0]),
         unanswered=int(np.count_nonzero(~rows['answered'])),
+        failures=failures_of(stored, variant),
         clearance=spread(clearances),
         least_clearance=float(clearances.min()) if len(clearances) else math.nan,
         turns=spread(rows['turns'][found]),
@@ -298,6 +311,12 @@ def count_texts(
         for part in split(text):
             counts[part] += times
     return counts
+
+
+def failures_of(stored: StoredRows, variant: Variant) -> dict[str, int]:
+    """Return how often the source of a variant failed at scale 1, by status, the most first."""
+    found = stored.arrays(FAILURES, *variant)
+    return dict(zip(found['source_status'].tolist(), found['times'].tolist()))
 
 
 def optimal_share(pairs: Arrays, seed: int) -> Interval:
@@ -378,13 +397,22 @@ def compare_with_none(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[P
         none = Variant(variant.method)
         if variant.source == 'none' or none not in variants:
             continue
-        pairs = solved_pairs(stored, variant, none)
-        _, maps = stats.known(pairs['operation'], pairs['map'])
-        ratios = (
-            stats.ratio_interval(pairs[n], pairs['map'], seed) for n in ('operation', 'length')
-        )
-        comparisons.append(PairedComparison(variant, len(maps), len(np.unique(maps)), *ratios))
+        comparisons.append(compared(stored, variant, none, seed))
     return comparisons
+
+
+def compared(stored: StoredRows, variant: Variant, none: Variant, seed: int) -> PairedComparison:
+    """Compare a variant with its method without waypoints, with and without its failures."""
+    pairs = solved_pairs(stored, variant, none)
+    _, maps = stats.known(pairs['operation'], pairs['map'])
+    answered = np.where(pairs['failed'], np.nan, pairs['operation'])
+    every = (pairs['operation'], pairs['length'], answered)
+    work, length, without = (stats.ratio_interval(own, pairs['map'], seed) for own in every)
+    asked = len(stored.arrays(OWN_NUMBERS, *variant)['map'])
+    return PairedComparison(
+        variant, len(maps), len(np.unique(maps)), work, length, asked,
+        failures_of(stored, variant), (without, int((~np.isnan(answered)).sum())),
+    )  # fmt: skip
 
 
 def growth(rows: Iterable[Row] | StoredRows) -> list[Growth]:

@@ -15,9 +15,10 @@ examples:
   llm-astar compare out/a out/b out/c --variant guided/oracle --out out/compared
   llm-astar compare out/before out/after --metric seconds_search --threshold 5 --json
 
-A regression is a variant whose ratio to the base is above the threshold with its whole 95 %
-interval, or that lost valid paths. The runs must be of the same dataset; other versions, settings
-and machines are listed.
+A regression is a variant whose ratio to the base is above the threshold, or that lost valid
+paths, by a test over maps. The tests are adjusted to their number: however many variants there
+are, equal runs have a regression with a probability of at most 5 %. The runs must be of the same
+dataset; other versions, settings and machines are listed.
 
 exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regression, but a variant
 of the base is missing or has too few samples to be judged, 130 interrupted
@@ -31,7 +32,8 @@ import json
 from llm_astar_msgs_adapter.files import naming
 from llm_astar_planner.cli.flags import at_least, option
 
-from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, compare_runs, load_run
+from llm_astar_lab.analysis import run_comparison as runs
+from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, load_run
 from llm_astar_lab.report.comparison import Judgement, sample_table
 from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan
@@ -67,9 +69,11 @@ def run(args: argparse.Namespace) -> int:
     """Compare, print and write what is asked for; return the exit code. Raises ResultsError."""
     base = load_run(args.base)
     comparisons = [
-        compare_runs(base, load_run(path, base), args.metric, args.variant) for path in args.runs
+        runs.compare_runs(base, load_run(path, base), args.metric, args.variant)
+        for path in args.runs
     ]
     threshold = TOLERATED.get(args.metric, 0.0) if args.threshold is None else args.threshold
+    comparisons = runs.judge(comparisons, args.metric, threshold / 100.0)
     judgement = Judgement(base, comparisons, args.metric, threshold / 100.0)
     if args.out:
         write_comparison(ResultsFolder(args.out), judgement)
@@ -95,6 +99,6 @@ def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
         table = sample_table(comparison, judgement, limit=len(comparison.samples))
         if table.rows:
             folder.write_text(f'changes{end}.csv', csv_table(table))
-    figure = change_figure(judgement.comparisons, judgement.metric, judgement.threshold)
+    figure = change_figure(judgement.comparisons, judgement.metric)
     with naming(folder.path / 'comparison.png'):
         figure.savefig(folder.path / 'comparison.png', dpi=140)

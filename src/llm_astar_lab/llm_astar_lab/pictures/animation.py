@@ -160,7 +160,10 @@ class AnimationFigure:
             ended = count >= search.order.expansions
             text = f'{search.name}\n{describe_expansions(expansions)}'
             text += f': path of {search.outcome}' if ended else ''
-            pen.text((left, top - 2.6 * TITLE_SIZE), text, fill=style.INK, font=self.font)
+            # A caption that is wider than its panel would run into the next one.
+            wide = pen.multiline_textbbox((0, 0), text, font=self.font)[2]
+            font = self.font.font_variant(size=TITLE_SIZE * min(1.0, (right - left) / wide))
+            pen.text((left, top - 2.6 * TITLE_SIZE), text, fill=style.INK, font=font)
             if ended:
                 done.append((left, top, right, bottom))
         frame.alpha_composite(self.running)

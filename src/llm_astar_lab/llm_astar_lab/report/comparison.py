@@ -12,7 +12,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable
 
-from llm_astar_lab.analysis.run_comparison import METRICS, Run, RunComparison, SampleChange
+from llm_astar_lab.analysis.run_comparison import METRICS, SMALL, Run, RunComparison, SampleChange
 from llm_astar_lab.report.pages import bullets, markdown_page
 from llm_astar_lab.report.sentences import counted
 from llm_astar_lab.report.table import Table, columns, counts, json_of, percents, text, texts
@@ -27,8 +27,10 @@ LABELS = {
 SHOWN_SAMPLES = 10
 NOTE = (
     'Geometric means of the ratios to the base on the samples that both solved, in percent, with '
-    '95 % confidence intervals by bootstrap over maps; below 100 is better. Less, equal and more '
-    'count samples by the {metric}; valid is the change of the share of valid paths.'
+    "95 % confidence intervals by Student's t over maps; below 100 is better. Less, equal and "
+    'more count samples by the {metric}; valid is the change of the share of valid paths. The p '
+    'of no regression is adjusted to the number of variants by the method of Holm: below 0.05 is '
+    'a regression. Power is the probability with which a growth by 2 % would be found.'
 )
 ONE_MAP = 'All samples are of one map: the intervals say nothing about other maps.'
 
@@ -51,7 +53,7 @@ class Judgement:
             f'{comparison.path}: {change.variant}: {problem}'
             for comparison in self.comparisons
             for change in comparison.changes
-            if (problem := change.regression(self.metric, self.threshold)) is not None
+            if (problem := change.regression) is not None
         ]
 
     def unjudged(self) -> list[str]:
@@ -81,6 +83,24 @@ class Judgement:
             text = f'No variant that can be judged is worse than {self.base.path}{allowed}.'
         return f'{text} {counted(unjudged, "variant")} cannot be judged.' if unjudged else text
 
+    def findings(self) -> list[str]:
+        """Return the regressions, what cannot be judged, and what would be found."""
+        return [*self.regressions(), *self.unjudged(), *filter(None, [self.power_sentence()])]
+
+    def power_sentence(self) -> str:
+        """Say how probably a growth by SMALL would be found where that is least probable."""
+        changes = [change for item in self.comparisons for change in item.changes]
+        known = [change for change in changes if not math.isnan(change.power)]
+        if not known:
+            return ''
+        least = min(known, key=lambda change: change.power)
+        percent = min(99, round(100 * least.power))
+        return (
+            f'A growth of {self.metric} by {100 * SMALL:g} %{" more" if self.threshold else ""} '
+            f'would be found with a probability of at least {percent} %, the least for '
+            f'{least.variant}.'
+        )
+
     def tables(self) -> list[Table]:
         """Return the tables of all runs: variants, and the samples that changed most."""
         several = len(self.comparisons) > 1
@@ -103,7 +123,7 @@ class Judgement:
             lines = [f'{comparison.path} against {self.base.path}', *remarks(comparison)]
             parts.append('\n  '.join(printable(line) for line in lines))
             parts += [f'{table.title}\n{text(table)}' for table in self.tables_of(comparison)]
-        lines = [*self.regressions(), *self.unjudged(), self.verdict()]
+        lines = [*self.findings(), self.verdict()]
         return '\n\n'.join([*parts, '\n'.join(lines)])
 
     def as_markdown(self, picture: str) -> str:
@@ -112,7 +132,7 @@ class Judgement:
             (item, bullets(map(printable, remarks(item))), self.tables_of(item))
             for item in self.comparisons
         ]
-        problems = bullets(map(printable, [*self.regressions(), *self.unjudged()]))
+        problems = bullets(map(printable, self.findings()))
         return markdown_page(
             'comparison.md.j2', judgement=self, problems=problems, parts=parts, picture=picture
         )
@@ -137,10 +157,7 @@ class Judgement:
             'differences': list(comparison.differences),
             'unpaired': [str(variant) for variant in comparison.unpaired],
             'variants': [
-                json_of(change)
-                | {'regression': change.regression(self.metric, self.threshold)}
-                | {'variant': str(change.variant)}
-                for change in comparison.changes
+                json_of(change) | {'variant': str(change.variant)} for change in comparison.changes
             ],
             'samples': [
                 sample_json(sample, self.metric) for sample in comparison.samples[:SHOWN_SAMPLES]
@@ -172,6 +189,8 @@ def variant_table(comparison: RunComparison, judgement: Judgement, name: str) ->
         *counts({head: f'{decisive}.{head.lower()}' for head in ('Less', 'Equal', 'More')}),
         *percents({'Valid (points)': 'valid'}),
         *counts({'Lost': 'lost', 'Gained': 'gained'}),
+        *columns({'p': 'p_value'}, digits=3),
+        *columns({'Power (%)': 'power'}, factor=100.0, digits=0),
     )
     note = NOTE.format(metric=LABELS[judgement.metric].lower())
     return Table.of(name, f'Ratios of {comparison.path}', heads, comparison.changes, note)

@@ -77,10 +77,13 @@ def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
             draw_interval(axes, position, mean, colour)
         name = {'operation': 'expansions', 'length': 'path length'}[quantity]
         end_panel(axes, f'{name}, % of A* (95 % interval)')
+    for colour, name in ((style.CHART, 'with waypoints'), (style.SOFT, 'without')):
+        panels[0].plot([], [], 'o', color=colour, label=name)
+    figure.legend(loc='outside lower right', ncols=2, fontsize=8, frameon=False)
     return figure
 
 
-def change_figure(comparisons: Sequence[RunComparison], metric: str, threshold: float) -> Figure:
+def change_figure(comparisons: Sequence[RunComparison], metric: str) -> Figure:
     """Draw each variant's ratio to the base, in the metric and the length, for each run.
 
     A point is the mean with its interval, orange for a regression; the grey line goes from the
@@ -95,7 +98,7 @@ def change_figure(comparisons: Sequence[RunComparison], metric: str, threshold: 
     ]
     figure, panels = interval_panels(labels, (9.0, 1.2), len(metrics))
     for axes, name in zip(panels, metrics):
-        draw_changes(axes, [change for _, change in rows], name, (metric, threshold))
+        draw_changes(axes, [change for _, change in rows], name, metric)
     return figure
 
 
@@ -119,13 +122,11 @@ def end_panel(axes: Axes, name: str) -> None:
     axes.grid(axis='x', alpha=0.25)
 
 
-def draw_changes(
-    axes: Axes, changes: Sequence[VariantChange], metric: str, decisive: tuple[str, float]
-) -> None:
-    """Draw the ratios of a metric; `decisive` are the metric and threshold of a regression."""
+def draw_changes(axes: Axes, changes: Sequence[VariantChange], metric: str, decisive: str) -> None:
+    """Draw the ratios of a metric; `decisive` is the metric of a regression."""
     for position, change in enumerate(changes):
         found = change.metrics[metric]
-        is_worse = metric == decisive[0] and change.regression(*decisive) is not None
+        is_worse = metric == decisive and change.regression is not None
         percentiles = [100.0 * found.p5, 100.0 * found.p95]
         axes.plot(percentiles, [position] * 2, color=style.LINE, linewidth=5, zorder=1)
         draw_interval(axes, position, found.mean, style.WORSE if is_worse else style.CHART)

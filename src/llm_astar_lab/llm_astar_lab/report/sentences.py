@@ -93,19 +93,41 @@ def headline(comparisons: Sequence[PairedComparison]) -> str:
         variant = comparison.variant
         return is_baseline(variant), variant.method != 'llm_astar', variant.source != 'oracle'
 
-    return sentence(min(usable, key=rank))
+    chosen = min(usable, key=rank)
+    others = {item.variant[1:]: item for item in usable if item.failures}
+    others.pop(chosen.variant[1:], None)
+    named = [(describe_waypoints(item.variant), failure_text(item)) for item in others.values()]
+    return ''.join(f'With {name} the source {text}. ' for name, text in named) + sentence(chosen)
+
+
+def failure_text(comparison: PairedComparison) -> str:
+    """Say on how many samples the source of a variant failed, and with which statuses."""
+    failed = sum(comparison.failures.values())
+    kinds = ', '.join(f'{name} {count}' for name, count in comparison.failures.items())
+    return f'failed on {failed} of {counted(comparison.asked, "sample")} ({kinds})'
 
 
 def sentence(comparison: PairedComparison) -> str:
     """Say what the waypoints of one variant added over none, with the confidence intervals."""
     work, length, variant = comparison.operation, comparison.length, comparison.variant
+    found, (answered, usable) = EFFECT_SENTENCES[effect_on(work)], comparison.answered
+    without = ''
+    if comparison.failures:
+        failed = f'The source {failure_text(comparison)}'
+        if not usable:
+            return f'{failed}: nothing is known of {describe_waypoints(variant)}.'
+        found = f'{failed}, with these t{found[1:]}'
+        change = describe_change(answered.value, 'more', 'fewer')
+        interval = describe_interval(answered, 'more', 'fewer')
+        without = f'; without them {change} ({interval}), over {counted(usable, "sample")}'
     return (
-        f'{EFFECT_SENTENCES[effect_on(work)]} {method_label(variant.method)} with '
+        f'{found} {method_label(variant.method)} with '
         f'{describe_waypoints(variant)} expanded {describe_change(work.value, "more", "fewer")} '
         f'nodes than with no waypoints ({describe_interval(work, "more", "fewer")}), on paths '
         f'{describe_change(length.value, "longer", "shorter")} '
         f'({describe_interval(length, "longer", "shorter")}), '
-        f'over {counted(comparison.samples, "sample")} of {counted(comparison.maps, "map")}.'
+        f'over {counted(comparison.samples, "sample")} of {counted(comparison.maps, "map")}'
+        f'{without}.'
     )
 
 

@@ -16,6 +16,7 @@ from llm_astar_lab.analysis.replies import REPLIES, reply_shares
 from llm_astar_lab.analysis.summary import (
     FamilySummary,
     Growth,
+    PairedComparison,
     RunSummary,
     VariantSummary,
     is_learned,
@@ -97,7 +98,6 @@ WAYPOINT_COLUMNS = (
     *texts({'Status (% of waypoints)': lambda item: shares_text(item.verdicts)}),
     *counts({'Tokens in': 'prompt_tokens', 'Tokens out': 'completion_tokens'}),
     Column('Cost', digits=4, value='cost'),
-    *counts({'Unanswered': 'unanswered'}),
 )
 # The shares of a model's replies, by their names in `reply_shares`.
 REPLY_SHARES = {
@@ -174,7 +174,7 @@ def report_tables(run: RunSummary) -> list[Table]:
     guided = [item for item in run.variants if item.variant.source != 'none']
     every = [
         main_table(run.variants),
-        Table.of('over_none', 'What waypoints added over none', COMPARISON_COLUMNS, compared),
+        comparison_table(compared),
         Table.of('spread', 'What the means hide', SPREAD_COLUMNS, run.variants),
         Table.of('waypoints', 'Waypoints, tokens, cost', WAYPOINT_COLUMNS, guided),
         reply_table(run.variants),
@@ -189,7 +189,23 @@ def report_tables(run: RunSummary) -> list[Table]:
 
 def main_table(summaries: Sequence[VariantSummary]) -> Table:
     """Return the table in the paper's layout."""
-    return Table.of('main', 'The table', MAIN_COLUMNS, summaries, TABLE_NOTE)
+    table = Table.of('main', 'The table', MAIN_COLUMNS, summaries, TABLE_NOTE)
+    return table.with_column(*failure_column(summaries))
+
+
+def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
+    """Return what waypoints added over none, also without the failures of the source."""
+    title = 'What waypoints added over none'
+    table = Table.of('over_none', title, COMPARISON_COLUMNS, comparisons)
+    table = table.with_column(*failure_column(comparisons))
+    without = [item.answered[0] if item.failures else '-' for item in comparisons]
+    return table.with_column(percents('Operation / none without them (%)')[0], without)
+
+
+def failure_column(items: Sequence[Any]) -> tuple[Column, list[Cell]]:
+    """Return the column of a source's failures, with how many samples each status has."""
+    counts_of = (map('{0[0]} {0[1]}'.format, item.failures.items()) for item in items)
+    return Column('Failed'), [', '.join(texts) or '-' for texts in counts_of]
 
 
 def terminal_table(summaries: Sequence[VariantSummary]) -> Table:

@@ -61,6 +61,9 @@ KEY = 'map, pair, scale, method, source, prompt, model'
 OF_VARIANT = 'method = ? AND source = ? AND prompt = ? AND model = ?'
 ANSWERED = f'source_status IN ({", ".join(map(repr, sorted(FINAL_STATUSES)))})'
 UNANSWERED = f'NOT {ANSWERED}'
+# Of rows whose source gave no waypoints that it could have given: it failed, was late, or replied
+# without a list.
+FAILED = "source_status NOT IN ('NONE', 'NO_WAYPOINTS', 'OK')"
 # Rows that are fetched at a time, and of a group of a Parquet file.
 FETCHED_ROWS, GROUP_ROWS = 1000, 2048
 PARQUET = f'FORMAT parquet, COMPRESSION zstd, ROW_GROUP_SIZE {GROUP_ROWS}'

@@ -47,10 +47,8 @@ from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
-from llm_astar_planner.planning.questions import Questions
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
 
@@ -94,8 +92,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def answered(question: str, asked: Problem) -> dict[str, Any]:
     """Answer a question about what was planned. Raises QuestionError."""
-    interpreter = GrammarInterpreter()
-    return Questions(asked.planner, asked.request, interpreter, asked.places).answer(question)
+    # The grammar takes a while to import, and other plans do not need it.
+    from llm_astar_planner.instructions.grammar.interpreter import (  # noqa: PLC0415
+        GrammarInterpreter,
+    )
+    from llm_astar_planner.planning.questions import Questions  # noqa: PLC0415
+
+    questions = Questions(asked.planner, asked.request, GrammarInterpreter(), asked.places)
+    return questions.answer(question)
 
 
 def show(
