@@ -120,7 +120,7 @@ def indirect(tmp_path):
     """Write the suite with a sentence that only a model understands."""
 
     def change(suite):
-        suite['instructions'][1]['text'] = 'somebody is painting the south door'
+        suite['instructions'][1]['text'] = 'hm, the south door, you know what I think of it'
 
     return str(write_suite(tmp_path, change))
 
