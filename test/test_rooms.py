@@ -27,7 +27,7 @@ LIMITS = {
         'waypoints': 2_950,
         'instructions': 8_090,
         'nodes': 4_200,
-        'cli': 1_612,
+        'cli': 1_620,
     },
     LAB: {
         '': 20,

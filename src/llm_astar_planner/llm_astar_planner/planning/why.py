@@ -459,7 +459,7 @@ def explained(
         return failed
     nearer = replace(
         request, goal=why.cell, via=request.via[: why.reached], goal_yaw=None,
-        allow_partial_planning=False, time_limit=deadline - time.monotonic(),
+        allow_partial_planning=False, last_way=None, time_limit=deadline - time.monotonic(),
     )  # fmt: skip
     partial, short_of = plan_again(nearer), why.short_of or 0.0
     if partial.code:
