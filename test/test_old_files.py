@@ -179,6 +179,30 @@ def untimed(path):
     ]
 
 
+def without_intervals(value):
+    """Leave out what is newer: intervals by Student's t for few maps, and counts of failures."""
+    newer = ('low', 'high', 'headline', 'sentences', 'failures', 'optimal_share')
+    if isinstance(value, dict):
+        kept = {name: item for name, item in value.items() if name not in newer}
+        ratios = {'over_none', 'over_plain'} & kept.keys()
+        return {
+            name: [first_of_lists(item) for item in items]
+            if name in ratios
+            else without_intervals(items)
+            for name, items in kept.items()
+        }
+    return [without_intervals(item) for item in value] if isinstance(value, list) else value
+
+
+def first_of_lists(ratio):
+    """Return a comparison with the value alone of each [value, low, high]."""
+    return {
+        name: item[0] if isinstance(item, list) else item
+        for name, item in ratio.items()
+        if name != 'failures'
+    }
+
+
 @pytest.mark.parametrize('name', FOLDERS)
 def test_an_old_results_folder_is_reported_with_the_same_figures(name, tmp_path):
     folder = old_folder(name, tmp_path)
@@ -186,9 +210,7 @@ def test_an_old_results_folder_is_reported_with_the_same_figures(name, tmp_path)
     assert main(['report', str(folder)]) == 0
     text = (OLD / name / 'summary.json').read_text().replace('llm_only', 'waypoints_only')
     found = json.loads((folder / 'summary.json').read_text())
-    for case in found['cases']:
-        del case['optimal_share']  # `optimal` with its interval, which older versions left out
-    assert found == json.loads(text)
+    assert without_intervals(found) == without_intervals(json.loads(text))
     assert (folder / 'report.md').is_file()
     assert (folder / 'report.html').is_file()
 

@@ -277,7 +277,7 @@ def test_the_expanded_cells_are_the_jump_points_taken_from_the_queue():
     blocked = np.zeros((9, 20), dtype=bool)
     blocked[:6, 8] = True
     search = JumpSearch(GridGraph(blocked), (1, 1), (18, 1))
-    run(search, no_stop(), math.inf)
+    run(search, no_stop(), math.inf, math.inf)
     expanded = np.zeros_like(blocked)
     search.add_expanded(expanded)
     search.grid.give_back(search.workspace)
@@ -295,7 +295,7 @@ def test_only_paths_cheaper_than_one_known_are_looked_for():
     for known, is_better in [(optimum, False), (optimum + 1, True)]:
         search = JumpSearch(grid, (2, 2), (3, 12))
         search.learn(known)
-        run(search, no_stop(), math.inf)
+        run(search, no_stop(), math.inf, math.inf)
         assert search.best == search.bound == optimum
         if is_better:
             assert search.path()[2] == optimum

@@ -123,7 +123,7 @@ class QueuedService(Waitable):
         super().__init__(MutuallyExclusiveCallbackGroup())
         self._kind = kind
         self._answer = answer
-        self._logger = entities.node.get_logger()
+        self._logger, self._context = entities.node.get_logger(), entities.node.context
         self._lock = threading.Lock()
         self._waiting = self._index = 0
         self.service = entities.service(kind, name, None, UntakenCallbackGroup())
@@ -191,4 +191,5 @@ class QueuedService(Waitable):
         except InvalidHandle:  # the node has left the graph
             pass
         except Exception:  # noqa: BLE001 - its thread serves others too
-            self._logger.error(traceback.format_exc())
+            if self._context.ok():  # else the process ends, and nobody is told
+                self._logger.error(traceback.format_exc())
