@@ -199,7 +199,7 @@ def first_of_lists(ratio):
     return {
         name: item[0] if isinstance(item, list) else item
         for name, item in ratio.items()
-        if name != 'failures'
+        if name not in ('failures', 'asked', 'answered')
     }
 
 
