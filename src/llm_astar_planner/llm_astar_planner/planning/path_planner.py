@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
 # What each segment between via points may take: seconds, but at most this part of the time left.
-LEAST_SHARE_S, LEAST_SHARE = 0.1, 0.1
+LEAST_SHARE_S, LEAST_SHARE = 1.0, 0.1
 # Bytes that the segments' pictures of expanded cells may take together.
 MAX_PICTURES = 2**29
 # The part of the time that is kept for a second search, where a footprint is given.
