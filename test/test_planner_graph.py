@@ -158,8 +158,9 @@ def world(slow_graph):
 
 def forget(world):
     """Drop the waypoints and the path of an earlier test."""
-    world.planner._server._cache.clear()
-    world.planner._server.monitor.forget()
+    server = world.planner._server
+    server._client.cache.clear()
+    server.monitor.tasks.put(server.monitor.forget)
 
 
 def yaws(path):

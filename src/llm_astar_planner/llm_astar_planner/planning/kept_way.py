@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.planning.endpoints import Endpoints
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.segment import length_text
 from llm_astar_planner.planning.types import (
+    Endpoints,
     Plan,
     PlanRequest,
     ResultCode,

@@ -15,7 +15,6 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.caches import Recent
-from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
@@ -27,8 +26,6 @@ from llm_astar_planner.waypoints.source import (
     Waypoint,
     WaypointQuery,
     WaypointReply,
-    WaypointSource,
-    helps_on,
 )
 
 # How many cells a robot may be off an earlier path and still count as following it.
@@ -91,33 +88,32 @@ class CachedWaypoints:
         )
 
 
-class CachedWaypointSource:
-    """Answers with the last good waypoints of the goal while they hold, else asks `inner`.
+class WaypointCache:
+    """The last good waypoints of goals from one source, while they hold. Thread-safe.
 
     They hold if all were accepted, all are still free and reachable on the current map, and the
     start lies along the path they led to; those that the robot has passed are left out. The very
-    same query on the very same map is left to `inner`. Thread-safe.
+    same query on the very same map is left to the source.
     """
 
-    def __init__(self, inner: WaypointSource) -> None:
-        """Start with an empty cache."""
-        self.name = inner.name
-        self._inner = inner
+    def __init__(self, source: str) -> None:
+        """Start empty; `source` is the name of the source."""
+        self._source = source
         self._lock = threading.Lock()
         self._cached: Recent[Cell, CachedWaypoints] = Recent(CACHED_GOALS)
         self._cleared = -math.inf
 
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the cached waypoints at once if they hold, else what `inner` answers."""
+    def find(self, query: WaypointQuery) -> WaypointReply | None:
+        """Return the reply with the waypoints that hold, None where the source is to be asked."""
         with self._lock:
             cached = self._cached.get(query.goal)
         waypoints = None if cached is None else cached.ahead_of(query.start)
         if cached is None or waypoints is None:
-            return self._inner.waypoints(query)
+            return None
         is_same_map = cached.digest == query.grid_map.digest
         is_same_query = is_same_map and waypoints == cached.reply.waypoints
         if is_same_query or not cached.can_reach(waypoints, query):
-            return self._inner.waypoints(query)
+            return None
         return replace(
             cached.reply,
             waypoints=waypoints,
@@ -127,12 +123,8 @@ class CachedWaypointSource:
             seconds=0.0,
         )
 
-    def helps_on(self, costmap: Costmap) -> bool:
-        """Tell whether `inner` is worth asking on a costmap."""
-        return helps_on(self._inner, costmap)
-
     def clear(self) -> None:
-        """Drop everything: `inner` may answer differently from now on."""
+        """Drop everything: the source may answer differently from now on."""
         with self._lock:
             self._cleared = time.monotonic()
             self._cached.clear()
@@ -143,7 +135,7 @@ class CachedWaypointSource:
         Results that started (monotonic seconds) before the cache was cleared are discarded.
         """
         good = plan.code is ResultCode.NONE and plan.source_status is SourceStatus.OK
-        if plan.source != self.name:
+        if plan.source != self._source:
             return  # the request's own via points
         accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
         if not (good and plan.checked_waypoints and accepted):

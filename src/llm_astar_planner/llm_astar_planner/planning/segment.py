@@ -43,7 +43,13 @@ from llm_astar_planner.search.methods import (
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.waypoints.async_query import QueryTask, name_of, query_source, start_query
+from llm_astar_planner.waypoints.async_query import (
+    QueryTask,
+    helps_on,
+    name_of,
+    query_source,
+    start_query,
+)
 from llm_astar_planner.waypoints.source import (
     SAVES_NOTHING,
     SourceStatus,
@@ -51,7 +57,6 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
     WaypointSource,
-    helps_on,
 )
 
 if TYPE_CHECKING:
@@ -109,7 +114,8 @@ class SegmentPlanner:
         self.changes: list[int] = []
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
-        # Of the checked ones those that the search uses.
+        # How many of them a path can be at, and those that the search uses.
+        self.accepted = 0
         self.guiding_waypoints: Sequence[CheckedWaypoint] = ()
         self.is_asked = self.by_heading = False
         self.seconds_source = 0.0
@@ -271,6 +277,7 @@ class SegmentPlanner:
         checked = check_waypoints(reply.waypoints, occupied, costmap.components, start, edge)
         usable = KEPT_BY_PAPER if is_published else GUIDING
         self.guiding_waypoints = [point for point in checked if point.status in usable]
+        self.accepted = sum(point.status in GUIDING for point in checked)
         self.checked_waypoints = checked
         return target_list(checked, start, goal)[1:] if is_published else guiding_points(checked)
 
@@ -334,7 +341,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
         least = 'cheapest' if is_priced else 'shortest'
         message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
     if first.checked_waypoints:
-        accepted = sum(point.status in GUIDING for point in first.checked_waypoints)
+        accepted = first.accepted
         message += f', {accepted} of {len(first.checked_waypoints)} waypoints accepted'
         # The search beside them was done before it came to them.
         message += ', none needed' if accepted and not first.guiding_waypoints else ''

@@ -171,19 +171,17 @@ class QueuedService(Waitable):
             self._waiting += count
         with contextlib.suppress(RuntimeError):  # of a pool that was closed meanwhile
             for one in taken[:count]:
-                self._pool.submit(self._serve, *one, now)
+                self._pool.submit(self._respond, [one], now)
         if refused := taken[count:]:
             busy = f'busy: {MOST_WAITING} requests are waiting; {len(refused)} more were refused'
             self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
             self._respond(refused, now, busy)
 
-    def _serve(self, request: Any, header: Any, arrived: float) -> None:  # noqa: ANN401
-        with self._lock:
-            self._waiting -= 1
-        self._respond([(request, header)], arrived, '')
-
-    def _respond(self, requests: list[tuple[Any, Any]], arrived: float, busy: str) -> None:
+    def _respond(self, requests: list[tuple[Any, Any]], arrived: float, busy: str = '') -> None:
         """Answer the first request, and all with its response."""
+        if not busy:
+            with self._lock:
+                self._waiting -= 1
         try:
             response = self._answer(requests[0][0], self._kind.Response(), arrived, busy)
             for _, header in requests:

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,12 +22,12 @@ from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from rclpy.node import Node
 
-from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
-from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
+from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait, Waited
 from llm_astar_planner.nodes.planner.goals import (
+    ACTION_NAMES,
     GOAL_POSE,
     CancellationToken,
     PlanGoal,
@@ -34,6 +36,7 @@ from llm_astar_planner.nodes.planner.goals import (
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
@@ -58,8 +61,6 @@ LONGEST_END = 2.0
 # How a caller names this planner in `planner_id`; GridBased is what Nav2's behaviour trees say.
 OWN_IDS = ('', 'LLMAStar', 'GridBased')
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
-# Times of the clock at which plans began that are remembered.
-KEPT_TIMES = 1024
 
 
 class RequestError(PlanningFailure):
@@ -76,18 +77,15 @@ class Job:
     begin: float
     limit: float
 
-    def goes_on(self) -> bool:
-        """Return True. Raises RequestError if the goal was cancelled."""
+    def goes_on(self, limit: float = math.inf) -> bool:
+        """Return True. Raises RequestError if it was cancelled, or `limit` seconds have passed."""
         if self.token.reason:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
-        return True
-
-    def begins(self, limit: float) -> None:
-        """Raise RequestError if its turn came after `limit` seconds, or it was cancelled."""
         seconds = time.monotonic() - self.begin
-        if self.goes_on() and seconds > limit:
+        if seconds > limit:
             message = f'its turn came after {seconds:.1f} s, and it has {limit:g} s'
             raise RequestError(ResultCode.TIMEOUT, message)
+        return True
 
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
@@ -155,7 +153,7 @@ class RequestConverter:
             for name, pose in zip(names, [goal.start, *goal.goals, *goal.viapoints]):
                 if pose is None:
                     place = self.robot_pose(goal, grid_map.frame_id, may_wait)
-                elif goal.is_of_action and not pose.header.frame_id:
+                elif not pose.header.frame_id and goal.client in ACTION_NAMES:
                     # As in planner_server. Elsewhere no frame means that of the map.
                     raise FrameError(f'the {name} has no frame_id')
                 elif pose.header.frame_id in ('', grid_map.frame_id):
@@ -233,6 +231,7 @@ class RequestHandler:
         compiler: KernelCompiler,
         publisher: PlanPublisher,
         instructions: InstructionServer,
+        monitor: PathMonitor,
     ) -> None:
         """Take the parts it works with."""
         self.is_active = False
@@ -241,8 +240,8 @@ class RequestHandler:
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         self._ways = Ways()
-        # How many plans began at each of the last times of the clock.
-        self._plans_at: Recent[int, int] = Recent(KEPT_TIMES)
+        # The latest time of the clock at which a plan began, and how many began no later.
+        self._latest = self._repeats = 0
         self._node = node
         self._settings = settings
         self._maps = maps
@@ -251,6 +250,7 @@ class RequestHandler:
         self._converter = converter
         self._publisher = publisher
         self._instructions = instructions
+        self._monitor = monitor
         self._last: PlanResponse | None = None
 
     def activate(self) -> None:
@@ -288,7 +288,9 @@ class RequestHandler:
             self._running.add(token)
         try:
             try:
-                if self.is_active and not self._compiler.is_ready:
+                if not self.is_active:
+                    raise RequestError(ResultCode.UNKNOWN, INACTIVE)
+                if not self._compiler.is_ready:
                     self._compiler.wait(job.goes_on)
                     self._ready_since = time.monotonic()
                     job = replace(job, begin=self._ready_since)
@@ -302,12 +304,14 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
+            else:
+                self._monitor.tasks.put(partial(self._monitor.watch, response))
             self._last = response
             self._publisher.publish_report(
                 response,
                 stamp,
                 is_cancelled=bool(token.reason),
-                is_routine=bool(replan_reason) or goal.is_of_action,
+                is_routine=bool(replan_reason) or goal.client in ACTION_NAMES,
             )
         finally:
             with self._ended:
@@ -324,32 +328,31 @@ class RequestHandler:
         return str(asked.answer(text)['sentence'])
 
     def next_stamp(self) -> Time:
-        """Return the time now, a nanosecond later for each earlier plan at this time.
+        """Return the time now, some nanoseconds later if the clock has not moved on.
 
         Callers tell reports apart by it, and simulated time stands still between its messages and
         comes again when a simulation starts anew.
         """
         now = self._node.get_clock().now().nanoseconds
         with self._ended:
-            earlier = self._plans_at.get(now, 0)
-            self._plans_at[now] = earlier + 1
-        seconds, nanoseconds = divmod(now + earlier, 10**9)
+            if now > self._latest:
+                self._latest = now
+            else:
+                self._repeats += 1
+                now += self._repeats
+        seconds, nanoseconds = divmod(now, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
     def plan(
         self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
     ) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
-        if not self.is_active:
-            raise RequestError(ResultCode.UNKNOWN, INACTIVE)
-        job.begins(max(job.limit, self._settings.current['first_path_time_limit']))
+        job.goes_on(max(job.limit, self._settings.current['first_path_time_limit']))
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
-            self.check_age()
             # A replan follows a new map, and is no retry.
-            is_retry = not replan_reason and self._waits.is_retry(job.goal)
-            waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+            waited = self.wait_for_map(job, may_be_retry=not replan_reason)
             job = replace(job, begin=job.begin + waited.extra)
         newest = maps.newest
         if newest is None:
@@ -362,29 +365,35 @@ class RequestHandler:
             job.may_wait,
             want_expanded=self._publisher.wants_expanded,
         )
-        keeps_heading = self._settings.current['use_final_approach_orientation']
         writer = PathWriter(
-            planner, job.stamp, start, goals[-1], keeps_heading=keeps_heading, request=request
+            planner,
+            job.stamp,
+            start,
+            goals[-1],
+            keeps_heading=self._settings.current['use_final_approach_orientation'],
+            request=request,
         )
+        way: Hashable = None
+        if request.switch_margin:
+            way = way_key(job.goal, goals[-1], planner.grid_map)
+            request = self._ways.add_to(request, way)
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
-        way = way_key(job.goal, goals[-1], planner.grid_map)
-        request = self._ways.add_to(request, way)
         began = time.monotonic()
-        plans = planner.plans(request, job.token.stop)
+        # Who calls gets one path, and RViz shows that one; so where a way may be kept.
+        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
+        anytime = shows_better or on_better is not None
+        plans = planner.plans(request, job.token.stop, anytime=anytime)
         # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
         deadline = job.begin + job.limit
-        # Who calls gets one path, and RViz shows that one; so where a way may be kept.
-        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
         for plan in plans:
-            if plan.is_final or job.token.reason:
-                continue
-            if shows_better:
+            is_better = not (plan.is_final or job.token.reason)
+            if is_better and shows_better:
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
                 self._publisher.publish_path(path, is_replan=bool(replan_reason))
-            if on_better is not None:
+            if is_better and on_better is not None:
                 on_better()
         job.goes_on()
         # A first path that came late is written whole all the same.
@@ -395,9 +404,10 @@ class RequestHandler:
         is_made = plan.code is ResultCode.NONE
         if is_made:
             self._publisher.publish_path(path, is_replan=bool(replan_reason))
+        if is_made and request.switch_margin:
             self._ways.remember(plan, request, way, planner.costmap)
-            if request.instruction is not None:
-                self._instructions.follow(path)
+        if is_made and request.instruction is not None:
+            self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
@@ -406,12 +416,14 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def check_age(self) -> None:
-        """Raise RequestError where the costmap has been silent for longer than it may be."""
+    def wait_for_map(self, job: Job, *, may_be_retry: bool) -> Waited:
+        """Wait for the map to plan on; raise RequestError where none has come for too long."""
         limit = self._settings.current['costmap_timeout']
         if limit > 0.0 and (problems := self._maps.arrivals.warnings(limit)):
             message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
             raise RequestError(ResultCode.TIMEOUT, message)
+        is_retry = may_be_retry and self._waits.is_retry(job.goal)
+        return self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
