@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, cover
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
@@ -153,6 +152,12 @@ class Costmap:
     @cached_property
     def is_barrier_map(self) -> bool:
         """Whether a few dozen straight barriers block all that is blocked, as in the paper."""
+        # Readers of files, which no search takes.
+        from llm_astar_msgs_adapter.maps.barrier_decomposition import (  # noqa: PLC0415
+            MAX_SIDE,
+            cover,
+        )
+
         if max(self.blocked.shape) > MAX_SIDE:
             return False
         barriers, are_all = cover(self.blocked, MAX_BARRIERS, only_all=True)

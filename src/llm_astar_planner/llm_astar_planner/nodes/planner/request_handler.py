@@ -61,6 +61,8 @@ LONGEST_END = 2.0
 # How a caller names this planner in `planner_id`; GridBased is what Nav2's behaviour trees say.
 OWN_IDS = ('', 'LLMAStar', 'GridBased')
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
+# Times of the clock at which plans began that are remembered.
+KEPT_TIMES = 1024
 
 
 class RequestError(PlanningFailure):
@@ -240,8 +242,8 @@ class RequestHandler:
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         self._ways = Ways()
-        # The latest time of the clock at which a plan began, and how many began no later.
-        self._latest = self._repeats = 0
+        # How many plans began at each of the last times of the clock.
+        self._plans_at: dict[int, int] = {}
         self._node = node
         self._settings = settings
         self._maps = maps
@@ -328,19 +330,18 @@ class RequestHandler:
         return str(asked.answer(text)['sentence'])
 
     def next_stamp(self) -> Time:
-        """Return the time now, some nanoseconds later if the clock has not moved on.
+        """Return the time now, a nanosecond later for each earlier plan at this time.
 
         Callers tell reports apart by it, and simulated time stands still between its messages and
         comes again when a simulation starts anew.
         """
         now = self._node.get_clock().now().nanoseconds
         with self._ended:
-            if now > self._latest:
-                self._latest = now
-            else:
-                self._repeats += 1
-                now += self._repeats
-        seconds, nanoseconds = divmod(now, 10**9)
+            earlier = self._plans_at.get(now, 0)
+            self._plans_at[now] = earlier + 1
+            if len(self._plans_at) > KEPT_TIMES:
+                del self._plans_at[next(iter(self._plans_at))]
+        seconds, nanoseconds = divmod(now + earlier, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
     def plan(
