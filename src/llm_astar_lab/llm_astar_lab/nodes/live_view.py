@@ -19,7 +19,7 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
-from llm_astar_planner.nodes.tools.monitor import EventKind, Monitor, MonitorEvent
+from llm_astar_planner.nodes.tools.planner_client import EventKind, Monitor, MonitorEvent
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.node import Node

@@ -25,8 +25,7 @@ from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning import parameters
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import PLANNER, SOURCE
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE, read_parameter_files
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file, state_file

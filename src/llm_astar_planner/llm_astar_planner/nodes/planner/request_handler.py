@@ -25,7 +25,6 @@ from rclpy.node import Node
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
-from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait, Waited
 from llm_astar_planner.nodes.planner.goals import (
     ACTION_NAMES,
     GOAL_POSE,
@@ -35,7 +34,7 @@ from llm_astar_planner.nodes.planner.goals import (
     refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
-from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.map_manager import NOT_WAITED, CostmapWait, MapManager, Waited
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint

@@ -25,12 +25,11 @@ from rclpy.qos import qos_profile_parameter_events
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.asking import ask, setting
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import Entities, ask, setting
 from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
+from llm_astar_planner.planning.kept_way import WaypointCache
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
-from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.segment import snap
 from llm_astar_planner.waypoints.auto import helps_on
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply

@@ -1,19 +1,22 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calls a running planner_node: for a plan, for its state, for what a text means to it."""
+"""Calls a running planner_node, and collects what it and its client publish about themselves."""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import queue
 import re
 import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from enum import Enum
+from functools import partial
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,7 +24,13 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
-from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
+from llm_astar_msgs_adapter.messages.report import (
+    ExchangeReport,
+    PlanReport,
+    Report,
+    ReportError,
+    report_from_message,
+)
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
@@ -46,8 +55,7 @@ from llm_astar_planner.instructions.messages import (
     parse_object,
 )
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask, setting
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import ASK_AGAIN_S, Entities, ask, setting
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
@@ -62,6 +70,8 @@ POLL_SECONDS = 0.01
 POINT = re.compile(r'\s*-?[\d.]+\s*,\s*-?[\d.]+\s*')
 # Reports on plans of other clients arrive too, and nobody fetches them.
 KEPT_REPORTS = REPORTS_OF_CALLS.depth
+# Events kept for a reader that is busy; more are dropped, as on the topics themselves.
+MAX_WAITING = 1000
 
 
 class PlannerClientError(LlmAstarError, RuntimeError):
@@ -373,3 +383,108 @@ class PlannerState:
             return interpretation_from_json(answer)
         except LlmAstarError as error:
             return not_understood(text, str(error))
+
+
+class EventKind(str, Enum):
+    """What an event is about."""
+
+    PLAN = 'plan'
+    EXCHANGE = 'exchange'  # of the waypoint client with its source
+    HEALTH = 'health'  # a node's state, when it changed
+
+
+class MonitorEvent(NamedTuple):
+    """One event: when (nanoseconds of the node's clock), of which node, and its fields.
+
+    The fields of a plan are those of PlanReport, of an exchange those of ExchangeReport; a state
+    has `message` and the values of its diagnostic status.
+    """
+
+    kind: EventKind
+    stamp: int
+    node: str
+    values: dict[str, Any]
+
+
+class Monitor:
+    """Collects the reports, exchanges and state changes of one planner and one client.
+
+    Since the topics are latched, the last ten of each from before it subscribed come first.
+    """
+
+    def __init__(self, node: Node, planner: str, client: str) -> None:
+        """Subscribe on `node`, which the caller spins, to nodes named relative to it."""
+        self._node = node
+        self._waiting: queue.Queue[MonitorEvent] = queue.Queue(MAX_WAITING)
+        # As the nodes name themselves in /diagnostics: with their namespace, without the slash.
+        self.planner, self._client = (
+            node.resolve_service_name(name)[1:] for name in (planner, client)
+        )
+        self._states: dict[str, object] = {}
+        self._heard = False
+        on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
+        on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
+        for topic, on_message, qos in (
+            (f'{planner}/report', on_report, REPORTS),
+            (f'{client}/exchange', on_exchange, REPORTS),
+            ('/diagnostics', self._on_diagnostics, RELIABLE),
+        ):
+            node.create_subscription(DiagnosticArray, topic, on_message, qos)
+        self._report_topic = node.resolve_topic_name(f'{planner}/report')
+
+    @property
+    def has_heard_planner(self) -> bool:
+        """Whether any message of the planner has arrived."""
+        return self._heard
+
+    @property
+    def planner_exists(self) -> bool:
+        """Whether anybody publishes the planner's reports."""
+        return bool(self._node.count_publishers(self._report_topic))
+
+    def next_event(self, seconds: float) -> MonitorEvent | None:
+        """Return the next event, or None where none comes within `seconds`."""
+        try:
+            return self._waiting.get(timeout=seconds)
+        except queue.Empty:
+            return None
+
+    def _on_report(
+        self, kind: EventKind, report: type[Report], node: str, message: DiagnosticArray
+    ) -> None:
+        self._heard = self._heard or node == self.planner
+        try:
+            values = asdict(report_from_message(message, report))
+        except ReportError as error:
+            self._node.get_logger().warning(f'{node}: {error}; is it of another version?')
+            return
+        self._add(kind, stamp_of(message), node, values)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Add a node's state where it differs from the last one."""
+        for status in message.status:
+            values = status_values(status)
+            if status.name == f'{self.planner}: planner':
+                self._heard = True
+                node, state = self.planner, status.message
+            elif status.name == f'{self._client}: waypoints':
+                node, state = self._client, f'waypoints by {values.get("source")}'
+            else:
+                continue
+            if self._states.get(node) != state:
+                self._states[node] = state
+                state_values = {'message': state, **values}
+                self._add(EventKind.HEALTH, stamp_of(message), node, state_values)
+
+    def _add(self, kind: EventKind, stamp: int, node: str, values: dict[str, Any]) -> None:
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait(MonitorEvent(kind, stamp, node, values))
+
+
+@contextlib.contextmanager
+def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
+    """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
+    with joined('llm_astar_watch', check_names(namespace, planner, client)) as node:
+        monitor = Monitor(node, planner, client)
+        with contextlib.closing(SpinThread(node)):
+            yield monitor
