@@ -150,9 +150,7 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
 
 
 def parameter_values(
-    arguments: argparse.Namespace,
-    items: Iterable[Parameter],
-    file: Mapping[str, Scalar] | None,
+    arguments: argparse.Namespace, items: Iterable[Parameter], file: Mapping[str, Scalar] | None
 ) -> dict[str, Any]:
     """Return every parameter's value: of its flag, else of a file, else its default.
 
@@ -221,10 +219,7 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
 
 
 def waypoint_source(
-    arguments: argparse.Namespace,
-    options: PlanningOptions,
-    maps: list[ProblemMap],
-    offset: Point,
+    arguments: argparse.Namespace, options: PlanningOptions, maps: list[ProblemMap], offset: Point
 ) -> WaypointSource | None:
     """Return the source of waypoints, or None. Raises what making one raises."""
     if arguments.reply is not None:

@@ -23,12 +23,7 @@ from llm_astar_planner.planning._kernels import footprint as kernels
 from llm_astar_planner.planning.endpoints import window_around
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.segment import SegmentPlanner
-from llm_astar_planner.planning.types import (
-    Endpoints,
-    PlanningFailure,
-    PlanRequest,
-    ResultCode,
-)
+from llm_astar_planner.planning.types import Endpoints, PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.headings import (
     EVERY_HEADING,
     HEADINGS,

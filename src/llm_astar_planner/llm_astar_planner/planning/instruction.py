@@ -28,11 +28,7 @@ from llm_astar_planner.instructions.enforcement import (
 )
 from llm_astar_planner.instructions.ground import Ground
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
-from llm_astar_planner.instructions.outcome import (
-    ClauseOutcome,
-    ClauseStatus,
-    InstructionOutcome,
-)
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification import verify

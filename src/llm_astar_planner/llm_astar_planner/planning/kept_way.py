@@ -43,12 +43,7 @@ from llm_astar_planner.planning.types import (
 from llm_astar_planner.search.grid_graph import path_cost, path_length
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
-from llm_astar_planner.waypoints.source import (
-    SourceStatus,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-)
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction

@@ -30,12 +30,7 @@ from llm_astar_planner.instructions.text import (
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.footprint import Footprint, footprint_problem
 from llm_astar_planner.plugins import PluginError
-from llm_astar_planner.search.methods import (
-    GUIDED,
-    HEURISTIC_NAMES,
-    METHODS,
-    SEARCH_METHODS,
-)
+from llm_astar_planner.search.methods import GUIDED, HEURISTIC_NAMES, METHODS, SEARCH_METHODS
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
 
@@ -192,9 +187,7 @@ BODY = (
 WAYPOINTS = (
     Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
     StartParameter(
-        'llm_client',
-        'llm_client_node',
-        'Node that provides waypoints; empty: plan without one',
+        'llm_client', 'llm_client_node', 'Node that provides waypoints; empty: plan without one'
     ),
     Parameter(
         'source_timeout',
@@ -219,9 +212,7 @@ WAYPOINTS = (
         choices=POLICIES,
     ),
     Parameter(
-        'places_file',
-        '',
-        'GeoJSON file with the named places of the map, in metres of its frame',
+        'places_file', '', 'GeoJSON file with the named places of the map, in metres of its frame'
     ),
 )
 NODE = (

@@ -60,12 +60,7 @@ from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
-from llm_astar_planner.search.result import (
-    BoundedResult,
-    SearchResult,
-    SearchStatus,
-    empty_path,
-)
+from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.async_query import name_of
 
@@ -206,10 +201,7 @@ class PathPlanner:
             if request.footprint is not None:
                 search_deadline -= FIT_SHARE * request.time_limit
                 # Kernels and shapely, which plans without a footprint do not take.
-                from llm_astar_planner.planning.footprint_search import (  # noqa: PLC0415
-                    collides,
-                    fit_footprint,
-                )
+                from llm_astar_planner.planning.footprint_search import collides, fit_footprint  # noqa: PLC0415
             # 2. Search the segments between the via points, with the source's waypoints.
             for segment in self.segments(request, endpoints, search_deadline, stop):
                 segments.append(segment)
@@ -242,11 +234,7 @@ class PathPlanner:
         yield plan
 
     def segments(
-        self,
-        request: PlanRequest,
-        endpoints: Endpoints,
-        deadline: float,
-        stop: StopFlag,
+        self, request: PlanRequest, endpoints: Endpoints, deadline: float, stop: StopFlag
     ) -> Iterator[SegmentPlanner]:
         """Yield a planner for each segment between start, via points and goal, in order.
 
@@ -399,10 +387,7 @@ class PathPlanner:
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
         # Kernels that only these plans take.
-        from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
-            AnyAnglePath,
-            string_pull,
-        )
+        from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull  # noqa: PLC0415
 
         try:
             parts = [string_pull(graph, part, deadline=deadline) for graph, part in stretches]

@@ -35,11 +35,7 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
-from llm_astar_planner.search.methods import (
-    SEARCH_METHODS,
-    PluginMethod,
-    uses_waypoints,
-)
+from llm_astar_planner.search.methods import SEARCH_METHODS, PluginMethod, uses_waypoints
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.tiles import Tiles

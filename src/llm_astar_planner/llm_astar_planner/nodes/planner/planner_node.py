@@ -133,9 +133,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
             self._goals = Entities(self)
             introspection = self._settings['introspection_mode']
             serve_goals(self._goals, self, introspection)
-        from llm_astar_planner.nodes.planner.planner_server import (  # noqa: PLC0415
-            PlannerServer,
-        )
+        from llm_astar_planner.nodes.planner.planner_server import PlannerServer  # noqa: PLC0415
 
         with self._lock:
             if self._is_leaving:

@@ -68,10 +68,7 @@ class PlannerServer:
         compiler = self.make_compiler()
         frames = listen(entities)
         self._maps = MapManager(
-            node.get_logger(),
-            lambda: costmap_config(settings.values()),
-            self.on_planner,
-            compiler,
+            node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner, compiler
         )
         side = side_node(node, 'maps')
         entities.on_close(side.destroy_node)

@@ -302,12 +302,7 @@ class PlanPublisher:
             self._plan.publish(path)
 
     def publish_report(
-        self,
-        response: PlanResponse,
-        stamp: Time,
-        *,
-        is_cancelled: bool,
-        is_routine: bool = False,
+        self, response: PlanResponse, stamp: Time, *, is_cancelled: bool, is_routine: bool = False
     ) -> None:
         """Count, publish and log the plan of a response.
 
