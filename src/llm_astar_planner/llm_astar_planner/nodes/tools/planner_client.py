@@ -230,7 +230,12 @@ class CalledPlan:
 
 
 class PlannerCaller(PlannerClient):
-    """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError."""
+    """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError.
+
+    It is an Interpreter too: what the graph understands of a text.
+    """
+
+    name = 'graph'
 
     def __init__(self, node: Node, planner: str, seconds: float) -> None:
         """Call the node `planner` from a node that nobody else spins."""
@@ -239,6 +244,8 @@ class PlannerCaller(PlannerClient):
         self.seconds = seconds
         self._answers: dict[str, list[dict[str, Any]]] = {}
         self._places: dict[str, Any] = {}
+        self._maps: list[GridMap] = []
+        self._listens_to_maps = False
         self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
         self._confirm = node.create_publisher(Bool, f'{planner}/confirm', RELIABLE)
         self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
@@ -326,6 +333,31 @@ class PlannerCaller(PlannerClient):
         self.wait_for(have_come, what, self.seconds)
         return places_from_geojson(self._places, what)
 
+    def grid_map(self) -> GridMap:
+        """Return the newest map, to which it listens from the first call on."""
+        if not self._listens_to_maps:
+            self._listens_to_maps = True
+            MapSubscription(Entities(self.node), self._on_map)
+        self.wait_for(lambda: bool(self._maps), 'a map', self.seconds)
+        return self._maps[-1]
+
+    def _on_map(self, grid_map: GridMap, _: float) -> None:
+        """Keep the newest map."""
+        with self._arrived:
+            self._maps = [grid_map]
+            self._arrived.notify_all()
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what the graph understands of a text; its own places and limits hold."""
+        del places, time_limit
+        try:
+            *_, answer = self.interpretations(text)
+            if answer.get('error'):
+                return not_understood(text, str(answer['error']))
+            return interpretation_from_json(answer)
+        except LlmAstarError as error:
+            return not_understood(text, str(error))
+
     def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
         """Ask for a plan."""
         path, report, seconds = self.call(start, goal, frame_id, self.seconds)
@@ -340,49 +372,6 @@ def calling(namespace: str, planner: str, seconds: float) -> Iterator[PlannerCal
         with caller:
             caller.wait_until_ready(seconds=seconds)
             yield caller
-
-
-class PlannerState:
-    """The state of one planner, read when asked for; it changes nothing in the graph.
-
-    It is an Interpreter too: what the graph understands of a text.
-    """
-
-    name = 'graph'
-
-    def __init__(self, caller: PlannerCaller) -> None:
-        """Take a caller of the planner."""
-        self._caller = caller
-        self._maps: list[GridMap] = []
-        MapSubscription(Entities(caller.node), self._on_map)
-
-    def _on_map(self, grid_map: GridMap, _: float) -> None:
-        """Keep the newest map."""
-        self._maps = [grid_map]
-
-    def grid_map(self) -> GridMap:
-        """Return the newest map. Raises PlannerClientError."""
-        self._caller.wait_for(lambda: bool(self._maps), 'a map', self._caller.seconds)
-        return self._maps[-1]
-
-    def places(self) -> Places:
-        """Return the planner's places. Raises PlannerClientError."""
-        return self._caller.places()
-
-    def values(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return the planner's parameters of these names. Raises PlannerClientError."""
-        return self._caller.values(names)
-
-    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
-        """Return what the graph understands of a text; its own places and limits hold."""
-        del places, time_limit
-        try:
-            *_, answer = self._caller.interpretations(text)
-            if answer.get('error'):
-                return not_understood(text, str(answer['error']))
-            return interpretation_from_json(answer)
-        except LlmAstarError as error:
-            return not_understood(text, str(error))
 
 
 class EventKind(str, Enum):
