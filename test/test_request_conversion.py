@@ -117,10 +117,10 @@ def answered(buffer, max_planning_time=LONG, token=None):
     node.get_clock().now().nanoseconds = 10**9 * STAMP.sec + STAMP.nanosec
     newest = PlanningMap(Planner(MAP), 0.0)
     handler = RequestHandler(
-        node,
-        settings,
-        SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
-        RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
+        node=node,
+        settings=settings,
+        maps=SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
+        converter=RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
         compiler=SimpleNamespace(is_ready=True),
         publisher=Mock(wants_expanded=False),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),

@@ -15,7 +15,7 @@ import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TYPE_CHECKING
 
@@ -77,45 +77,39 @@ NO_FAILURE = frozenset({
 NOT_SEARCHED = SearchResult(SearchStatus.STOPPED, 0, 0, np.zeros((0, 0), dtype=np.bool_))
 
 
+@dataclass(eq=False)
 class SegmentPlanner:
     """Plans from the start of a request to its goal, both free and connected.
 
-    `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
-    `reply`, `checked_waypoints`, `guiding_waypoints` and the seconds of both;
-    `search_product` instead `result`, `product`, `changes` and `seconds_search`.
-    `is_asked` says that the source was asked, `by_heading` that another search replaced its path.
+    Until `deadline` (monotonic seconds), or until `stop[0]` is raised; `via` of the request is
+    ignored. `search` fills in `result` (NOT_SEARCHED before its end), `reply`,
+    `checked_waypoints`, of which a path can be at `accepted` many and the search uses the
+    `guiding_waypoints`, and the seconds of both; `search_product` instead `result`, `product`,
+    `changes` and `seconds_search`. `is_asked` says that the source was asked, `by_heading` that
+    another search replaced its path.
     """
 
-    def __init__(
-        self,
-        costmap: Costmap,
-        request: PlanRequest,
-        deadline: float,
-        stop: NDArray[np.uint8],
-        landmarks: Landmarks | None = None,
-    ) -> None:
-        """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
+    costmap: Costmap
+    request: PlanRequest
+    deadline: float
+    stop: NDArray[np.uint8]
+    landmarks: Landmarks | None = None
+    result: SearchResult = NOT_SEARCHED
+    product: ProductProblem | None = None
+    changes: Sequence[int] = ()
+    reply: WaypointReply = NOT_ASKED
+    checked_waypoints: tuple[CheckedWaypoint, ...] = ()
+    guiding_waypoints: Sequence[CheckedWaypoint] = ()
+    accepted: int = 0
+    is_asked: bool = False
+    by_heading: bool = False
+    seconds_source: float = 0.0
+    seconds_search: float = 0.0
 
-        Raises PluginError where the method's plug-in cannot be loaded.
-        """
-        self.costmap = costmap
-        self.request = request
-        method = SEARCH_METHODS.loaded.get(request.method)
-        self.method: SearchMethod = method or SEARCH_METHODS.load(request.method)
-        self.deadline = deadline
-        self.stop = stop
-        self.landmarks = landmarks
-        self.result = NOT_SEARCHED
-        self.product: ProductProblem | None = None
-        self.changes: list[int] = []
-        self.reply: WaypointReply = NOT_ASKED
-        self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
-        # How many of them a path can be at, and those that the search uses.
-        self.accepted = 0
-        self.guiding_waypoints: Sequence[CheckedWaypoint] = ()
-        self.is_asked = self.by_heading = False
-        self.seconds_source = 0.0
-        self.seconds_search = 0.0
+    def __post_init__(self) -> None:
+        """Find the method. Raises PluginError where its plug-in cannot be loaded."""
+        method = SEARCH_METHODS.loaded.get(self.request.method)
+        self.method: SearchMethod = method or SEARCH_METHODS.load(self.request.method)
 
     def search(self) -> Iterator[SearchResult]:
         """Query and search; yield each better path of a method that finds several, not validated.

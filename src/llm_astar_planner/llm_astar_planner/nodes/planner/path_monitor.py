@@ -8,10 +8,10 @@ from __future__ import annotations
 import threading
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from queue import SimpleQueue
 
-from rclpy.node import Node
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.planner.goals import (
@@ -31,35 +31,27 @@ QUIET_SECONDS = 10.0
 NO_PATH = 'no path yet'
 
 
+@dataclass(eq=False)
 class PathMonitor:
     """Keeps the last published path valid on the newest map, on a thread of its own.
 
     Its `tasks` are done one after the other; a check that comes faster than that replaces the one
-    that waits. The methods but `start`, `check`, `check_again` and `close` are for that thread.
+    that waits. The methods but `start`, `check`, `check_again` and `close` are for that thread. A
+    replan runs in the slot `replans`; `cache` is given the waypoints of the paths watched, which
+    are held against `footprint`.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        settings: Parameters,
-        maps: MapManager,
-        *,
-        replans: PreemptingGoalSlot,
-        cache: WaypointCache | None,
-        footprint: RobotFootprint,
-    ) -> None:
-        """Take the parts it works with; a replan runs in the slot `replans`.
+    logger: RcutilsLogger
+    settings: Parameters
+    maps: MapManager
+    replans: PreemptingGoalSlot
+    cache: WaypointCache | None
+    footprint: RobotFootprint
+    state: str = NO_PATH
 
-        `cache` is given the waypoints of the paths watched, which are held against `footprint`.
-        """
-        self.state = NO_PATH
+    def __post_init__(self) -> None:
+        """Watch nothing yet."""
         self.tasks: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._logger = node.get_logger()
-        self._settings = settings
-        self._maps = maps
-        self._replans = replans
-        self._cache = cache
-        self._footprint = footprint
         self._watched: PlanResponse | None = None
         self._to_check: tuple[Planner, CancellationToken | None, str] | None = None
         self._is_replanning = False
@@ -72,7 +64,7 @@ class PathMonitor:
 
     def close(self) -> None:
         """Stop."""
-        self._replans.cancel('the node ends')
+        self.replans.cancel('the node ends')
         self.tasks.put(None)
         self._thread.join()
 
@@ -82,7 +74,7 @@ class PathMonitor:
             try:
                 task()
             except Exception:  # noqa: BLE001 - a failure must not end the thread unnoticed
-                self._logger.error(traceback.format_exc())
+                self.logger.error(traceback.format_exc())
             # A thread that waits must not keep a map alive.
             del task
 
@@ -94,7 +86,7 @@ class PathMonitor:
         self._watched = response
         self.state = f'planned on map {planner.grid_map.digest}: {response.plan.message}'
         self.remember(response)
-        newest = self._maps.newest
+        newest = self.maps.newest
         if newest is not None and newest.planner is not planner:
             self.check(newest.planner)  # the map changed while the path was planned
 
@@ -111,13 +103,13 @@ class PathMonitor:
         """
         token = None
         if change or not self._is_replanning:
-            token = self._replans.begin(change or 'the map has changed again')
+            token = self.replans.begin(change or 'the map has changed again')
         self._to_check = (planner, token, change)
         self.tasks.put(self.check_newest)
 
     def check_again(self, change: str) -> None:
         """Check the path on the newest map, if there is one, since something else has changed."""
-        newest = self._maps.newest
+        newest = self.maps.newest
         if newest is not None:
             self.check(newest.planner, change)
 
@@ -132,19 +124,19 @@ class PathMonitor:
 
         Without a token, which a replan that ran still had, it begins one.
         """
-        token = token or self._replans.begin('')
+        token = token or self.replans.begin('')
         watched = self._watched
         if watched is None or watched.planner is None:
             return
         if not self._taker.is_active or token.reason:
             return
         digest = planner.grid_map.digest
-        footprint = self._footprint.current
+        footprint = self.footprint.current
         problem = reuse_problem(watched.plan, watched.planner.grid_map, planner, footprint)
-        if problem is None and not self._settings['replan_on_map']:
+        if problem is None and not self.settings['replan_on_map']:
             self._watched = replace(watched, planner=planner)
             self.state = f'the path stands on map {digest}'
-            self._logger.info(self.state, throttle_duration_sec=QUIET_SECONDS)
+            self.logger.info(self.state, throttle_duration_sec=QUIET_SECONDS)
             return
         reason = problem or change or 'replan_on_map is set'
         self.state = f'replanned on map {digest}: {reason}'
@@ -163,5 +155,5 @@ class PathMonitor:
     def remember(self, response: PlanResponse) -> None:
         """Cache the waypoints that led to a path."""
         planner, request = response.planner, response.request
-        if self._cache is not None and planner is not None and request is not None:
-            self._cache.remember(response.plan, planner.grid_map, response.started)
+        if self.cache is not None and planner is not None and request is not None:
+            self.cache.remember(response.plan, planner.grid_map, response.started)

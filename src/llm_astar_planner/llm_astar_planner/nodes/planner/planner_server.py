@@ -78,13 +78,13 @@ class PlannerServer:
         self._publisher = PlanPublisher(entities, replans)
         cache = self._client.cache if self._client else None
         self.monitor = PathMonitor(
-            node, settings, self._maps, replans=replans, cache=cache, footprint=self._footprint
+            node.get_logger(), settings, self._maps, replans, cache, self._footprint
         )
         self.handler = RequestHandler(
-            node,
-            settings,
-            self._maps,
-            RequestConverter(settings, frames, self._client, self._footprint),
+            node=node,
+            settings=settings,
+            maps=self._maps,
+            converter=RequestConverter(settings, frames, self._client, self._footprint),
             compiler=compiler,
             publisher=self._publisher,
             instructions=self._instructions,

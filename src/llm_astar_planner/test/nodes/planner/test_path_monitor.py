@@ -53,7 +53,7 @@ def parts():
     errors = []
     logger = SimpleNamespace(info=lambda *_, **__: None, error=errors.append)
     monitor = PathMonitor(
-        SimpleNamespace(get_logger=lambda: logger),
+        logger,
         {'replan_on_map': False},
         maps,
         replans=PreemptingGoalSlot(),
