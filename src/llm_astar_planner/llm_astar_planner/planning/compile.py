@@ -238,9 +238,10 @@ def compile_instruction_kernels(*, any_angle: bool = True) -> None:
 
     near, far, away = ({'point': at, 'radius': 1.0} for at in ([3, 3], [20, 3], [20, 100]))
     band = {'strength': 'should', 'region': {'box': [0.0, 8.0, 128.0, 24.0]}}
+    far_off = {'from': 'walls', 'metres': 3}
     samples: tuple[tuple[int, dict[str, dict[str, Any]]], ...] = (
         (24, {'visit': {'regions': [near, far]}, 'avoid': {'region': {'box': [0, 0, 24, 3]}}}),
-        (24, {'keep_distance': {'metres': 3}, 'avoid': {'region': {'box': [6, 0, 8, 24]}}}),
+        (24, {'keep_distance': far_off, 'avoid': {'region': {'box': [6, 0, 8, 24]}}}),
         (24, {'pass': {'region': {'point': [12.5, 14], 'radius': 1}, 'side': 'north'}}),
         (24, {'stay_in': band, 'before': {'first': near, 'second': far}}),
         # So large that the search looks at its time on the way.
