@@ -13,7 +13,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from enum import Enum
 from functools import partial
 from typing import Any, NamedTuple
@@ -76,6 +76,20 @@ MAX_WAITING = 1000
 
 class PlannerClientError(LlmAstarError, RuntimeError):
     """The graph did not respond; the message says what was missing."""
+
+
+class CalledPlan(NamedTuple):
+    """A planner's answer: its path, its report and the round trip in seconds."""
+
+    path: Path
+    report: PlanReport
+    seconds: float
+
+    @property
+    def points(self) -> list[list[float]]:
+        """The points of the path in metres."""
+        points: list[list[float]] = path_from_message(self.path).tolist()
+        return points
 
 
 class PlannerClient:
@@ -168,8 +182,8 @@ class PlannerClient:
 
     def call(
         self, start: Pose2D, goal: Pose2D, frame_id: str = 'map', seconds: float = 30.0
-    ) -> tuple[Path, PlanReport, float]:
-        """Ask for a plan; return its path, its report and the round trip in seconds.
+    ) -> CalledPlan:
+        """Ask for a plan.
 
         Raises PlannerClientError if no response or no report arrives within `seconds`.
         """
@@ -191,7 +205,7 @@ class PlannerClient:
             return self._reports.get(stamp, (-math.inf,))[0] >= begin
 
         self.wait_for(has_report, 'the report of a plan', seconds)
-        return path, self._reports.pop(stamp)[1], round_trip
+        return CalledPlan(path, self._reports.pop(stamp)[1], round_trip)
 
     def ask(
         self,
@@ -217,16 +231,6 @@ class PlannerClient:
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self._health.update((status.name, status_values(status)) for status in message.status)
-
-
-@dataclass(frozen=True)
-class CalledPlan:
-    """A planner's answer: its path, the points of it in metres, report, round trip in seconds."""
-
-    path: Path
-    points: list[list[float]]
-    report: PlanReport
-    seconds: float
 
 
 class PlannerCaller(PlannerClient):
@@ -357,11 +361,6 @@ class PlannerCaller(PlannerClient):
             return interpretation_from_json(answer)
         except LlmAstarError as error:
             return not_understood(text, str(error))
-
-    def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
-        """Ask for a plan."""
-        path, report, seconds = self.call(start, goal, frame_id, self.seconds)
-        return CalledPlan(path, path_from_message(path).tolist(), report, seconds)
 
 
 @contextlib.contextmanager
