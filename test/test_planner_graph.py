@@ -181,7 +181,7 @@ def test_goals_that_are_published_back_to_back_are_taken_in_their_order(world, m
         rows[token] = goal.goals[0].pose.position.y
 
     monkeypatch.setattr(server._goals, 'begin', begun)
-    monkeypatch.setattr(server.handler, 'answer', answer)
+    monkeypatch.setattr(world.planner, 'answer', answer)
     sys.setswitchinterval(1e-6)
     try:
         for _ in range(10):

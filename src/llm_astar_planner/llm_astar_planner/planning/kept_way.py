@@ -444,14 +444,11 @@ class WaypointCache:
         is_same_query = is_same_map and waypoints == cached.reply.waypoints
         if is_same_query or not cached.can_reach(waypoints, query):
             return None
+        detail = f'kept from the plan on map {cached.digest}'
         return replace(
-            cached.reply,
-            waypoints=waypoints,
-            detail=f'kept from the plan on map {cached.digest}',
-            prompt_tokens=0,
-            completion_tokens=0,
-            seconds=0.0,
-        )
+            cached.reply, waypoints=waypoints, detail=detail, prompt_tokens=0,
+            completion_tokens=0, seconds=0.0,
+        )  # fmt: skip
 
     def clear(self) -> None:
         """Drop everything: the source may answer differently from now on."""

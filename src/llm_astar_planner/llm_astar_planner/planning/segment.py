@@ -123,20 +123,11 @@ class SegmentPlanner:
         if source is not None and request.start != request.goal and helps_on(source, self.costmap):
             task = self.query(source, waypoints, arrivals)
         problem = SearchProblem(
-            self.costmap.grid_graph,
-            request.start,
-            request.goal,
-            waypoints,
-            self.stop,
-            self.deadline,
-            request.want_expanded,
-            request.max_suboptimality,
-            request.heuristic,
-            request.weight,
-            self.landmarks,
-            arrivals,
+            self.costmap.grid_graph, request.start, request.goal, waypoints, self.stop,
+            self.deadline, request.want_expanded, request.max_suboptimality, request.heuristic,
+            request.weight, self.landmarks, arrivals,
             time.monotonic() + request.first_path_time_limit,
-        )
+        )  # fmt: skip
         begin = time.monotonic()
         answer = self.method(problem)
         result = answer if isinstance(answer, SearchResult) else (yield from answer)
@@ -158,15 +149,10 @@ class SegmentPlanner:
         begin = time.monotonic()
         self.product = problem
         self.result = result = product_search(
-            self.costmap.grid_graph,
-            self.request.start,
-            self.request.goal,
-            problem,
-            landmarks=self.landmarks,
-            stop=self.stop,
-            deadline=self.deadline,
+            self.costmap.grid_graph, self.request.start, self.request.goal, problem,
+            landmarks=self.landmarks, stop=self.stop, deadline=self.deadline,
             want_expanded=self.request.want_expanded,
-        )
+        )  # fmt: skip
         changed = np.diff(result.trace, axis=0).any(axis=1)
         self.changes = (np.flatnonzero(changed) + 1).tolist()
         self.seconds_search = time.monotonic() - begin

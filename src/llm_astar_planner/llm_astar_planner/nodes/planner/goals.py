@@ -253,21 +253,14 @@ class PathAction:
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
         server = ActionServer(
-            entities.node,
-            kind,
-            name,
-            self.execute,
+            entities.node, kind, name, self.execute,
             # One at a time: in a reentrant group, goals sent one right after the other may be
             # accepted in another order, and the newest be preempted. Plans run outside of it.
-            callback_group=MutuallyExclusiveCallbackGroup(),
-            goal_callback=self.on_goal,
-            handle_accepted_callback=self.on_accepted,
-            cancel_callback=self.on_cancel,
-            result_timeout=RESULT_SECONDS,
-            goal_service_qos_profile=CALLS,
-            result_service_qos_profile=CALLS,
-            cancel_service_qos_profile=CALLS,
-        )
+            callback_group=MutuallyExclusiveCallbackGroup(), goal_callback=self.on_goal,
+            handle_accepted_callback=self.on_accepted, cancel_callback=self.on_cancel,
+            result_timeout=RESULT_SECONDS, goal_service_qos_profile=CALLS,
+            result_service_qos_profile=CALLS, cancel_service_qos_profile=CALLS,
+        )  # fmt: skip
         entities.on_close(server.destroy)
         entities.on_close(lambda: self._slot.cancel('the node ends'))
 

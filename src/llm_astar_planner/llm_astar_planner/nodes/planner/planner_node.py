@@ -138,7 +138,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         with self._lock:
             if self._is_leaving:
                 raise ExternalShutdownException
-            self._server = PlannerServer(self, self._settings)
+            self._server = PlannerServer(self, self._settings, self)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Answer goals."""

@@ -26,7 +26,12 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
-from llm_astar_planner.nodes.planner.goals import GOAL_POSE, PlanGoal, PreemptingGoalSlot
+from llm_astar_planner.nodes.planner.goals import (
+    GOAL_POSE,
+    GoalTaker,
+    PlanGoal,
+    PreemptingGoalSlot,
+)
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
@@ -50,9 +55,10 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: Node, settings: Parameters) -> None:
-        """Join the graph, not active yet."""
+    def __init__(self, node: Node, settings: Parameters, taker: GoalTaker) -> None:
+        """Join the graph, not active yet; `taker` answers the goals of RViz."""
         self._node = node
+        self._taker = taker
         self._settings = settings
         self._entities = entities = Entities(node)
         self._goals = PreemptingGoalSlot()
@@ -126,7 +132,7 @@ class PlannerServer:
         token = self._goals.begin('a newer goal came')
         goal = PlanGoal((message,), fallback_start=self._initial_pose, client=GOAL_POSE)
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
-        self._node.executor.create_task(self.handler.answer, goal, token)
+        self._node.executor.create_task(self._taker.answer, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
