@@ -153,14 +153,11 @@ class Costmap:
     def is_barrier_map(self) -> bool:
         """Whether a few dozen straight barriers block all that is blocked, as in the paper."""
         # Readers of files, which no search takes.
-        from llm_astar_msgs_adapter.maps.barrier_decomposition import (  # noqa: PLC0415
-            MAX_SIDE,
-            cover,
-        )
+        from llm_astar_msgs_adapter.maps import barrier_decomposition  # noqa: PLC0415
 
-        if max(self.blocked.shape) > MAX_SIDE:
+        if max(self.blocked.shape) > barrier_decomposition.MAX_SIDE:
             return False
-        barriers, are_all = cover(self.blocked, MAX_BARRIERS, only_all=True)
+        barriers, are_all = barrier_decomposition.cover(self.blocked, MAX_BARRIERS, only_all=True)
         return are_all and bool(barriers)
 
     @cached_property
