@@ -18,7 +18,7 @@ import time
 import zlib
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -58,24 +58,28 @@ def keep_silent() -> None:
 keep_silent()
 
 
-@dataclass
 class ChatClient:
     """One endpoint and model, with retries, breaker, limits and the dialect learnt so far.
 
-    At most `max_concurrent` requests run at a time. Thread-safe.
+    At most `max_concurrent` requests of the settings run at a time. Thread-safe.
     """
 
-    endpoint: Endpoint
-    model: str = ''
-    dialect: protocol.Dialect = field(default_factory=protocol.Dialect)
-    max_retries: int = 2
-    budget: resilience.CallBudget = field(default_factory=resilience.CallBudget)
-    breaker: resilience.CircuitBreaker = field(default_factory=resilience.CircuitBreaker)
-    max_concurrent: int = 2
+    def __init__(self, settings: SourceSettings, stop: str = '') -> None:
+        """Take the endpoint that settings name. Raises EndpointError.
 
-    def __post_init__(self) -> None:
-        """Make the semaphore that bounds concurrent requests."""
-        self._slots = threading.BoundedSemaphore(self.max_concurrent)
+        A text completion ends where the model writes `stop`.
+        """
+        self.endpoint = Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names)
+        self.model, self._most = settings.model, settings
+        self.dialect = protocol.Dialect(
+            settings.max_output_tokens, settings.temperature, settings.response_format,
+            is_completion=settings.prompt_form == COMPLETION, stop=stop,
+        )  # fmt: skip
+        self.budget = resilience.CallBudget(
+            settings.max_calls_per_hour, settings.max_tokens_per_day
+        )
+        self.breaker = resilience.CircuitBreaker()
+        self._slots = threading.BoundedSemaphore(settings.max_concurrent)
 
     def complete(
         self,
@@ -114,7 +118,7 @@ class ChatClient:
                     dialect = adapted
                     continue
                 attempt += 1
-                delay = resilience.retry_delay(failure, attempt, self.max_retries)
+                delay = resilience.retry_delay(failure, attempt, self._most.max_retries)
                 if delay is None or time.monotonic() + delay >= deadline:
                     raise
             else:
@@ -134,7 +138,7 @@ class ChatClient:
         """Make one request, when a slot is free and the limits allow it."""
         key = self.endpoint.key()
         if not self._slots.acquire(timeout=max(0.0, deadline - time.monotonic())):
-            busy = f'{self.max_concurrent} requests are running already'
+            busy = f'{self._most.max_concurrent} requests are running already'
             raise EndpointFailure(SourceStatus.TIMEOUT, busy, is_ours=True)
         try:
             self.budget.admit()
@@ -161,27 +165,6 @@ def count_tokens(completion: Completion, body: dict[str, Any]) -> int:
     asked = len(body.get('prompt', ''))
     asked += sum(len(message['content']) for message in body.get('messages', ()))
     return counted or (asked + len(completion.text)) // CHARS_PER_TOKEN
-
-
-def make_client(settings: SourceSettings, stop: str = '') -> ChatClient:
-    """Make the client of the endpoint that settings name. Raises EndpointError.
-
-    A text completion ends where the model writes `stop`.
-    """
-    return ChatClient(
-        Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names),
-        settings.model,
-        protocol.Dialect(
-            settings.max_output_tokens,
-            settings.temperature,
-            settings.response_format,
-            is_completion=settings.prompt_form == COMPLETION,
-            stop=stop,
-        ),
-        settings.max_retries,
-        resilience.CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
-        max_concurrent=settings.max_concurrent,
-    )
 
 
 def post_json(

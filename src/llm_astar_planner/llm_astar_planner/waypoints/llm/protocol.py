@@ -60,25 +60,20 @@ class Dialect:
         self, model: str, messages: Sequence[Message], schema: dict[str, Any]
     ) -> dict[str, Any]:
         """Return the JSON body of a request that is not streamed."""
-        body: dict[str, Any] = {'stream': False}
+        body: dict[str, Any] = {'messages': [message._asdict() for message in messages]}
         if self.is_completion:
-            body['prompt'] = text_to_complete(messages)
-            if self.stop:
-                body['stop'] = [self.stop]
-        else:
-            body['messages'] = [message._asdict() for message in messages]
-        if model:
-            body['model'] = model
-        if self.tokens_field:
-            body[self.tokens_field] = self.max_output_tokens
-        if self.temperature is not None:
-            body['temperature'] = self.temperature
+            body = {'prompt': text_to_complete(messages), 'stop': self.stop and [self.stop]}
+        body |= {'model': model, 'temperature': self.temperature}
+        if self.response_format != 'text':
+            body['response_format'] = {'type': self.response_format}
         if self.response_format == 'json_schema':
             named = {'name': 'reply', 'strict': True, 'schema': schema}
-            body['response_format'] = {'type': 'json_schema', 'json_schema': named}
-        elif self.response_format == 'json_object':
-            body['response_format'] = {'type': 'json_object'}
-        return body
+            body['response_format']['json_schema'] = named
+        if self.tokens_field:
+            body[self.tokens_field] = self.max_output_tokens
+        # What is empty is left to the server.
+        given = {name: value for name, value in body.items() if value not in (None, '')}
+        return {'stream': False, **given}
 
     def ended(self, completion: Completion) -> Completion:
         """Return a completion that ends at `stop`, which some servers ignore."""

@@ -14,7 +14,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
-from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
+from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts import examples as prompts
@@ -295,10 +295,10 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
     count = settings.retrieved_examples
     library = prompts.load_example_library(settings.examples_file, count) if count else None
     prompt = prompts.Prompt(template, settings.prompt_form, library, count)
-    client = make_client(settings, template.stop)
     source: WaypointSource = EndpointSource(
-        client, prompt, settings, LATE_S, SampleResolver(context.dataset)
-    )
+        ChatClient(settings, template.stop), prompt, settings, LATE_S,
+        SampleResolver(context.dataset),
+    )  # fmt: skip
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
