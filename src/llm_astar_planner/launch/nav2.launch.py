@@ -49,60 +49,36 @@ def generate_launch_description() -> LaunchDescription:
         'log_level': ('info', 'Log level of all nodes'),
     }
     value = {name: LaunchConfiguration(name) for name in arguments}
-    common = {
-        'namespace': value['namespace'],
-        'arguments': ['--ros-args', '--log-level', value['log_level']],
-        'output': 'screen',
-    }
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=sentence)
+        for name, (default, sentence) in arguments.items()
+    ]
     navigation = PythonLaunchDescriptionSource(str(nav2 / 'launch' / 'navigation_launch.py'))
     passed = {name: value[name] for name in arguments if name != 'planner_params_file'}
+    # For that node alone: bt_navigator must find the actions by these names.
+    moved = [SetRemap(f'planner_server:{name}', f'nav2_planner/{name}') for name in MOVED_ASIDE]
+    stack = [*moved, IncludeLaunchDescription(navigation, launch_arguments=passed.items())]
+
+    def node(package: str, executable: str, name: str, **options: object) -> Node:
+        return Node(
+            package=package,
+            executable=executable,
+            name=name,
+            namespace=value['namespace'],
+            arguments=['--ros-args', '--log-level', value['log_level']],
+            output='screen',
+            **options,
+        )
+
     ours = {'parameters': [value['planner_params_file']], 'respawn': value['use_respawn']}
-    return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=sentence)
-                for name, (default, sentence) in arguments.items()
-            ),
-            GroupAction(
-                [
-                    # For that node alone: bt_navigator must find the actions by these names.
-                    *(
-                        SetRemap(f'planner_server:{name}', f'nav2_planner/{name}')
-                        for name in MOVED_ASIDE
-                    ),
-                    IncludeLaunchDescription(navigation, launch_arguments=passed.items()),
-                ]
-            ),
-            GroupAction(
-                [
-                    SetParameter('use_sim_time', value['use_sim_time']),
-                    Node(
-                        package=PACKAGE,
-                        executable='planner_node',
-                        name='planner_node',
-                        # RViz's goal is for Nav2's behaviour tree, which calls the action.
-                        remappings=[*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')],
-                        **ours,
-                        **common,
-                    ),
-                    Node(
-                        package=PACKAGE,
-                        executable='llm_client_node',
-                        name='llm_client_node',
-                        remappings=COSTMAP,
-                        **ours,
-                        **common,
-                    ),
-                    Node(
-                        package='nav2_lifecycle_manager',
-                        executable='lifecycle_manager',
-                        name='lifecycle_manager_llm_astar',
-                        parameters=[
-                            {'autostart': value['autostart'], 'node_names': ['planner_node']}
-                        ],
-                        **common,
-                    ),
-                ]
-            ),
-        ]
-    )
+    # RViz's goal is for Nav2's behaviour tree, which calls the action.
+    remapped = [*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')]
+    manager = 'lifecycle_manager_llm_astar'
+    managed = {'autostart': value['autostart'], 'node_names': ['planner_node']}
+    nodes = [
+        SetParameter('use_sim_time', value['use_sim_time']),
+        node(PACKAGE, 'planner_node', 'planner_node', remappings=remapped, **ours),
+        node(PACKAGE, 'llm_client_node', 'llm_client_node', remappings=COSTMAP, **ours),
+        node('nav2_lifecycle_manager', 'lifecycle_manager', manager, parameters=[managed]),
+    ]
+    return LaunchDescription([*declared, GroupAction(stack), GroupAction(nodes)])

@@ -339,9 +339,7 @@ def places_problems(places: Places, grid_map: GridMap) -> list[str]:
     if places and frames[0] != frames[1]:
         problems.append('the places are in frame {!r}, the map is in {!r}'.format(*frames))
     free = ~grid_map.blocked(allow_unknown=False)
-    right, top = grid_map.width - 0.5, grid_map.height - 0.5
-    corners = [[-0.5, -0.5], [right, -0.5], [right, top], [-0.5, top]]
-    outline = shapely.Polygon(grid_map.grid_to_world(corners))
+    outline = map_outline(grid_map)
     for place in places:
         problem = position_problem(place, grid_map, outline, free)
         if problem is not None:
@@ -350,6 +348,13 @@ def places_problems(places: Places, grid_map: GridMap) -> list[str]:
     if len(problems) > MAX_PROBLEMS:
         problems[MAX_PROBLEMS:] = [f'and {len(problems) - MAX_PROBLEMS} more']
     return problems
+
+
+def map_outline(grid_map: GridMap) -> BaseGeometry:
+    """Return the rectangle of a map, in metres in its frame."""
+    right, top = grid_map.width - 0.5, grid_map.height - 0.5
+    corners = [[-0.5, -0.5], [right, -0.5], [right, top], [-0.5, top]]
+    return shapely.Polygon(grid_map.grid_to_world(corners))
 
 
 def position_problem(

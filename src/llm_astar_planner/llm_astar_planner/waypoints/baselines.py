@@ -26,15 +26,9 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.config import SourceContext, SourceSettings, make_source
-from llm_astar_planner.waypoints.source import (
-    BASELINE_NAMES,
-    SourceStatus,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
-)
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 Corners = tuple[Waypoint, ...]
 # The published noisy oracle displaces a point by up to three cells on the unscaled maps.
@@ -76,9 +70,9 @@ class BaselineSource:
         return WaypointReply(waypoints, label=self.name, status=status, detail=detail)
 
 
-def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
+def baseline_sources(seed: int = 0) -> dict[str, sources.WaypointSource]:
     """Return every baseline source by name; `noisy` and `random` draw from `seed`."""
-    settings = [SourceSettings(source=name) for name in BASELINE_NAMES]
+    settings = [SourceSettings(source=name) for name in sources.BASELINE_NAMES]
     return {item.source: make_source(item, seed=seed) for item in settings}
 
 
@@ -96,9 +90,9 @@ def coarse_points(query: WaypointQuery) -> Sequence[Cell] | None:
     where it is missing. The first query on a map prepares its graph: about as long as an exact
     search takes. Raises TimeoutError.
     """
-    begin = time.monotonic()
+    deadline = time.monotonic() + query.time_limit
     graph = query.costmap.coarse_graph
-    left = query.time_limit - (time.monotonic() - begin)
+    left = deadline - time.monotonic()
     most = EVERY_NODE if left == math.inf else max(0, int(left * NODES_A_SECOND))
     turns = graph.turns(query.start, query.goal, most)
     return None if turns is None else [(x, y) for x, y in turns.tolist()]
@@ -196,10 +190,7 @@ def visibility_graph(costmap: Costmap) -> VisibilityGraph:
     return VisibilityGraph(costmap.line_of_sight, corners, distances)
 
 
-@cached(
-    ROUTES_KEPT,
-    key=lambda costmap, start, goal: (costmap.key, start, goal),
-)
+@cached(ROUTES_KEPT, key=lambda costmap, start, goal: (costmap.key, start, goal))
 def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, float]:
     """Return the corners of the shortest any-angle path, and its length in cells.
 
@@ -227,6 +218,6 @@ def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, 
     while 0 <= node < count:
         corner = graph.corners[node]
         if not (corner == endpoints).all(axis=1).any():
-            points.append((float(corner[0]), float(corner[1])))
+            points.insert(0, (float(corner[0]), float(corner[1])))
         node = before[node]
-    return tuple(points[::-1]), float(lengths[count + 1])
+    return tuple(points), float(lengths[count + 1])

@@ -248,9 +248,9 @@ class PluginSource:
             return WaypointReply(label=self.name, status=SourceStatus.ERROR, detail=str(error))
 
 
-def plugin_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
+def plugin_reply(name: str, answer: object) -> WaypointReply:
     """Return a plug-in's reply named after it, its texts bounded. Raises PluginError."""
-    check_kind(reply)
+    reply = as_reply(answer)
     model, prompt = str(reply.model), str(reply.prompt)
     problem = name_problem(model) or name_problem(prompt)
     if problem:
@@ -271,31 +271,32 @@ def plugin_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of f
     return checked_reply(adopted)
 
 
-def check_kind(reply: object) -> None:
-    """Raise PluginError where a source has returned something else than a reply."""
-    if not isinstance(reply, WaypointReply):
-        raise PluginError(f'returned {type(reply).__name__}, not a WaypointReply')
+def as_reply(answer: object) -> WaypointReply:
+    """Return what a source has returned. Raises PluginError where that is no reply."""
+    if isinstance(answer, WaypointReply):
+        return answer
+    raise PluginError(f'returned {type(answer).__name__}, not a WaypointReply')
 
 
-def checked_reply(reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
+def checked_reply(answer: object) -> WaypointReply:
     """Return a reply that is made of plain values, with at most MAX_WAYPOINTS waypoints.
 
     Its detail says if some were cut off. Raises PluginError, which names the field.
     """
-    check_kind(reply)
+    reply = as_reply(answer)
     for name, kind in PLAIN.items():
         if type(value := getattr(reply, name)) is not kind:
             raise PluginError(f'{name}: is a {type(value).__name__}, not a {kind.__name__}')
-    counts = {name: checked_count(getattr(reply, name), name) for name in COUNTS}
+    counts: dict[str, Any] = {n: checked_count(getattr(reply, n), n) for n in COUNTS}
     if not (isinstance(reply.seconds, (int, float)) and 0 <= reply.seconds <= MAX_SECONDS):
         raise PluginError(f'seconds: {short_repr(reply.seconds)} is not a time of 0 or more')
     if not isinstance(reply.waypoints, (tuple, list, np.ndarray)):
         raise PluginError(f'waypoints: is a {type(reply.waypoints).__name__}, not a tuple')
-    detail, points = reply.detail, reply.waypoints
-    if len(points) > MAX_WAYPOINTS:
+    detail = reply.detail
+    if len(reply.waypoints) > MAX_WAYPOINTS:
         cut = f'only its first {MAX_WAYPOINTS} waypoints'
         detail = f'{detail}; {cut}' if detail else cut
-    points = tuple(map(checked_point, points[:MAX_WAYPOINTS]))
+    points = tuple(map(checked_point, reply.waypoints[:MAX_WAYPOINTS]))
     return replace(reply, waypoints=points, detail=detail, **counts)
 
 
