@@ -22,13 +22,9 @@ from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import (
-    LlmAstarError,
-    nearest_name,
-    printable,
-    short_repr,
-    shortened,
-)
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+
+from llm_astar_msgs_adapter import errors
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -92,7 +88,7 @@ def description(error: BaseException) -> str:
     own = (__file__, pkgutil.__file__)
     known = [at for at in frames if at.filename not in own and 'importlib' not in at.filename][-1:]
     where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in known)
-    return printable(shortened(name, MAX_MESSAGE) + where)
+    return errors.printable(errors.shortened(name, MAX_MESSAGE) + where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,17 +136,15 @@ class Plugins:
         if name in self.own or name in self.loaded:
             return None
         if ':' in name:
-            return (
-                f'{short_repr(name)} names code, which is imported only where the command line or '
-                'a parameter file names it at the start'
-            )
+            where = 'the command line or a parameter file names it at the start'
+            return f'{short_repr(name)} names code, which is imported only where {where}'
         entries = self.installed.get(name, [])
         if len(entries) == 1:
             return None
-        names = [*self.own, *(other for other in self.installed if other != name)]
-        known = ', '.join(names)
         if not entries:
-            return f'{short_repr(name)} is not one of {known}{nearest_name(name, names)}'
+            names = [*self.own, *self.installed]
+            known = ', '.join(names)
+            return f'{short_repr(name)} is not one of {known}{errors.nearest_name(name, names)}'
         values = ' and '.join(entry.value for entry in entries)
         return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
 
@@ -178,11 +172,10 @@ class Plugins:
         problem = self.problem(name)
         if problem:
             raise PluginError(f'{self.kind}: {problem}')
-        if name not in self.loaded:
-            if name in self.own:
-                self.loaded[name] = pkgutil.resolve_name(self.own[name])
-            else:
-                self.loaded[name] = self._import(name, self.installed[name][0].value)
+        if name in self.own and name not in self.loaded:
+            self.loaded[name] = pkgutil.resolve_name(self.own[name])
+        elif name not in self.loaded:
+            self.loaded[name] = self._import(name, self.installed[name][0].value)
         return self.loaded[name]
 
     def _import(self, name: str, place: str) -> Any:  # noqa: ANN401 - of any kind

@@ -207,9 +207,8 @@ def check_scale(factor: int, cells: int, map_id: int, error: type[LlmAstarError]
     if factor < 1:
         raise error(f'scale: {factor} is not 1 or more')
     if cells * factor**2 > MAX_CELLS:
-        raise error(
-            f'scale: {factor} gives map {map_id} over {MAX_CELLS} cells; choose a smaller one'
-        )
+        words = f'{factor} gives map {map_id} over {MAX_CELLS} cells; choose a smaller one'
+        raise error(f'scale: {words}')
 
 
 def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
@@ -251,9 +250,8 @@ def parse_family(entry: dict[str, Any], name: str) -> str:
     family = entry.get('family', '')
     if isinstance(family, str) and len(family) <= MAX_FAMILY and family.isprintable():
         return family
-    raise BarrierMapError(
-        f'{name}: up to {MAX_FAMILY} printable characters are expected, not {short_repr(family)}'
-    )
+    words = f'up to {MAX_FAMILY} printable characters are expected'
+    raise BarrierMapError(f'{name}: {words}, not {short_repr(family)}')
 
 
 def parse_integer(value: object, name: str) -> int:

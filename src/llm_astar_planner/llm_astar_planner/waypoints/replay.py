@@ -144,13 +144,9 @@ class ReplaySource:
             status = answer.status if exchange.status is SourceStatus.OK else exchange.status
             detail = f'recorded without an answer: {exchange.status.value}'
             answer = replace(answer, status=status, detail=detail)
-        return replace(
-            answer,
-            waypoints=lattice.coarsened(exchange.unit).to_cells(answer.waypoints, query),
-            label=f'replay:{self.model}',
-            provenance=exchange.provenance,
-            **{name: getattr(exchange, name) for name in SHARED},
-        )
+        points = lattice.coarsened(exchange.unit).to_cells(answer.waypoints, query)
+        shared = {name: getattr(exchange, name) for name in (*SHARED, 'provenance')}
+        return replace(answer, waypoints=points, label=f'replay:{self.model}', **shared)
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
         """Return the only (model, prompt) of the transcript that fits the given ones."""

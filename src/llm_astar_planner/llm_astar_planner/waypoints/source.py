@@ -255,19 +255,13 @@ def plugin_reply(name: str, answer: object) -> WaypointReply:
     problem = name_problem(model) or name_problem(prompt)
     if problem:
         raise PluginError(f'model or prompt: {problem}')
+    # It may yield without end.
+    points = tuple(islice(reply.waypoints, MAX_WAYPOINTS + 1))
+    detail, text = printable(str(reply.detail)[:MAX_DETAIL]), str(reply.text)[:MAX_TEXT]
     adopted = WaypointReply(
-        # It may yield without end.
-        tuple(islice(reply.waypoints, MAX_WAYPOINTS + 1)),
-        name,
-        SourceStatus(reply.status),
-        printable(str(reply.detail)[:MAX_DETAIL]),
-        str(reply.text)[:MAX_TEXT],
-        model,
-        prompt,
-        reply.prompt_tokens,
-        reply.completion_tokens,
-        reply.seconds,
-    )
+        points, name, SourceStatus(reply.status), detail, text, model, prompt,
+        reply.prompt_tokens, reply.completion_tokens, reply.seconds,
+    )  # fmt: skip
     return checked_reply(adopted)
 
 

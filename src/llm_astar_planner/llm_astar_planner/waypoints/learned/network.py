@@ -69,11 +69,8 @@ def featurise(
     """Compute the network's inputs; `size` [n, 2] is width and height in cells."""
     cells = place_nodes(barriers, endpoints).astype(np.float32)
     side = size.max(axis=1).astype(np.float32)
-    return Features(
-        node_features(barriers, size, cells, side),
-        barrier_features(barriers, cells, side),
-        pair_features(cells, side),
-    )
+    nodes = node_features(barriers, size, cells, side)
+    return Features(nodes, barrier_features(barriers, cells, side), pair_features(cells, side))
 
 
 def node_features(

@@ -16,7 +16,7 @@ import logging
 import threading
 import time
 import zlib
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import replace
 from typing import Any
@@ -94,24 +94,21 @@ class ChatClient:
         running at the deadline may go on for `late_s` seconds; no new one is made.
         Raises EndpointFailure; its text holds no key.
         """
-
-        def ask(dialect: protocol.Dialect) -> Completion:
-            return self._request(dialect.body(self.model, messages, schema), deadline + late_s)
-
         with self.breaker.watched():
             if time.monotonic() >= deadline:
                 raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-            completion = self._ask_again(ask, deadline)
+            completion = self._ask_again(messages, deadline, schema, late_s)
         return self.dialect.ended(completion)
 
     def _ask_again(
-        self, ask: Callable[[protocol.Dialect], Completion], deadline: float
+        self, messages: Sequence[Message], deadline: float, schema: dict[str, Any], late_s: float
     ) -> Completion:
         """Ask, and again in another dialect or after a pause where that may help."""
         dialect, attempt = self.dialect, 0
         while True:
+            body = dialect.body(self.model, messages, schema)
             try:
-                completion = ask(dialect)
+                completion = self._request(body, deadline + late_s)
             except EndpointFailure as failure:
                 adapted = dialect.adapted_to(failure)
                 if adapted is not None and time.monotonic() < deadline:
@@ -143,12 +140,10 @@ class ChatClient:
         try:
             self.budget.admit()
             reply = post_json(
-                self.endpoint.url(self.dialect.path),
-                body,
-                {'Authorization': f'Bearer {key}'} if key else {},
-                deadline - time.monotonic(),
+                self.endpoint.url(self.dialect.path), body,
+                {'Authorization': f'Bearer {key}'} if key else {}, deadline - time.monotonic(),
                 use_proxies=not self.endpoint.is_loopback,
-            )
+            )  # fmt: skip
             # A server may echo the request: remove the key before anything else sees the reply.
             completion = protocol.read_completion(reply, functools.partial(redact, secret=key))
         except EndpointFailure as failure:
@@ -179,9 +174,8 @@ def post_json(
     loop = asyncio.new_event_loop()
     ours = _IS_OURS.set(True)
     try:
-        return loop.run_until_complete(
-            wait_at_most(limit, post(url, body, headers, limit, use_proxies=use_proxies))
-        )
+        request = post(url, body, headers, limit, use_proxies=use_proxies)
+        return loop.run_until_complete(wait_at_most(limit, request))
     finally:
         loop.run_until_complete(loop.shutdown_asyncgens())
         loop.close()

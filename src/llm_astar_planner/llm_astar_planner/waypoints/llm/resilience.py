@@ -183,23 +183,17 @@ class CallBudget:
     """
 
     def __init__(
-        self,
-        max_calls_per_hour: int = 0,
-        max_tokens_per_day: int = 0,
-        clock: Callable[[], float] = time.monotonic,
+        self, calls: int = 0, tokens: int = 0, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Start with nothing used; `clock` returns seconds."""
         self._lock = threading.Lock()
-        self.calls = Window(max_calls_per_hour, HOUR_S, clock)
-        self.tokens = Window(max_tokens_per_day, DAY_S, clock)
+        self.calls, self.tokens = Window(calls, HOUR_S, clock), Window(tokens, DAY_S, clock)
 
     def admit(self) -> None:
         """Count one request. Raises EndpointFailure REFUSED where a limit does not allow it."""
         with self._lock:
-            for name, window, verb in (
-                ('max_calls_per_hour', self.calls, 'made'),
-                ('max_tokens_per_day', self.tokens, 'used'),
-            ):
+            made = 'max_calls_per_hour', self.calls, 'made'
+            for name, window, verb in (made, ('max_tokens_per_day', self.tokens, 'used')):
                 if window.left() == 0:
                     refusal = f'{name}: {window.limit} are {verb}; next in {window.wait():.0f} s'
                     raise EndpointFailure(SourceStatus.REFUSED, refusal, is_ours=True)
@@ -213,9 +207,6 @@ class CallBudget:
     def values(self) -> dict[str, int | None]:
         """Return what was used since the start, and what is left now (None: no limit)."""
         with self._lock:
-            return {
-                'calls_made': self.calls.total,
-                'calls_left': self.calls.left(),
-                'tokens_used': self.tokens.total,
-                'tokens_left': self.tokens.left(),
-            }
+            calls, tokens = self.calls, self.tokens
+            used = {'calls_made': calls.total, 'tokens_used': tokens.total}
+            return used | {'calls_left': calls.left(), 'tokens_left': tokens.left()}

@@ -14,7 +14,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
-from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
+from llm_astar_planner.waypoints.config import SourceContext, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
@@ -269,8 +269,7 @@ def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
     """
     settings = context.settings
-    template = templates.load_template(settings.prompt or DEFAULT_PROMPT)
-    count = settings.retrieved_examples
+    template, count = settings.template, settings.retrieved_examples
     library = prompts.load_example_library(settings.examples_file, count) if count else None
     prompt = prompts.Prompt(template, settings.prompt_form, library, count)
     source: sources.WaypointSource = EndpointSource(

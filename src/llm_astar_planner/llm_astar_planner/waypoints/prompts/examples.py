@@ -22,7 +22,7 @@ from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts import map_description as descriptions
-from llm_astar_planner.waypoints.prompts.template import Example, Template, prompt_name
+from llm_astar_planner.waypoints.prompts.template import Example, Template
 from llm_astar_planner.waypoints.source import MESSAGE, Waypoint, WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
@@ -209,7 +209,7 @@ class Prompt:
     @property
     def name(self) -> str:
         """The name in replies, rows and transcripts."""
-        return prompt_name(self.template.name, self.form, self.retrieved)
+        return self.template.prompt_name(self.form, self.retrieved)
 
     @property
     def digest(self) -> str:

@@ -80,6 +80,15 @@ class Template:
         label = line_labels(self.parts.question)[0].strip()
         return f'\n{label}' if label else ''
 
+    def prompt_name(self, form: str, retrieved: int) -> str:
+        """Return the name of a prompt in replies, rows and transcripts, such as `few_shot+turns`.
+
+        It says which template it was, in which form if that is not `message`, and how many
+        examples were retrieved if any were.
+        """
+        parts = [self.name] if form == MESSAGE else [self.name, form]
+        return '+'.join(parts + ([f'retrieved_{retrieved}'] if retrieved else []))
+
     def example(self, description: Description, path: Sequence[Cell]) -> Example:
         """Return a solved question in the template's words; `path` has lattice points (x, y)."""
         values = description.values()
@@ -148,16 +157,6 @@ def read_example(paragraph: str, labels: Sequence[str]) -> Example | None:
 def fill(text: str, values: Mapping[str, str]) -> str:
     """Return a text with its placeholders replaced by their values."""
     return _PLACEHOLDER.sub(lambda match: values[match.group(1)], text).strip()
-
-
-def prompt_name(template: str, form: str, retrieved: int) -> str:
-    """Return the name of a prompt in replies, rows and transcripts, such as `few_shot+turns`.
-
-    It says which template it was, in which form if that is not `message`, and how many examples
-    were retrieved if any were.
-    """
-    parts = [template] if form == MESSAGE else [template, form]
-    return '+'.join(parts + ([f'retrieved_{retrieved}'] if retrieved else []))
 
 
 def template_path(name: str) -> Path:
