@@ -287,8 +287,9 @@ def parse_geometry(geometry: Mapping[str, Any], where: str) -> BaseGeometry:
     """Return a polygon, several, or a point. Raises PlacesError, which begins with `where`."""
     kind, coordinates = geometry.get('type'), geometry.get('coordinates')
     if kind not in GEOMETRIES:
-        known = ', '.join(GEOMETRIES)
-        raise PlacesError(f'{where}: geometry: {short_repr(kind)} is not one of {known}')
+        raise PlacesError(
+            f'{where}: geometry: {short_repr(kind)} is not one of {", ".join(GEOMETRIES)}'
+        )
     count = check_coordinates(coordinates, DEPTHS[kind], f'{where}: coordinates')
     if count > MAX_VERTICES:
         raise PlacesError(f'{where}: coordinates: {count} points are over {MAX_VERTICES}')

@@ -207,19 +207,18 @@ class Area(NamedTuple):
     size: float
     with_holes: bool = False
 
-    def markers(self, namespace: str) -> Iterator[Marker]:
+    def markers(self) -> Iterator[Marker]:
         """Yield the name and the closed outlines of the polygons; a point has none."""
         colour = rgba(self.colour)
         inside = self.geometry.representative_point()
-        kind = Marker.TEXT_VIEW_FACING
-        text = Marker(ns=namespace, type=kind, text=self.name, color=colour)
+        text = Marker(type=Marker.TEXT_VIEW_FACING, text=self.name, color=colour)
         text.pose.position = Point(x=inside.x, y=inside.y, z=self.size)
         text.scale.z = self.size
         yield text
         for part in shapely.get_parts(self.geometry):
             holes = part.interiors if self.with_holes else ()
             for ring in (part.exterior, *holes) if part.geom_type == 'Polygon' else ():
-                outline = Marker(ns=namespace, type=Marker.LINE_STRIP, color=colour)
+                outline = Marker(type=Marker.LINE_STRIP, color=colour)
                 outline.scale.x = LINE_WIDTH
                 outline.points = [Point(x=x, y=y, z=0.0) for x, y in ring.coords]
                 yield outline
@@ -229,7 +228,9 @@ def areas_to_markers(
     namespace: str, areas: Sequence[Area], frame_id: str, stamp: Time
 ) -> MarkerArray:
     """Return the markers of areas in one namespace, after one that deletes those before."""
-    markers = [marker for area in areas for marker in area.markers(namespace)]
+    markers = [marker for area in areas for marker in area.markers()]
+    for marker in markers:
+        marker.ns = namespace
     return numbered(markers, frame_id, stamp)
 
 
