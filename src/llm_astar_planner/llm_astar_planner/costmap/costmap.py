@@ -109,11 +109,13 @@ class Costmap:
     @cached_property
     def grid_graph(self) -> GridGraph:
         """The cells as the graph that our own searches work on."""
-        config = self.config
         return GridGraph(
-            self.blocked, corner_cutting=config.corner_cutting, cost=self._graded_cost(),
-            cost_multiplier=config.cost_travel_multiplier, unknown_cost=config.unknown_cost,
-        )  # fmt: skip
+            self.blocked,
+            corner_cutting=self.config.corner_cutting,
+            cost=self._graded_cost(),
+            cost_multiplier=self.config.cost_travel_multiplier,
+            unknown_cost=self.config.unknown_cost,
+        )
 
     def _graded_cost(self) -> NDArray[np.int8] | None:
         """Return `cost` if it matters to any path, else None."""

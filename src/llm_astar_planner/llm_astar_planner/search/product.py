@@ -102,7 +102,10 @@ def product_search(
     cell off the grid, ProductProblemError for a problem that does not fit the grid and
     ProductTooLargeError if the search would take over 2 GB.
     """
-    search = ProductSearch(graph, start, goal, problem, landmarks)
+    check_problem(graph, problem)
+    first = graph.index(start)
+    last = -1 if problem.goals is not None else graph.index(goal)
+    search = ProductSearch(graph, first, last, problem, landmarks)
     status = search.run(no_stop() if stop is None else stop, deadline)
     return search.result(status, want_expanded=want_expanded)
 
@@ -133,14 +136,16 @@ class ProductSearch:
     def __init__(
         self,
         graph: GridGraph,
-        start: Cell,
-        goal: Cell,
+        start: int,
+        goal: int,
         problem: ProductProblem,
         landmarks: Landmarks | None,
     ) -> None:
-        """Prepare the tables. Raises ValueError or ProductProblemError: see `product_search`."""
-        check_problem(graph, problem)
-        self._graph, self._start, self._problem = graph, graph.index(start), problem
+        """Prepare the tables; `start` and `goal` are cell numbers, `goal` -1 if a mask is given.
+
+        Raises ProductProblemError where the regions make too many sets.
+        """
+        self._graph, self._start, self._problem = graph, start, problem
         reading = Reading.of(graph, goal, problem)
         automata = [Rows.of(automaton, reading.sets) for automaton in problem.automata]
         price = np.zeros(0, dtype=np.float32)
@@ -155,7 +160,7 @@ class ProductSearch:
         )  # fmt: skip
         self._priced = bool(price.size or tables.rates.any())
         self._every_move = bool(price.size or graph.cell_surcharge.size)
-        guide = make_guide(graph, self._start, reading, automata, landmarks)
+        guide = make_guide(graph, start, reading, automata, landmarks)
         self._search = make_search(tables, guide, reading.sets.size)
 
     def run(self, stop: StopFlag, deadline: float) -> SearchStatus:
@@ -281,8 +286,8 @@ class Reading(NamedTuple):
     goals: NDArray[np.int64]
 
     @classmethod
-    def of(cls, graph: GridGraph, goal: Cell, problem: ProductProblem) -> Reading:
-        """Read the regions of a problem. Raises ValueError for a goal off the grid.
+    def of(cls, graph: GridGraph, goal: int, problem: ProductProblem) -> Reading:
+        """Read the regions of a problem.
 
         Raises ProductProblemError if they overlap in too many ways.
         """
@@ -297,8 +302,7 @@ class Reading(NamedTuple):
                 raise ProductProblemError(f'regions: they overlap in over {sets.size} ways')
         for cells in regions:
             kernels.mark_borders(cells, graph.moves, graph.width, letters)
-        wanted = problem.goals
-        goals = np.array([graph.index(goal)]) if wanted is None else np.flatnonzero(wanted)
+        goals = np.array([goal]) if problem.goals is None else np.flatnonzero(problem.goals)
         goals = goals[~blocked[goals]]
         letters[goals] |= kernels.GOAL
         return cls(letters, sets[:used], regions, goals)

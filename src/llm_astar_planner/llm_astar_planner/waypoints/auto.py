@@ -9,9 +9,14 @@ from dataclasses import replace
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.landmarks import landmark_count
-from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.config import SourceContext, make_source
-from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.source import (
+    SAVES_NOTHING,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+    WaypointSource,
+)
 
 
 def best_source(costmap: Costmap) -> str:
@@ -35,7 +40,7 @@ class AutoSource:
     def __init__(self, context: SourceContext) -> None:
         """Take what sources are made from; they are made when they are first asked."""
         self._context = context
-        self._made: dict[str, sources.WaypointSource] = {}
+        self._made: dict[str, WaypointSource] = {}
 
     def helps_on(self, costmap: Costmap) -> bool:
         """Tell whether any source helps on a costmap."""
@@ -45,8 +50,7 @@ class AutoSource:
         """Return the reply of the best source, or one with status NONE."""
         name = best_source(query.costmap)
         if name == 'none':
-            detail = sources.SAVES_NOTHING
-            return WaypointReply(label=self.name, status=SourceStatus.NONE, detail=detail)
+            return WaypointReply(label=self.name, status=SourceStatus.NONE, detail=SAVES_NOTHING)
         if name not in self._made:
             settings = replace(self._context.settings, source=name)
             self._made[name] = make_source(settings, self._context.dataset, self._context.seed)
