@@ -22,9 +22,13 @@ from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-
-from llm_astar_msgs_adapter import errors
+from llm_astar_msgs_adapter.errors import (
+    LlmAstarError,
+    nearest_name,
+    printable,
+    short_repr,
+    shortened,
+)
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -88,7 +92,7 @@ def description(error: BaseException) -> str:
     own = (__file__, pkgutil.__file__)
     known = [at for at in frames if at.filename not in own and 'importlib' not in at.filename][-1:]
     where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in known)
-    return errors.printable(errors.shortened(name, MAX_MESSAGE) + where)
+    return printable(shortened(name, MAX_MESSAGE) + where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +148,7 @@ class Plugins:
         if not entries:
             names = [*self.own, *self.installed]
             known = ', '.join(names)
-            return f'{short_repr(name)} is not one of {known}{errors.nearest_name(name, names)}'
+            return f'{short_repr(name)} is not one of {known}{nearest_name(name, names)}'
         values = ' and '.join(entry.value for entry in entries)
         return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
 

@@ -70,7 +70,7 @@ class ChatClient:
         A text completion ends where the model writes `stop`.
         """
         self.endpoint = Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names)
-        self.model, self._most = settings.model, settings
+        self.model, self._settings = settings.model, settings
         self.dialect = protocol.Dialect(
             settings.max_output_tokens, settings.temperature, settings.response_format,
             is_completion=settings.prompt_form == COMPLETION, stop=stop,
@@ -115,7 +115,7 @@ class ChatClient:
                     dialect = adapted
                     continue
                 attempt += 1
-                delay = resilience.retry_delay(failure, attempt, self._most.max_retries)
+                delay = resilience.retry_delay(failure, attempt, self._settings.max_retries)
                 if delay is None or time.monotonic() + delay >= deadline:
                     raise
             else:
@@ -135,7 +135,7 @@ class ChatClient:
         """Make one request, when a slot is free and the limits allow it."""
         key = self.endpoint.key()
         if not self._slots.acquire(timeout=max(0.0, deadline - time.monotonic())):
-            busy = f'{self._most.max_concurrent} requests are running already'
+            busy = f'{self._settings.max_concurrent} requests are running already'
             raise EndpointFailure(SourceStatus.TIMEOUT, busy, is_ours=True)
         try:
             self.budget.admit()
