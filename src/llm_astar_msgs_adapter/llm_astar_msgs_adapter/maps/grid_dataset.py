@@ -85,10 +85,6 @@ class GridProblem:
         samples = tuple(Sample(middle(item.start), middle(item.goal)) for item in self.samples)
         return GridProblem(self.id, finer, samples, family=self.family)
 
-    def published(self, pair: int) -> float:
-        """Return the length in cells published for a sample, NaN where there is none."""
-        return self.optimal_lengths[pair] if pair < len(self.optimal_lengths) else math.nan
-
     def to_json(self) -> dict[str, Any]:
         """Return a JSON object that `parse_grid_problem` reads; the cells are compressed."""
         lengths = [None if math.isnan(length) else length for length in self.optimal_lengths]

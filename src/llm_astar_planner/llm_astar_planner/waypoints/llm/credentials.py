@@ -153,10 +153,8 @@ def key_patterns(names: str) -> list[str]:
     """Split `api_key_names`. Raises EndpointError for what is no pattern of a variable's name."""
     patterns = [name.strip() for name in names.split(',') if name.strip()]
     if not all(map(_PATTERN.fullmatch, patterns)):
-        raise EndpointError(
-            'api_key_names: names of variables, in capitals, with * for any part, separated by '
-            'commas, are expected'
-        )
+        words = 'names of variables, in capitals, with * for any part, separated by commas'
+        raise EndpointError(f'api_key_names: {words}, are expected')
     return patterns
 
 

@@ -66,10 +66,6 @@ class ExampleLibrary:
         self._endpoints = np.array([relative(s, g, maps[i].size) for i, s, g in self._samples])
         self._solved: dict[int, SolvedSample | None] = {}
 
-    def __len__(self) -> int:
-        """Return how many samples there are."""
-        return len(self._samples)
-
     def nearest(self, query: WaypointQuery) -> Iterator[SolvedSample]:
         """Yield solved samples, the most similar to a query first.
 
