@@ -34,11 +34,11 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import Scenario, load_map, load_scenarios
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import path_units
-from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.search.result import Cell
 from numpy.typing import NDArray
 
