@@ -15,23 +15,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from llm_astar_planner.plugins import PluginError, checked_count
+from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
-from llm_astar_planner.waypoints.source import (
-    Provenance,
-    SourceStatus,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
-    checked_point,
-    checked_seconds,
-    limit_waypoints,
-)
+from llm_astar_planner.waypoints import source as sources
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap
@@ -44,17 +35,10 @@ GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 IDLE_SECONDS = 5.0
 NEWER_CAME = 'not asked, since newer queries came'
 TOO_LATE = 'not asked: its time was over before its turn'
-# What the fields of a reply are, but for its waypoints.
-PLAIN: dict[str, type] = {
-    **dict.fromkeys(('label', 'detail', 'text', 'model', 'prompt'), str),
-    'status': SourceStatus,
-    'messages': tuple,
-    'provenance': Provenance,
-}
 
 
 def query_source(
-    source: WaypointSource, query: WaypointQuery, stop: StopFlag | None = None
+    source: sources.WaypointSource, query: WaypointQuery, stop: StopFlag | None = None
 ) -> tuple[WaypointReply, float]:
     """Query a source; return its reply and the seconds it took.
 
@@ -101,7 +85,7 @@ class QueryTask:
             self.finish(WaypointReply(status=SourceStatus.TIMEOUT, detail=TOO_LATE))
             return
         try:
-            reply = plain_reply(self.ask(self._stop))
+            reply = sources.checked_reply(self.ask(self._stop))
         except BaseException as error:  # noqa: BLE001 - no source may ever stop a plan or a thread
             _LOG.exception('the waypoint source failed')
             detail = f'{type(error).__name__} in source {self.name}'
@@ -237,7 +221,7 @@ PLANS = QueryQueue(at_a_time=32, threads=64, waiting=32)
 
 
 def start_query(
-    source: WaypointSource,
+    source: sources.WaypointSource,
     query: WaypointQuery,
     on_reply: Callable[[WaypointReply], None],
     queue: QueryQueue = PLANS,
@@ -254,7 +238,7 @@ def start_query(
     return QueryTask(name_of(source), ask, query.time_limit, on_reply, queue)
 
 
-def helps_on(source: WaypointSource, costmap: Costmap) -> bool:
+def helps_on(source: sources.WaypointSource, costmap: Costmap) -> bool:
     """Tell whether a source is worth asking on a costmap: not where it says that it is not."""
     try:
         asked = getattr(source, 'helps_on', None)
@@ -270,26 +254,3 @@ def name_of(source: object) -> str:
     except Exception:  # noqa: BLE001 - of foreign code
         name = None
     return name if type(name) is str else type(source).__name__
-
-
-def plain_reply(reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
-    """Return a reply that is made of plain values. Raises PluginError, which names the field."""
-    if not isinstance(reply, WaypointReply):
-        raise PluginError(f'returned {type(reply).__name__}, not a WaypointReply')
-    for name, kind in PLAIN.items():
-        if type(value := getattr(reply, name)) is not kind:
-            raise PluginError(f'{name}: is a {type(value).__name__}, not a {kind.__name__}')
-    for name in ('prompt_tokens', 'completion_tokens', 'unit'):
-        checked_count(getattr(reply, name), name)
-    checked_seconds(reply.seconds)
-    if not isinstance(reply.waypoints, (tuple, list, np.ndarray)):
-        raise PluginError(f'waypoints: is a {type(reply.waypoints).__name__}, not a tuple')
-    limited = limit_waypoints(reply)
-    return replace(limited, waypoints=tuple(map(plain_point, limited.waypoints)))
-
-
-def plain_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
-    """Return a waypoint as two numbers of Python, whole ones as they are. Raises PluginError."""
-    x, y = checked_point(point)
-    is_plain = type(point) is tuple and {type(value) for value in point} <= {int, float}
-    return point if is_plain else (x, y)
