@@ -14,7 +14,6 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,14 +35,18 @@ from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.report.pages import data_url
 from llm_astar_lab.report.sentences import variant_label
 from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant, parse_points
+from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.engine import SearchSettings, request_again
 
 # The part of the samples on each side of the median that count as about median.
 AROUND = 0.05
 # Characters of JSON that the samples may take; a page with all of a large run takes megabytes.
 BUDGET = 500_000
-# Bytes of rows that are kept to choose from, and of a row without its texts.
-MAX_KEPT, ROW_BYTES = 32_000_000, 900
+# Bytes of rows that are kept to choose from; a row takes 900 without its texts.
+MAX_KEPT = 32_000_000
+SAMPLES = """
+    SELECT map, pair, sum(900 + length(waypoints) + length(path) + length(recorded_path)) AS size
+    FROM rows WHERE scale = 1 GROUP BY map, pair ORDER BY map, pair"""
 # Pixels of a map's picture along its longer side, at most.
 MAX_PIXELS = 1000
 
@@ -147,30 +150,22 @@ class ShownSamples(NamedTuple):
     total: int
 
 
-def shown_samples(rows: Iterable[Row], maps: Iterable[ProblemMap]) -> ShownSamples:
-    """Read rows once and keep those of scale 1 whose sample is stored in one of the maps.
+def shown_samples(rows: Iterable[Row] | StoredRows, maps: Iterable[ProblemMap]) -> ShownSamples:
+    """Keep the rows of scale 1 whose sample is stored in one of the maps.
 
-    Rows are in order of map and pair. Where all would take over MAX_KEPT bytes, only every
-    second sample is kept, every fourth and so on.
+    Where all would take over MAX_KEPT bytes, only every second sample is kept, every fourth and
+    so on.
     """
-    stored = {problem.id: len(problem.samples) for problem in maps}
-    drawable = (row for row in rows if row.scale == 1 and row.pair < stored.get(row.map, 0))
-    kept: list[list[Row]] = []
-    every, total, size = 1, 0, 0
-    for _, of_sample in groupby(drawable, key=lambda row: (row.map, row.pair)):
-        if total % every == 0:
-            kept.append(list(of_sample))
-            size += sum(map(row_size, kept[-1]))
-        total += 1
-        while size > MAX_KEPT and len(kept) > 1:
-            every, kept = 2 * every, kept[::2]
-            size = sum(row_size(row) for group in kept for row in group)
-    return ShownSamples([row for group in kept for row in group], total)
-
-
-def row_size(row: Row) -> int:
-    """Return about how many bytes a row takes in memory."""
-    return ROW_BYTES + len(row.waypoints) + len(row.path) + len(row.recorded_path)
+    stored, pairs = StoredRows.of(rows), {item.id: len(item.samples) for item in maps}
+    found = stored.arrays(SAMPLES)
+    limits = np.array([pairs.get(number, 0) for number in found['map'].tolist()], dtype=int)
+    samples, every = np.flatnonzero(found['pair'] < limits), 1
+    while found['size'][samples[::every]].sum() > MAX_KEPT and every < len(samples):
+        every *= 2
+    kept = samples[::every]
+    chosen = set(zip(found['map'][kept].tolist(), found['pair'][kept].tolist()))
+    of_chosen = (row for row in stored.rows('scale = 1') if (row.map, row.pair) in chosen)
+    return ShownSamples(list(of_chosen), len(samples))
 
 
 def browser_data(

@@ -28,7 +28,7 @@ from llm_astar_lab.analysis.summary import (
 from llm_astar_lab.pictures.animation import save_animation
 from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, panel_figure
 from llm_astar_lab.report.figures import growth_figure, ratio_figure, showcase_figure
-from llm_astar_lab.report.pages import PANEL, html_report, markdown_report
+from llm_astar_lab.report.pages import html_report, markdown_report
 from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples
 from llm_astar_lab.report.sentences import headline, sentence
 from llm_astar_lab.report.table import json_of
@@ -55,7 +55,7 @@ def write_report(
     where they have been read. Raises ResultsError.
     """
     rows = folder.stored() if rows is None else rows
-    shown = shown_samples(rows.rows('scale = 1'), maps)
+    shown = shown_samples(rows, maps)
     run = summarise_run(rows, metadata)
     summary = {
         'headline': headline(run.comparisons),
@@ -130,7 +130,7 @@ def draw_all(
         caption = f'{sample.where}: what each method expanded.'
         save('compare.png', comparison_figure(sample.pictures), caption, PAD)
         for number, picture in enumerate(on_one_window(sample.pictures), start=1):
-            file, caption = f'{PANEL}{number}.png', picture.title
+            file, caption = f'panel_{number}.png', picture.title
             save(file, panel_figure(picture), caption, PANEL_PAD, PANEL_DPI)
         if sample.searches:
             save_animation(folder / 'search.gif', sample.searches)
