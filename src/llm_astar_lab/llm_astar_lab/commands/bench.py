@@ -49,7 +49,7 @@ from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, sel
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources
-from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
 from llm_astar_lab.runner.map_costs import map_costs
 
 
@@ -114,9 +114,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         with common.make_executor(args, config.sources) as pool:
             metadata = run_metadata(args, config, dataset)
-            parquet = is_parquet_run(args.format, config.row_count)
-            again = {'resume': args.resume, 'overwrite': args.overwrite}
-            tasks = config.tasks(open_folder(folder, metadata, **again, parquet=parquet))
+            tasks = config.tasks(common.open_run(args, folder, metadata, config.row_count))
             kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
@@ -209,16 +207,8 @@ def benchmark_config(
         samples = draw(samples, args.limit, args.seed)
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
-    return BenchmarkConfig(
-        samples,
-        args.methods,
-        recorded.specs,
-        settings,
-        scales,
-        args.scale_samples,
-        args.seed,
-        recorded.coverage,
-    )
+    rest = scales, args.scale_samples, args.seed, recorded.coverage
+    return BenchmarkConfig(samples, args.methods, recorded.specs, settings, *rest)
 
 
 def run_metadata(

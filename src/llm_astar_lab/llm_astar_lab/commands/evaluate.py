@@ -51,8 +51,7 @@ from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, descr
 from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
-from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.config import choose_folder
 from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
@@ -120,10 +119,10 @@ def run(args: argparse.Namespace) -> int:
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             common.check_thresholds(args, config.sources)
             with common.make_executor(args, config.sources) as pool:
-                metadata, done = start(args, config, folder, is_listed=bool(listed))
+                metadata = metadata_of(args, config, is_listed=bool(listed))
+                left = config.tasks(common.open_run(args, folder, metadata))
                 failure = common.INCOMPLETE  # from here on there are rows
                 keep = partial(write_outcomes, results_bag) if results_bag else None
-                left = config.tasks(done)
                 with results_bag or nullcontext():
                     code = common.run_into(
                         args, folder, metadata, left, pool, unit='request', keep=keep
@@ -137,19 +136,13 @@ def run(args: argparse.Namespace) -> int:
         return common.complain(args, str(error), failure)
 
 
-def start(
-    args: argparse.Namespace, config: Evaluation, folder: ResultsFolder, *, is_listed: bool
-) -> tuple[dict[str, Any], Finished]:
-    """Start or resume the results folder; return the run's metadata and the finished rows.
-
-    Raises ResultsError.
-    """
+def metadata_of(
+    args: argparse.Namespace, config: Evaluation, *, is_listed: bool
+) -> dict[str, Any]:
+    """Return the metadata of the run."""
     files = [*args.bags, *([args.requests] if is_listed else [])]
     metadata = describe_run(files, run_parameters(args, config), common.deciding_files(args))
-    metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
-    parquet = is_parquet_run(args.format)
-    again = {'resume': args.resume, 'overwrite': args.overwrite}
-    return metadata, open_folder(folder, metadata, **again, parquet=parquet)
+    return metadata | {'bags': list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))}
 
 
 def report_problems(
@@ -258,11 +251,9 @@ def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome])
     grid_map = task.sample.barrier_map.to_grid()
     for row, plan in outcomes:
         if plan is not None and task.recorded_plan is not None:
+            source = '/'.join(filter(None, row.variant[1:]))
             results_bag.add(
-                row.method,
-                '/'.join(part for part in row.variant[1:] if part),
-                grid_map,
-                task.recorded_plan.time,
+                row.method, source, grid_map, task.recorded_plan.time,
                 points=grid_map.grid_to_world(plan.path),
                 report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
-            )
+            )  # fmt: skip

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -32,12 +31,11 @@ from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 from llm_astar_planner.waypoints.source import SOURCES
-from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
-from llm_astar_lab.results.stored_rows import UNANSWERED
+from llm_astar_lab.results.stored_rows import UNANSWERED, Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
 from llm_astar_lab.runner.map_costs import add_query_times
@@ -50,6 +48,12 @@ INSTRUCTION = ('instruction', 'instruction_policy')
 ENDPOINT = (
     'base_url', 'api_key_env', 'api_key_names', 'repair_rounds', 'prompt_form',
     'retrieved_examples', 'examples_file',
+)  # fmt: skip
+# What is kept of a run, besides what its command adds.
+DECIDING = (
+    'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'prompt_form',
+    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'price',
+    'jobs',
 )  # fmt: skip
 # The parameters of the search, with the defaults of the benchmark.
 SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
@@ -221,15 +225,21 @@ def source_specs(
         record=str(folder.transcript),
     )
     return make_source_specs(
-        args.source,
-        args.prompt,
-        args.model,
-        settings=settings,
-        dataset=dataset,
-        transcripts=args.transcript,
-        seed=args.seed,
-        default=default,
-    )
+        args.source, args.prompt, args.model, settings=settings, dataset=dataset,
+        transcripts=args.transcript, seed=args.seed, default=default,
+    )  # fmt: skip
+
+
+def open_run(
+    args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], rows: int = 0
+) -> Finished:
+    """Start or resume the folder of a run of so many rows; return which of them it has.
+
+    Raises ResultsError.
+    """
+    parquet = config.is_parquet_run(args.format, rows)
+    again = {'resume': args.resume, 'overwrite': args.overwrite}
+    return config.open_folder(folder, metadata, **again, parquet=parquet)
 
 
 def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
@@ -241,13 +251,8 @@ def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) ->
 
 def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
     """Return the parameters of a run for its metadata; --resume compares COMPARED_PARAMETERS."""
-    names = (
-        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds',
-        'prompt_form', 'retrieved_examples', 'examples_file', 'heuristic', 'weight',
-        'max_suboptimality', 'price', 'jobs', *more,
-    )  # fmt: skip
-    instruction = INSTRUCTION if args.instruction else ()
-    found = {name: getattr(args, name) for name in (*names, *instruction)}
+    names = (*DECIDING, *more, *(INSTRUCTION if args.instruction else ()))
+    found = {name: getattr(args, name) for name in names}
     return found | {'time_limit': args.max_planning_time}
 
 
@@ -302,6 +307,7 @@ def run_into(
     metadata['parameters']['jobs'] = args.dask or at_once // 2
     # Tasks that are made one by one hold a map each, so fewer of them are queued.
     queued = max(1, at_once // 2) if total is None else at_once
+    engine.compile_once()
     try:
         with config.progress(total, unit) as step:
 
@@ -310,31 +316,11 @@ def run_into(
                     keep(task, outcomes)
                 step()
 
-            def run(some: Iterable[Task]) -> None:
-                config.run_into_folder(
-                    folder, some, executor, queued, metadata=metadata, step=finish
-                )
-
-            run(run_timed(tasks, run) if isinstance(tasks, list) else tasks)
+            config.run_into_folder(folder, tasks, executor, queued, metadata=metadata, step=finish)
     except KeyboardInterrupt:
         message = 'interrupted: the rows so far are kept; continue with --resume'
         return complain(args, message, INTERRUPTED)
     return OK
-
-
-def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> Sequence[Task]:
-    """Run the first tasks of each scale, say how long the others take, and return those."""
-    engine.compile_once()
-    timed, others = config.split_timed(tasks)
-    seconds = {}
-    for scale, first in timed.items():
-        begun = time.monotonic()
-        run(first)
-        seconds[scale] = (time.monotonic() - begun) / len(first)
-    sentence = config.forecast(others, seconds)
-    if sentence is not None:
-        tqdm.write(sentence, file=sys.stderr)
-    return others
 
 
 def close_run(

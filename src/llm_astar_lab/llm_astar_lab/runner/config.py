@@ -33,12 +33,6 @@ LARGE_RUN = 200_000
 # What the report says of a file that changed before a run was resumed.
 ANOTHER_INPUT = ': was another file when earlier rows were made'
 CONNECT_TIMEOUT_S = 10
-# The first tasks of a scale that are timed; the more there are, the better the forecast.
-TIMED_PART, MOST_TIMED = 0.02, 20
-# Tasks differ: later ones may have more to search.
-MARGIN = 1.5
-# Shorter runs need no forecast, seconds.
-WORTH_SAYING = 10.0
 # Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
@@ -196,39 +190,6 @@ def describe_unanswered(rows: Iterable[Row]) -> list[str]:
         f'the first {firsts[variant]}'
         for variant, found in counts.items()
     ]
-
-
-def split_timed(
-    tasks: Sequence[Task],
-) -> tuple[dict[int, list[Task]], list[Task]]:
-    """Return the first tasks of each scale, to be timed, and the others."""
-    timed: dict[int, list[Task]] = {}
-    others: list[Task] = []
-    counts = Counter(task.scale for task in tasks)
-    for task in tasks:
-        group = timed.setdefault(task.scale, [])
-        most = min(MOST_TIMED, max(1, round(TIMED_PART * counts[task.scale])))
-        (group if len(group) < most else others).append(task)
-    return timed, others
-
-
-def forecast(tasks: Sequence[Task], seconds: Mapping[int, float]) -> str | None:
-    """Say how long tasks take at most; None if not long.
-
-    `seconds` is the time of a task at each scale.
-    """
-    longest = MARGIN * sum(seconds[task.scale] for task in tasks)
-    if longest < WORTH_SAYING:
-        return None
-    return f'{len(tasks)} more samples, {describe_seconds(longest)} at most'
-
-
-def describe_seconds(seconds: float) -> str:
-    """Return a duration in the unit that a person would use."""
-    for unit, size in (('hours', 3600.0), ('minutes', 60.0)):
-        if seconds > 1.5 * size:
-            return f'about {seconds / size:.2g} {unit}'
-    return f'about {seconds:.2g} seconds'
 
 
 @contextmanager

@@ -27,12 +27,8 @@ from llm_astar_planner.waypoints.source import (
 )
 from llm_astar_planner.waypoints.transcript import read_transcript
 
-from llm_astar_lab.datasets.named import (
-    GRID_CONFIG,
-    BenchmarkSample,
-    SelectionError,
-    sample_pairs,
-)
+from llm_astar_lab.datasets import named as datasets
+from llm_astar_lab.datasets.named import BenchmarkSample
 
 # The baselines that are cheap on any grid, because they need no visibility graph.
 GRID_BASELINES = ('coarse', 'straight', 'random')
@@ -103,16 +99,11 @@ def make_source_specs(
             chosen_settings = replace(settings, source=name)
             specs += model_sources(chosen_settings, prompts, models, dataset, seed)
     specs += [SourceSpec(baselines[name], name) for name in chosen]
-    for count, *row in repeated(specs):
-        same = ', '.join(filter(None, row))
-        raise SettingsError(f'source: {count} would have the same rows, {same}: rename a file')
+    for row, count in Counter((spec.name, spec.model, spec.prompt) for spec in specs).items():
+        if count > 1:
+            same = ', '.join(filter(None, row))
+            raise SettingsError(f'source: {count} would have the same rows, {same}: rename a file')
     return specs
-
-
-def repeated(specs: Iterable[SourceSpec]) -> Iterator[tuple[int, str, str, str]]:
-    """Yield how many sources have a name, model and prompt, and these, where not one alone."""
-    times = Counter((spec.name, spec.model, spec.prompt) for spec in specs)
-    yield from ((count, *row) for row, count in times.items() if count > 1)
 
 
 def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
@@ -133,7 +124,7 @@ def replay_sources(
     """Make a replay of each transcript, model and prompt; all that are recorded, or those named.
 
     Where two transcripts hold the same model and prompt, their rows are told apart by file name:
-    `replay:NAME`. Raises SettingsError where that is the same too.
+    `replay:NAME`.
     """
     specs, own = [], dataset_digest(dataset)
     for transcript in transcripts or ('',):
@@ -155,20 +146,14 @@ def replay_sources(
 
 
 def told_apart(specs: Sequence[SourceSpec]) -> list[SourceSpec]:
-    """Name replays of the same model and prompt by their files. Raises SettingsError."""
+    """Name replays of the same model and prompt by their files."""
     held = Counter((spec.model, spec.prompt) for spec in specs)
-    named = [
+    return [
         replace(spec, name=f'{REPLAY}:{Path(spec.transcript).stem}')
         if held[spec.model, spec.prompt] > 1
         else spec
         for spec in specs
     ]
-    for count, name, model, prompt in repeated(named):
-        raise SettingsError(
-            f'transcript: {count} files named {name.removeprefix(REPLAY + ":")} hold model '
-            f'{model}, prompt {prompt}; rename all but one'
-        )
-    return named
 
 
 def model_sources(
@@ -201,7 +186,7 @@ def model_sources(
 def check_grid_options(problem: GridProblem, names: Sequence[str]) -> None:
     """Raise ValueError where a grid cannot be run with these sources."""
     slow = [name for name in names if name in BASELINE_NAMES and name not in GRID_BASELINES]
-    reason = visibility_problem(Costmap(problem.to_grid(), GRID_CONFIG)) if slow else None
+    reason = visibility_problem(Costmap(problem.to_grid(), datasets.GRID_CONFIG)) if slow else None
     if reason:
         raise ValueError(f'--source {",".join(slow)}: {reason}')
 
@@ -305,10 +290,12 @@ def keep_recorded(
     recorded = {key[:2] for key in every}
     kept = [sample for sample in samples if sample.key in recorded]
     due = [(sample, 1) for sample in samples if 1 in scales]
-    due += sample_pairs(kept, [scale for scale in scales if scale != 1], scale_samples, seed)
+    due += datasets.sample_pairs(
+        kept, [scale for scale in scales if scale != 1], scale_samples, seed
+    )
     coverage = [cover(spec, due) for spec in replays]
     if not every:
-        raise SelectionError(
+        raise datasets.SelectionError(
             f'{coverage[0].sentence()}; --samples all runs them without waypoints'
         )
     chosen = [replace(spec, samples=own.get(id(spec), every)) for spec in specs]
