@@ -10,6 +10,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -19,19 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.replies import count_problems
 from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio, Spread, spread
-from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
+from llm_astar_lab.results.row import PAPER_ASTAR, Row, Variant
 from llm_astar_lab.results.stored_rows import ANSWERED, FAILED, OF_VARIANT, StoredRows
 
 Arrays = Mapping[str, NDArray[Any]]
 SampleId = tuple[int, int]
+Price = Sequence[float]
 # Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.
 EXACT_ASTAR = Variant('exact_astar')
-# The order of a report: methods as in the paper, and models before the baseline sources.
-METHOD_ORDER = (
-    'astar', 'exact_astar', 'weighted_astar', 'dynamic_weighted_astar', WAYPOINTS_ONLY,
-    'llm_astar', 'guided',
-)  # fmt: skip
-BASELINE_SOURCES = ('none', 'coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 # The columns whose growth over the scales of the map is measured.
 GROWING_COLUMNS = ('operation', 'storage')
 # The columns that are compared with A*.
@@ -184,18 +180,6 @@ class Growth:
     slope: float
 
 
-@dataclass(frozen=True)
-class Price:
-    """The price of a million tokens, in any currency."""
-
-    prompt: float
-    completion: float
-
-    def of(self, prompt_tokens: int, completion_tokens: int) -> float:
-        """Return what tokens cost."""
-        return (prompt_tokens * self.prompt + completion_tokens * self.completion) / 1e6
-
-
 class RunSummary(NamedTuple):
     """What the rows of a run show, with its metadata: all that a report's tables are made of.
 
@@ -222,8 +206,8 @@ def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[Sample
 def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any]) -> RunSummary:
     """Summarise a run by the seed and the price in its metadata."""
     stored, parameters = StoredRows.of(rows), metadata['parameters']
-    seed, price = int(parameters.get('seed', 0)), parameters.get('price')
-    variants = summarise(stored, seed, None if price is None else Price(*price))
+    seed = int(parameters.get('seed', 0))
+    variants = summarise(stored, seed, parameters.get('price'))
     recorded = {name: int(count[0]) for name, count in stored.arrays(RECORDED).items()}
     return RunSummary(
         variants, compare_with_none(stored, seed), growth(stored), metadata, recorded
@@ -233,12 +217,15 @@ def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any])
 def summarise(
     rows: Iterable[Row] | StoredRows, seed: int = 0, price: Price | None = None
 ) -> list[VariantSummary]:
-    """Summarise every variant at scale 1, in the order of the report's table."""
+    """Summarise every variant at scale 1, in the order of the report's table.
+
+    `price` is that of a million tokens of prompts and of replies, in any currency.
+    """
     stored = StoredRows.of(rows)
     families = stored.arrays(FAMILIES)['family'].tolist()
     return [
         summarise_variant(stored, variant, families, seed, price)
-        for variant in sorted(stored.variants('scale = 1'), key=report_order)
+        for variant in sorted(stored.variants('scale = 1'), key=attrgetter('report_order'))
     ]
 
 
@@ -250,9 +237,12 @@ def summarise_variant(
     `names` are the families of the run's maps.
     """
     rows = stored.arrays(OWN_NUMBERS, *variant)
-    pairs, exact = (solved_pairs(stored, variant, base) for base in (PAPER_ASTAR, EXACT_ASTAR))
+    bases = PAPER_ASTAR, EXACT_ASTAR
+    pairs, exact = (stored.arrays(SOLVED_PAIRS, *variant, *base) for base in bases)
     found, maps = rows['found'], rows['map']
+    is_optimal = stats.is_optimal(pairs['own_length'], pairs['base_length'])
     families, family_means = by_family(names, rows, pairs, seed)
+    both = found & (rows['recorded_length'] > 0)
     # A map without obstacles has an infinite clearance.
     clearances = rows['clearance'][found & np.isfinite(rows['clearance'])]
     tokens = int(rows['prompt_tokens'].sum()), int(rows['completion_tokens'].sum())
@@ -264,18 +254,16 @@ def summarise_variant(
         maps=len(np.unique(maps)),
         valid=stats.mean_interval(found, maps, seed),
         **{name: stats.ratio_of(pairs[name], pairs['map'], seed) for name in COMPARED},
-        optimal=optimal_share(pairs, seed),
+        optimal=stats.mean_interval(is_optimal, pairs['map'], seed),
         seconds_source=spread(rows['seconds_source']),
         seconds_search=spread(rows['seconds_search']),
         waypoints=int(rows['waypoints'].sum()) / len(found),
         verdicts={name: count / verdicts.total() for name, count in verdicts.most_common()},
         prompt_tokens=tokens[0],
         completion_tokens=tokens[1],
-        cost=None if price is None else price.of(*tokens),
+        cost=None if price is None else (tokens[0] * price[0] + tokens[1] * price[1]) / 1e6,
         seconds_round_trip=spread(round_trips[round_trips >= 0]),
-        operation_exact=stats.ratio_of(exact['operation'], exact['map'], seed)
-        if len(exact['map'])
-        else None,
+        operation_exact=ratio_if_any(exact['operation'], exact['map'], seed),
         proven=spread(bounds[bounds >= 1.0]),
         unanswered=int(np.count_nonzero(~rows['answered'])),
         failures=failures_of(stored, variant),
@@ -283,7 +271,7 @@ def summarise_variant(
         least_clearance=float(clearances.min()) if len(clearances) else math.nan,
         turns=spread(rows['turns'][found]),
         unknown_length=spread(rows['unknown_length'][found]),
-        recorded=recorded_ratio(rows, seed),
+        recorded=ratio_if_any(rows['recorded'][both], maps[both], seed),
         instruction=satisfied_share(rows, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
         families=families,
@@ -291,14 +279,6 @@ def summarise_variant(
         replies=dict(count_texts(stored, variant, 'reply_problems', count_problems)),
         seconds_reply=spread(rows['seconds_reply']),
     )
-
-
-def solved_pairs(stored: StoredRows, variant: Variant, base: Variant) -> Arrays:
-    """Return the ratios of COMPARED on the samples that two variants solved at scale 1.
-
-    Where one of the numbers is not above 0 they are NaN. There are the lengths of both, too.
-    """
-    return stored.arrays(SOLVED_PAIRS, *variant, *base)
 
 
 def count_texts(
@@ -319,16 +299,9 @@ def failures_of(stored: StoredRows, variant: Variant) -> dict[str, int]:
     return dict(zip(found['source_status'].tolist(), found['times'].tolist()))
 
 
-def optimal_share(pairs: Arrays, seed: int) -> Interval:
-    """Return the share of pairs of rows whose first path is no longer than the second."""
-    is_optimal = stats.is_optimal(pairs['own_length'], pairs['base_length'])
-    return stats.mean_interval(is_optimal, pairs['map'], seed)
-
-
-def recorded_ratio(rows: Arrays, seed: int) -> Ratio | None:
-    """Return the lengths over those of the paths in the bags; None where there is none."""
-    both = rows['found'] & (rows['recorded_length'] > 0)
-    return stats.ratio_of(rows['recorded'][both], rows['map'][both], seed) if both.any() else None
+def ratio_if_any(ratios: ArrayLike, maps: NDArray[Any], seed: int) -> Ratio | None:
+    """Return the ratio of two variants; None where they share no sample."""
+    return stats.ratio_of(ratios, maps, seed) if len(maps) else None
 
 
 def satisfied_share(rows: Arrays, column: str, seed: int) -> Interval:
@@ -392,18 +365,17 @@ def family_means(
 def compare_with_none(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[PairedComparison]:
     """Compare every variant that had waypoints with its method without any, at scale 1."""
     stored = StoredRows.of(rows)
-    variants, comparisons = stored.variants('scale = 1'), []
-    for variant in sorted(variants, key=report_order):
-        none = Variant(variant.method)
-        if variant.source == 'none' or none not in variants:
-            continue
-        comparisons.append(compared(stored, variant, none, seed))
-    return comparisons
+    variants = sorted(stored.variants('scale = 1'), key=attrgetter('report_order'))
+    return [
+        compared(stored, variant, none, seed)
+        for variant in variants
+        if variant.source != 'none' and (none := Variant(variant.method)) in variants
+    ]
 
 
 def compared(stored: StoredRows, variant: Variant, none: Variant, seed: int) -> PairedComparison:
     """Compare a variant with its method without waypoints, with and without its failures."""
-    pairs = solved_pairs(stored, variant, none)
+    pairs = stored.arrays(SOLVED_PAIRS, *variant, *none)
     _, maps = stats.known(pairs['operation'], pairs['map'])
     answered = np.where(pairs['failed'], np.nan, pairs['operation'])
     every = (pairs['operation'], pairs['length'], answered)
@@ -454,21 +426,3 @@ def log_log_slope(scales: ArrayLike, growth: ArrayLike) -> float:
     if len(np.unique(xs)) < 2:
         return float('nan')
     return float(np.polyfit(np.log(xs), np.log(ys), 1)[0])
-
-
-def is_baseline(variant: Variant) -> bool:
-    """Whether a variant's waypoints come from no model."""
-    return variant.source in BASELINE_SOURCES
-
-
-def is_learned(variant: Variant) -> bool:
-    """Whether a variant's waypoints come from the embedded model: learned, but not an LLM."""
-    return variant.source.startswith('embedded')
-
-
-def report_order(variant: Variant) -> tuple[int, str, bool, int, str]:
-    """Return the sort key of the report: methods as in the paper, models before baselines."""
-    known = variant.method in METHOD_ORDER
-    method = METHOD_ORDER.index(variant.method) if known else len(METHOD_ORDER)
-    source = BASELINE_SOURCES.index(variant.source) if is_baseline(variant) else -1
-    return method, variant.method, is_baseline(variant), source, str(variant)

@@ -17,7 +17,7 @@ from typing import Any
 from llm_astar_msgs_adapter.errors import printable
 from markupsafe import Markup
 
-from llm_astar_lab.analysis.summary import RunSummary, VariantSummary, is_baseline
+from llm_astar_lab.analysis.summary import RunSummary, VariantSummary
 from llm_astar_lab.pictures import style
 from llm_astar_lab.report import sentences
 from llm_astar_lab.report.sentences import headline, provenance
@@ -98,7 +98,7 @@ def shown_bars(summaries: Sequence[VariantSummary]) -> list[VariantSummary]:
         for item in shown
         if len(shown) <= MAX_BARS
         or item.variant.source in SHOWN_SOURCES
-        or not (is_baseline(item.variant) or '-best-' in item.variant.source)
+        or not (item.variant.is_baseline or '-best-' in item.variant.source)
     ]
 
 

@@ -27,7 +27,7 @@ from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from PIL import Image
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_lab.analysis.summary import SampleId, by_variant, is_baseline, report_order
+from llm_astar_lab.analysis.summary import SampleId, by_variant
 from llm_astar_lab.pictures import raster
 from llm_astar_lab.pictures.animation import AnimatedSearch, drawn_search
 from llm_astar_lab.pictures.figures import Picture, drawable_map
@@ -138,7 +138,7 @@ def median_rows(rows: Sequence[Row]) -> list[Row]:
 def rank(variant: Variant) -> tuple[bool, ...]:
     """Return the sort key by which a variant is drawn: LLM-A* with a model's waypoints first."""
     return (
-        variant.source == 'none', is_baseline(variant), variant.source != 'oracle',
+        variant.source == 'none', variant.is_baseline, variant.source != 'oracle',
         variant.method != 'llm_astar', variant.method != GUIDED,
     )  # fmt: skip
 
@@ -179,7 +179,8 @@ def browser_data(
     Grids are drawn with the walls of `costmap`, by default MovingAI's; `places` are on every map.
     Of more than fit into BUDGET every second, third and so on is left out; `total` counts all.
     """
-    variants = dict(sorted(by_variant(shown.rows).items(), key=lambda item: report_order(item[0])))
+    found = by_variant(shown.rows)
+    variants = {variant: found[variant] for variant in sorted(found, key=lambda v: v.report_order)}
     samples = sorted({(row.map, row.pair) for row in shown.rows})
     wanted = {map_id for map_id, _ in samples}
     drawn = {

@@ -14,13 +14,7 @@ from functools import partial
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
 from llm_astar_lab.analysis.statistics import Interval
-from llm_astar_lab.analysis.summary import (
-    Growth,
-    PairedComparison,
-    RunSummary,
-    is_baseline,
-    is_learned,
-)
+from llm_astar_lab.analysis.summary import Growth, PairedComparison, RunSummary
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
 from llm_astar_lab.templates import TEMPLATES
 
@@ -52,7 +46,7 @@ def variant_label(variant: Variant) -> str:
 
 def model_label(variant: Variant) -> str:
     """Return the model or source of a variant, and what tells it from one of the same name."""
-    if is_learned(variant):
+    if variant.is_learned:
         return f'{variant.source} (learned, not an LLM)'
     _, _, transcript = variant.source.partition('replay:')
     name = variant.model or variant.source
@@ -90,7 +84,6 @@ SENTENCES = TEMPLATES.get_template(
     'report/sentences.j2',
     globals={
         'method': method_label, 'counts': counts_text, 'counted': counted, 'effect': effect_on,
-        'is_baseline': is_baseline, 'is_learned': is_learned,
     },
 )  # fmt: skip
 
@@ -118,7 +111,7 @@ def headline(comparisons: Sequence[PairedComparison]) -> str:
 
 def rank(variant: Variant) -> tuple[bool, bool, bool]:
     """Return the sort key of what a headline is about."""
-    return is_baseline(variant), variant.method != 'llm_astar', variant.source != 'oracle'
+    return variant.is_baseline, variant.method != 'llm_astar', variant.source != 'oracle'
 
 
 def growth_sentence(growths: Sequence[Growth]) -> str:
