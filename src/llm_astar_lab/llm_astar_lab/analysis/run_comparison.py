@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """Compares results folders of one dataset: ratios with intervals, and the samples that changed."""
-# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
@@ -18,11 +17,10 @@ from numpy.typing import NDArray
 
 from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.statistics import LENGTH_TOLERANCE, Estimate, Floats, Interval
-from llm_astar_lab.analysis.summary import RATIO
 from llm_astar_lab.analysis.thresholds import variants_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Variant
-from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
+from llm_astar_lab.results.stored_rows import StoredRows
 
 # The columns of a row that are compared; of each, less is better.
 METRICS = ('operation', 'storage', 'length', 'seconds_search')
@@ -34,14 +32,6 @@ LEVEL = 0.05
 SMALL = 0.02
 # Parameters of a run that do not change its rows.
 IRRELEVANT = ('jobs', 'price')
-# Queries of a variant: its samples, and those that are in the run of another schema too.
-SAMPLES = f'SELECT map FROM rows WHERE {OF_VARIANT}'
-PAIRED = f"""
-    SELECT map, pair, scale,
-        {', '.join(f'a.{n} AS {n}_0, b.{n} AS {n}_1' for n in ('code', *METRICS))},
-        {', '.join(f'{RATIO.format(f"b.{n}", f"a.{n}")} AS {n}' for n in METRICS)}
-    FROM (FROM rows WHERE {OF_VARIANT}) a JOIN (FROM {{}}.rows WHERE {OF_VARIANT}) b
-    USING (map, pair, scale) ORDER BY map, pair, scale"""
 
 
 class Run(NamedTuple):
@@ -237,12 +227,12 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
     samples: list[SampleChange] = []
     unpaired = []
     for variant in chosen_variants(every, name):
-        columns = base.rows.arrays(PAIRED.format(other.rows.schema), *variant, *variant)
+        columns = base.rows.arrays('paired', *variant, *variant, schema=other.rows.schema)
         paired, count = PairedRows(variant, columns), len(columns['map'])
         if not count:
             unpaired.append(variant)
             continue
-        lone = (len(run.rows.arrays(SAMPLES, *variant)['map']) - count for run in (base, other))
+        lone = (len(run.rows.arrays('samples', *variant)['map']) - count for run in (base, other))
         changes.append(paired.change(*lone))
         samples += paired.sample_changes(metric)
     if not changes:

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """Summarises rows: metrics of every variant, paired comparisons, and growth with the scale."""
-# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
@@ -21,7 +20,7 @@ from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.replies import count_problems
 from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio, Spread, spread
 from llm_astar_lab.results.row import PAPER_ASTAR, Row, Variant
-from llm_astar_lab.results.stored_rows import ANSWERED, FAILED, OF_VARIANT, StoredRows
+from llm_astar_lab.results.stored_rows import StoredRows
 
 Arrays = Mapping[str, NDArray[Any]]
 SampleId = tuple[int, int]
@@ -32,42 +31,6 @@ EXACT_ASTAR = Variant('exact_astar')
 GROWING_COLUMNS = ('operation', 'storage')
 # The columns that are compared with A*.
 COMPARED = ('operation', 'storage', 'length')
-FAMILIES = 'SELECT family FROM rows GROUP BY family ORDER BY min(rowid)'
-# The ratio of two columns where both are above 0.
-RATIO = "CASE WHEN {0} > 0 AND {1} > 0 THEN {0} / {1} ELSE 'nan'::DOUBLE END"
-# Queries of a variant: its numbers at scale 1, the samples that another variant solved too, its
-# texts, how often its source failed, and what it solved at any scale with the number of scales
-# that it solved the sample at.
-OWN_NUMBERS = f"""
-    SELECT map, family, code = 'NONE' AS found, {ANSWERED} AS answered, seconds_source,
-        seconds_search, seconds_round_trip, prompt_tokens, completion_tokens, ratio, clearance,
-        turns, unknown_length, recorded_length, {RATIO.format('length', 'recorded_length')}
-        AS recorded, instruction_satisfied, recorded_instruction_satisfied, seconds_reply,
-        CASE waypoints WHEN '' THEN 0
-        ELSE 1 + length(waypoints) - length(replace(waypoints, ';', '')) END AS waypoints
-    FROM rows WHERE scale = 1 AND {OF_VARIANT}"""
-SOLVED = f"(FROM rows WHERE code = 'NONE' AND {OF_VARIANT})"
-SOLVED_PAIRS = f"""
-    SELECT map, a.family, a.length AS own_length, b.length AS base_length,
-        a.{FAILED} AS failed,
-        {', '.join(f'{RATIO.format(f"a.{name}", f"b.{name}")} AS {name}' for name in COMPARED)}
-    FROM {SOLVED} a JOIN {SOLVED} b USING (map, pair, scale) WHERE scale = 1 ORDER BY map, pair"""
-TEXTS = f"""
-    SELECT {{0}}, count(*) AS times FROM rows WHERE scale = 1 AND {{0}} <> '' AND {OF_VARIANT}
-    GROUP BY {{0}} ORDER BY min(rowid)"""
-FAILURES = f"""
-    SELECT source_status, count(*) AS times FROM rows WHERE scale = 1 AND {FAILED} AND {OF_VARIANT}
-    GROUP BY source_status ORDER BY times DESC, source_status"""
-SOLVED_AT_SCALES = f"""
-    SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
-    FROM {SOLVED} WHERE operation > 0 AND NOT isnan(operation) ORDER BY scale, map, pair"""
-# An empty path has a problem but no length.
-RECORDED = """
-    SELECT count(*) AS requests, count(*) FILTER (plan) AS plans,
-        count(*) FILTER (plan AND wrong) AS broken, count(*) FILTER (wrong AND NOT plan) AS empty
-    FROM (SELECT last(isfinite(recorded_length) AND recorded_length >= 0 ORDER BY rowid) AS plan,
-        last(recorded_problem <> '' ORDER BY rowid) AS wrong
-        FROM rows WHERE bag <> '' GROUP BY map, pair)"""
 
 
 @dataclass(frozen=True)
@@ -208,7 +171,7 @@ def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any])
     stored, parameters = StoredRows.of(rows), metadata['parameters']
     seed = int(parameters.get('seed', 0))
     variants = summarise(stored, seed, parameters.get('price'))
-    recorded = {name: int(count[0]) for name, count in stored.arrays(RECORDED).items()}
+    recorded = {name: int(count[0]) for name, count in stored.arrays('recorded').items()}
     return RunSummary(
         variants, compare_with_none(stored, seed), growth(stored), metadata, recorded
     )
@@ -222,7 +185,7 @@ def summarise(
     `price` is that of a million tokens of prompts and of replies, in any currency.
     """
     stored = StoredRows.of(rows)
-    families = stored.arrays(FAMILIES)['family'].tolist()
+    families = stored.arrays('families')['family'].tolist()
     return [
         summarise_variant(stored, variant, families, seed, price)
         for variant in sorted(stored.variants('scale = 1'), key=attrgetter('report_order'))
@@ -236,9 +199,9 @@ def summarise_variant(
 
     `names` are the families of the run's maps.
     """
-    rows = stored.arrays(OWN_NUMBERS, *variant)
+    rows = stored.arrays('own_numbers', *variant)
     bases = PAPER_ASTAR, EXACT_ASTAR
-    pairs, exact = (stored.arrays(SOLVED_PAIRS, *variant, *base) for base in bases)
+    pairs, exact = (stored.arrays('solved_pairs', *variant, *base) for base in bases)
     found, maps = rows['found'], rows['map']
     is_optimal = stats.is_optimal(pairs['own_length'], pairs['base_length'])
     families, family_means = by_family(names, rows, pairs, seed)
@@ -285,9 +248,9 @@ def count_texts(
     stored: StoredRows, variant: Variant, column: str, split: Callable[[str], Iterable[str]]
 ) -> Counter[str]:
     """Count what the texts of a variant at scale 1 are split into, but for empty texts."""
-    found = stored.arrays(TEXTS.format(column), *variant)
+    found = stored.arrays('texts', *variant, column=column)
     counts: Counter[str] = Counter()
-    for text, times in zip(found[column], found['times'].tolist()):
+    for text, times in zip(found['text'], found['times'].tolist()):
         for part in split(text):
             counts[part] += times
     return counts
@@ -295,7 +258,7 @@ def count_texts(
 
 def failures_of(stored: StoredRows, variant: Variant) -> dict[str, int]:
     """Return how often the source of a variant failed at scale 1, by status, the most first."""
-    found = stored.arrays(FAILURES, *variant)
+    found = stored.arrays('failures', *variant)
     return dict(zip(found['source_status'].tolist(), found['times'].tolist()))
 
 
@@ -323,13 +286,10 @@ def by_family(
             continue
         maps, both = rows['map'][own], pairs['map'][solved]
         ratios[name] = stats.known(pairs['operation'][solved], both)
-        summaries[name] = FamilySummary(
-            len(maps),
-            len(np.unique(maps)),
-            stats.mean_interval(rows['found'][own], maps, seed),
-            stats.ratio_interval(*ratios[name], seed),
-            stats.ratio_interval(pairs['length'][solved], both, seed),
-        )
+        valid = stats.mean_interval(rows['found'][own], maps, seed)
+        work = stats.ratio_interval(*ratios[name], seed)
+        length = stats.ratio_interval(pairs['length'][solved], both, seed)
+        summaries[name] = FamilySummary(len(maps), len(np.unique(maps)), valid, work, length)
     seeds = {name: (seed, names.index(name)) for name in ratios}
     return summaries, family_means(summaries, ratios, seeds)
 
@@ -375,12 +335,12 @@ def compare_with_none(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[P
 
 def compared(stored: StoredRows, variant: Variant, none: Variant, seed: int) -> PairedComparison:
     """Compare a variant with its method without waypoints, with and without its failures."""
-    pairs = stored.arrays(SOLVED_PAIRS, *variant, *none)
+    pairs = stored.arrays('solved_pairs', *variant, *none)
     _, maps = stats.known(pairs['operation'], pairs['map'])
     answered = np.where(pairs['failed'], np.nan, pairs['operation'])
     every = (pairs['operation'], pairs['length'], answered)
     work, length, without = (stats.ratio_interval(own, pairs['map'], seed) for own in every)
-    asked = len(stored.arrays(OWN_NUMBERS, *variant)['map'])
+    asked = len(stored.arrays('own_numbers', *variant)['map'])
     return PairedComparison(
         variant, len(maps), len(np.unique(maps)), work, length, asked,
         failures_of(stored, variant), (without, int((~np.isnan(answered)).sum())),
@@ -395,7 +355,7 @@ def growth(rows: Iterable[Row] | StoredRows) -> list[Growth]:
     """
     stored, found = StoredRows.of(rows), []
     for variant in stored.variants():
-        solved = stored.arrays(SOLVED_AT_SCALES, *variant)
+        solved = stored.arrays('solved_at_scales', *variant)
         scales = np.unique(solved['scale'])
         if len(scales) < 2 or 1 not in scales:
             continue

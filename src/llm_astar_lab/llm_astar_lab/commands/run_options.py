@@ -35,11 +35,11 @@ from llm_astar_planner.waypoints.source import SOURCES
 from llm_astar_lab.analysis import thresholds
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
-from llm_astar_lab.results.stored_rows import UNANSWERED, Finished
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
 from llm_astar_lab.runner.map_costs import add_query_times
-from llm_astar_lab.runner.sources import GRID_BASELINES, SourceSpec, make_source_specs
+from llm_astar_lab.runner.sources import GRID_BASELINES, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
@@ -216,18 +216,12 @@ def source_specs(
     What live models answer is recorded in the results folder. `default` names the baselines that
     are added, None for all of them.
     """
-    settings = SourceSettings(
-        **{name: getattr(args, name) for name in ENDPOINT},
-        timeout_s=args.max_planning_time,
-        max_concurrent=args.jobs or LIVE_JOBS,
-        # The number of samples already bounds the calls.
-        max_calls_per_hour=0,
-        record=str(folder.transcript),
-    )
-    return make_source_specs(
-        args.source, args.prompt, args.model, settings=settings, dataset=dataset,
-        transcripts=args.transcript, seed=args.seed, default=default,
-    )  # fmt: skip
+    values: dict[str, Any] = {name: getattr(args, name) for name in ENDPOINT}
+    values |= {'timeout_s': args.max_planning_time, 'record': str(folder.transcript)}
+    # The number of samples already bounds the calls.
+    values |= {'max_concurrent': args.jobs or LIVE_JOBS, 'max_calls_per_hour': 0}
+    rest = args.prompt, args.model, args.transcript, args.seed, default
+    return SourceOptions(SourceSettings(**values), dataset, *rest).specs(args.source)
 
 
 def open_run(
@@ -339,7 +333,7 @@ def close_run(
     folder.fold()
     rows = folder.stored()
     maps = load_kept_maps(folder.path / MAPS_FILE)
-    unanswered = config.describe_unanswered(rows.rows(UNANSWERED))
+    unanswered = [*config.describe_unanswered(rows)]
     if 'map_costs' in metadata:
         add_query_times(metadata['map_costs'], rows)
     folder.write_json('metadata.json', metadata)

@@ -39,6 +39,7 @@ from llm_astar_lab.results.row import (
     Row,
     Variant,
 )
+from llm_astar_lab.templates import TEMPLATES
 
 # What reading takes at most, and what queries about one variant do.
 MEMORY, QUERY_MEMORY = '112MB', '32MB'
@@ -57,13 +58,10 @@ MAX_GROUP_ROWS, MAX_GROUP_BYTES = 2**17, 2**28
 SQL_TYPES = {'int': 'BIGINT', 'float': 'DOUBLE', 'str': 'VARCHAR'}
 INTEGERS = [name for name, kind in COLUMNS.items() if kind == 'int']
 KEY = 'map, pair, scale, method, source, prompt, model'
-# Conditions of queries; that of a variant has its four values.
-OF_VARIANT = 'method = ? AND source = ? AND prompt = ? AND model = ?'
+# Conditions of queries.
 ANSWERED = f'source_status IN ({", ".join(map(repr, sorted(FINAL_STATUSES)))})'
 UNANSWERED = f'NOT {ANSWERED}'
-# Of rows whose source gave no waypoints that it could have given: it failed, was late, or replied
-# without a list.
-FAILED = "source_status NOT IN ('NONE', 'NO_WAYPOINTS', 'OK')"
+QUERIES = TEMPLATES.get_template('results/queries.sql.j2', globals={'ANSWERED': ANSWERED}).module
 # Rows that are fetched at a time, and of a group of a Parquet file.
 FETCHED_ROWS, GROUP_ROWS = 1000, 2048
 PARQUET = f'FORMAT parquet, COMPRESSION zstd, ROW_GROUP_SIZE {GROUP_ROWS}'
@@ -131,9 +129,12 @@ class StoredRows:
             for values in some:
                 yield Row(*values)
 
-    def arrays(self, query: str, *values: object) -> dict[str, NDArray[Any]]:
-        """Return the columns of a query by name; `values` are those of its question marks."""
-        return self._query(query, *values).fetchnumpy()
+    def arrays(self, query: str, *values: object, **words: str) -> dict[str, NDArray[Any]]:
+        """Return the columns of a query by name, `query` being its name in QUERIES.
+
+        `values` are those of its question marks; `words` are names of columns and schemas.
+        """
+        return self._query(getattr(QUERIES, query)(**words), *values).fetchnumpy()
 
     def variants(self, condition: str = 'true') -> list[Variant]:
         """Return the variants of the rows for which a condition holds, in their order there."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 import pickle
 import sys
 import time
-from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -21,8 +20,8 @@ from tqdm import tqdm
 
 from llm_astar_lab.datasets.named import BenchmarkSample, sample_pairs
 from llm_astar_lab.results.folder import ResultsFolder, run_differences
-from llm_astar_lab.results.row import ResultsError, Row, Variant
-from llm_astar_lab.results.stored_rows import Finished
+from llm_astar_lab.results.row import ResultsError, Row
+from llm_astar_lab.results.stored_rows import UNANSWERED, Finished, StoredRows
 from llm_astar_lab.runner import engine
 from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
@@ -176,20 +175,16 @@ def run_into_folder(
         engine.run_tasks(tasks, executor, max_pending, keep)
 
 
-def describe_unanswered(rows: Iterable[Row]) -> list[str]:
-    """Return one line per variant whose source left samples unanswered; read rows once."""
-    counts: dict[Variant, Counter[str]] = defaultdict(Counter)
-    firsts: dict[Variant, str] = {}
-    for row in rows:
-        if not row.answered:
-            counts[row.variant][row.source_status] += 1
-            firsts.setdefault(row.variant, f'map {row.map}, pair {row.pair}, scale {row.scale}')
-    return [
-        f'{variant}: {found.total()} samples without an answer '
-        f'({", ".join(f"{status} {count}" for status, count in found.items())}), '
-        f'the first {firsts[variant]}'
-        for variant, found in counts.items()
-    ]
+def describe_unanswered(rows: Iterable[Row] | StoredRows) -> Iterator[str]:
+    """Yield a line for each variant whose source left samples unanswered."""
+    stored = StoredRows.of(rows)
+    for variant in stored.variants(UNANSWERED):
+        found = stored.arrays('unanswered', *variant)
+        counts = ', '.join(map('{} {}'.format, found['source_status'], found['times']))
+        yield (
+            f'{variant}: {found["times"].sum()} samples without an answer ({counts}), '
+            f'the first {found["place"][0]}'
+        )
 
 
 @contextmanager
