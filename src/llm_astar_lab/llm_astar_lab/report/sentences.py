@@ -19,14 +19,10 @@ from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
 from llm_astar_lab.templates import TEMPLATES
 
 METHOD_LABELS = {
-    'astar': 'A*',
-    'exact_astar': 'exact A* (ours)',
-    'weighted_astar': 'weighted A* (w = 2)',
-    'dynamic_weighted_astar': 'dynamic weighted A* (w = 2)',
-    WAYPOINTS_ONLY: 'waypoints alone',
-    'llm_astar': 'LLM-A*',
-    'guided': 'guided (ours)',
-}
+    'astar': 'A*', 'exact_astar': 'exact A* (ours)', 'weighted_astar': 'weighted A* (w = 2)',
+    'dynamic_weighted_astar': 'dynamic weighted A* (w = 2)', WAYPOINTS_ONLY: 'waypoints alone',
+    'llm_astar': 'LLM-A*', 'guided': 'guided (ours)',
+}  # fmt: skip
 
 
 def method_label(method: str) -> str:

@@ -76,9 +76,9 @@ class ResultsFolder:
     def __init__(self, path: str | Path) -> None:
         """Set the paths; nothing is read or written yet."""
         self.path = Path(path)
-        self.results = self.path / 'results.csv'
-        self.transcript = self.path / 'transcript.jsonl'
-        self._parts = self.path / 'results.parquet'
+        self.results, self.transcript, self._parts = (
+            self.path / name for name in ('results.csv', 'transcript.jsonl', 'results.parquet')
+        )
         # Rows of results.csv that are not in a part yet.
         self._waiting = 0
 
@@ -129,10 +129,8 @@ class ResultsFolder:
     def require_new(self) -> None:
         """Raise ResultsError where the folder already has rows."""
         if self.has_rows:
-            raise ResultsError(
-                f'{self.results}: exists; continue it with --resume, replace it with --overwrite, '
-                'or name another --out'
-            )
+            ways = 'continue it with --resume, replace it with --overwrite, or name another --out'
+            raise ResultsError(f'{self.results}: exists; {ways}')
 
     def discard_results(self) -> None:
         """Remove rows and reports of an earlier run; a transcript stays. Raises ResultsError."""
@@ -162,8 +160,8 @@ class ResultsFolder:
         Raises ResultsError, for example on a full disk; the rows written before are kept.
         """
         lines = [format_row(row) for row in rows]
-        with writing(self.results, 'the rows before are kept: free some space and continue with '
-                                   '--resume'):  # fmt: skip
+        advice = 'the rows before are kept: free some space and continue with --resume'
+        with writing(self.results, advice):
             with self.results.open('a', encoding='utf-8', newline='') as file:
                 file.write(format_csv(lines))
             self._waiting += len(lines)
