@@ -110,22 +110,20 @@ def run(args: argparse.Namespace) -> int:
         names = ', '.join(sources.GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
-    failure = common.BAD_INPUT
+    run = common.Run(args, folder, run_metadata(args, config, dataset))
     try:
-        with common.make_executor(args, config.sources) as pool:
-            metadata = run_metadata(args, config, dataset)
-            tasks = config.tasks(common.open_run(args, folder, metadata, config.row_count))
+        with run.pool(config.sources):
+            tasks = config.tasks(run.open(config.row_count))
             kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
-                metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
-            failure = common.INCOMPLETE  # from here on there are rows
-            code = common.run_into(args, folder, metadata, tasks, pool)
+                run.metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
+            run.execute(tasks)
         # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks, kept
-        return common.close_run(args, folder, metadata, code)
+        return run.close()
     except ResultsError as error:
-        return common.complain(args, str(error), failure)
+        return run.failed(error)
 
 
 def keep_maps(

@@ -9,9 +9,8 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -59,6 +58,7 @@ DECIDING = (
 SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
 SEARCH_PARAMETERS = [item.for_bench() for item in named((*SEARCH, *REQUESTS), *SEARCH_NAMES)]
 Parsed = TypeVar('Parsed')
+Keep = Callable[[Task, list[engine.Outcome]], object]
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -132,10 +132,8 @@ def add_defaulted_flags(group: Any, parameters: Iterable[Parameter], names: Sequ
 
 def search_settings(args: argparse.Namespace, places: Places, **others: Any) -> SearchSettings:  # noqa: ANN401 - fields of SearchSettings
     """Return how every sample is planned, by the options and `others`. Raises ValueError."""
-    found = SearchSettings(
-        args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
-    )
-    return replace(found, instruction=instruction_of(args, places), **others)
+    values = args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
+    return SearchSettings(*values, instruction=instruction_of(args, places), **others)
 
 
 def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:
@@ -143,11 +141,10 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 
     The settings of a live or recorded model are those of the sources. Raises ValueError.
     """
-    names = [name for name in ('endpoint', 'replay') if name in args.source]
     if args.instruction.strip() and 'replay' in args.source and len(args.transcript) > 1:
         raise ValueError('--instruction is replayed from one file: name one --transcript')
     values = {name: getattr(args, name) for name in ('base_url', 'api_key_env', 'api_key_names')}
-    values['source'] = next(iter(names), 'none')
+    values['source'] = next((n for n in ('endpoint', 'replay') if n in args.source), 'none')
     values |= {name: next(iter(getattr(args, name)), '') for name in ('model', 'transcript')}
     found = route_instruction(
         vars(args), places, args.max_planning_time, lambda: make_interpreter(values)
@@ -224,18 +221,6 @@ def source_specs(
     return SourceOptions(SourceSettings(**values), dataset, *rest).specs(args.source)
 
 
-def open_run(
-    args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], rows: int = 0
-) -> Finished:
-    """Start or resume the folder of a run of so many rows; return which of them it has.
-
-    Raises ResultsError.
-    """
-    parquet = config.is_parquet_run(args.format, rows)
-    again = {'resume': args.resume, 'overwrite': args.overwrite}
-    return config.open_folder(folder, metadata, **again, parquet=parquet)
-
-
 def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
     """Raise ValueError where --fail-under names a variant that this run does not have."""
     variants = [variant for variant, _ in engine.list_variants(args.methods, sources)]
@@ -262,97 +247,112 @@ def deciding_files(args: argparse.Namespace) -> list[Path]:
     return files
 
 
-@contextmanager
-def make_executor(
-    args: argparse.Namespace, sources: Sequence[SourceSpec]
-) -> Iterator[tuple[Executor, int]]:
-    """Yield the executor for the tasks, and how many of them to submit at a time."""
-    if args.dask:
-        with config.connect(args.dask, sources) as cluster:
-            yield cluster
-        return
-    is_live = any(spec.name == 'endpoint' for spec in sources)
-    jobs = args.jobs or (LIVE_JOBS if is_live else 1)
-    executor = ThreadPoolExecutor(jobs)
-    try:
-        yield executor, 2 * jobs
-    finally:
-        # Requests that are still in flight may take long, and nothing needs their answers now.
-        executor.shutdown(wait=False, cancel_futures=True)
+class Run:
+    """A run into a results folder, by the options of its command.
 
-
-def run_into(
-    args: argparse.Namespace,
-    folder: ResultsFolder,
-    metadata: dict[str, Any],
-    tasks: Iterable[Task],
-    pool: tuple[Executor, int],
-    *,
-    unit: str = 'sample',
-    keep: Callable[[Task, list[engine.Outcome]], object] | None = None,
-) -> int:
-    """Run tasks into a results folder, with `keep` after each; return the exit code.
-
-    `pool` is what `make_executor` yields: made before a folder is touched, as it may fail.
-    Raises ResultsError where the folder cannot be written to, and what `keep` raises.
+    `metadata` is that of the folder, and `code` the exit code so far.
     """
-    total = len(tasks) if isinstance(tasks, list) else None
-    executor, at_once = pool
-    metadata['parameters']['jobs'] = args.dask or at_once // 2
-    # Tasks that are made one by one hold a map each, so fewer of them are queued.
-    queued = max(1, at_once // 2) if total is None else at_once
-    engine.compile_once()
-    try:
-        with config.progress(total, unit) as step:
 
-            def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
-                if keep is not None:
-                    keep(task, outcomes)
-                step()
+    def __init__(
+        self, args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any]
+    ) -> None:
+        """Take what is run; nothing is written yet."""
+        self.args, self.folder, self.metadata = args, folder, metadata
+        self.code, self._failure = OK, BAD_INPUT
 
-            config.run_into_folder(folder, tasks, executor, queued, metadata=metadata, step=finish)
-    except KeyboardInterrupt:
-        message = 'interrupted: the rows so far are kept; continue with --resume'
-        return complain(args, message, INTERRUPTED)
-    return OK
+    @contextmanager
+    def pool(self, sources: Sequence[SourceSpec]) -> Iterator[None]:
+        """Have an executor for the tasks; opened before a folder is touched, as that may fail."""
+        if self.args.dask:
+            with config.connect(self.args.dask, sources) as (self._executor, self._at_once):
+                yield
+            return
+        is_live = any(spec.name == 'endpoint' for spec in sources)
+        jobs = self.args.jobs or (LIVE_JOBS if is_live else 1)
+        self._executor, self._at_once = ThreadPoolExecutor(jobs), 2 * jobs
+        try:
+            yield
+        finally:
+            # Requests that are still in flight may take long, and nothing needs their answers now.
+            self._executor.shutdown(wait=False, cancel_futures=True)
 
+    def open(self, rows: int = 0) -> Finished:
+        """Start or resume the folder of a run of so many rows; return which of them it has.
 
-def close_run(
-    args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], code: int
-) -> int:
-    """Write the reports of a run, print the table, and return the exit code.
+        Raises ResultsError.
+        """
+        parquet = config.is_parquet_run(self.args.format, rows)
+        again = {'resume': self.args.resume, 'overwrite': self.args.overwrite}
+        return config.open_folder(self.folder, self.metadata, **again, parquet=parquet)
 
-    Raises ResultsError where the folder cannot be written to.
-    """
-    # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
-    from llm_astar_lab.report.write import write_report  # noqa: PLC0415
+    def execute(self, tasks: Iterable[Task], unit: str = 'sample', *keep: Keep) -> None:
+        """Run tasks in the pool into the folder, and call `keep` after each.
 
-    # Reading the rows takes the most memory, so it comes before the maps are loaded; the figures
-    # come last, because they take memory that is not given back.
-    folder.fold()
-    rows = folder.stored()
-    maps = load_kept_maps(folder.path / MAPS_FILE)
-    unanswered = [*config.describe_unanswered(rows)]
-    if 'map_costs' in metadata:
-        add_query_times(metadata['map_costs'], rows)
-    folder.write_json('metadata.json', metadata)
-    lengths = thresholds.reference_lengths(maps)
-    agreements = (
-        thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
-    )
-    summary = write_report(folder, metadata, maps, rows)
-    missed = thresholds.missed_thresholds(summary.variants, args.fail_under)
-    print(json.dumps(folder.read_json('summary.json')) if args.json else text_report(summary))
-    took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
-    print(f'{took}: {folder.path}/report.html', file=sys.stderr)
-    for line in unanswered:
-        code = complain(args, line, code or INCOMPLETE)
-    for agreement in agreements:
-        code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in missed:
-        code = complain(args, line, code or MISSED)
-    return code
+        Raises ResultsError where the folder cannot be written to, and what `keep` raises.
+        """
+        total = len(tasks) if isinstance(tasks, list) else None
+        self.metadata['parameters']['jobs'] = self.args.dask or self._at_once // 2
+        # Tasks that are made one by one hold a map each, so fewer of them are queued.
+        queued = max(1, self._at_once // 2) if total is None else self._at_once
+        engine.compile_once()
+        self._failure = INCOMPLETE  # from here on there are rows
+        try:
+            with config.progress(total, unit) as step:
+
+                def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
+                    for call in keep:
+                        call(task, outcomes)
+                    step()
+
+                pool, metadata = (self._executor, queued), self.metadata
+                config.run_into_folder(self.folder, tasks, *pool, metadata=metadata, step=finish)
+        except KeyboardInterrupt:
+            message = 'interrupted: the rows so far are kept; continue with --resume'
+            self.complain(message, INTERRUPTED)
+
+    def close(self) -> int:
+        """Write the reports of a run, print the table, and return the exit code.
+
+        Raises ResultsError where the folder cannot be written to.
+        """
+        # Importing matplotlib takes most of a second, which bad usage should not wait for.
+        from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
+        from llm_astar_lab.report.write import write_report  # noqa: PLC0415
+
+        # Reading the rows takes the most memory, so it comes before the maps are loaded; the
+        # figures come last, because they take memory that is not given back.
+        args, folder, metadata = self.args, self.folder, self.metadata
+        folder.fold()
+        rows = folder.stored()
+        maps = load_kept_maps(folder.path / MAPS_FILE)
+        unanswered = [*config.describe_unanswered(rows)]
+        if 'map_costs' in metadata:
+            add_query_times(metadata['map_costs'], rows)
+        folder.write_json('metadata.json', metadata)
+        lengths = thresholds.reference_lengths(maps)
+        every = rows.rows() if lengths else ()
+        agreements = thresholds.compare_with_reference(every, lengths, args.heuristic)
+        summary = write_report(folder, metadata, maps, rows)
+        missed = thresholds.missed_thresholds(summary.variants, args.fail_under)
+        print(json.dumps(folder.read_json('summary.json')) if args.json else text_report(summary))
+        took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
+        print(f'{took}: {folder.path}/report.html', file=sys.stderr)
+        for line in unanswered:
+            self.complain(line, INCOMPLETE)
+        for agreement in agreements:
+            self.complain(str(agreement), INCOMPLETE if agreement.first else OK)
+        for line in missed:
+            self.complain(line, MISSED)
+        return self.code
+
+    def complain(self, message: str, code: int) -> None:
+        """Write a message to stderr; the first code that is not OK is that of the run."""
+        code = complain(self.args, message, code)
+        self.code = self.code or code
+
+    def failed(self, error: Exception) -> int:
+        """Say why the run has ended, and return the exit code."""
+        return complain(self.args, str(error), self._failure)
 
 
 def complain(args: argparse.Namespace, message: str, code: int) -> int:
