@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -67,13 +67,9 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
 
 def map_summary(play_map: PlayMap) -> dict[str, Any]:
     """Return a map without its cells."""
-    grid_map = play_map.grid_map
-    return named_json(play_map) | {
-        'kind': 'grid' if play_map.barriers is None else 'barriers',
-        **size_json(grid_map),
-        'pairs': len(play_map.pairs()),
-        'places': bool(len(play_map.places)),
-    }
+    kind = 'grid' if play_map.barriers is None else 'barriers'
+    counts = {'pairs': len(play_map.pairs()), 'places': bool(len(play_map.places))}
+    return named_json(play_map) | {'kind': kind} | size_json(play_map.grid_map) | counts
 
 
 def size_json(grid_map: GridMap) -> dict[str, Any]:
@@ -113,11 +109,10 @@ def place_json(place: Place, grid_map: GridMap) -> dict[str, Any]:
 
 def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) -> dict[str, Any]:
     """Return the answer to a request for a plan."""
-    costmap = planner.costmap
+    costmap, command = planner.costmap, command_of(request)
     obstacles = planner.grid_map.blocked(
         costmap.config.occupied_threshold, allow_unknown=costmap.config.allow_unknown
     )
-    command = command_of(request)
     return {
         'plans': [plan_json(played, planner, request.places) for played in plans],
         'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)),
@@ -132,12 +127,8 @@ def plan_json(played: PlayedPlan, planner: Planner, places: Places) -> dict[str,
     instructed = instructed_path(plan, Route(planner.costmap, plan.start, plan.goal, places))
     order = np.flatnonzero(plan.expanded) if played.order is None else played.order
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
-    shown = report_json(
-        plan.to_dict(),
-        waypoints,
-        *map(finite_or_none, (plan.length, plan.length * grid_map.resolution)),
-    )
-    return shown | {
+    lengths = plan.length, plan.length * grid_map.resolution
+    return report_json(plan.to_dict(), waypoints, *map(finite_or_none, lengths)) | {
         'role': played.role,
         'title': played.title,
         'start': list(plan.start),
@@ -176,7 +167,7 @@ def cells_of(points: ArrayLike, grid_map: GridMap) -> list[list[float]]:
 
 def report_json(
     report: Mapping[str, Any],
-    waypoints: Sequence[tuple[float, float, str]],
+    waypoints: Iterable[tuple[float, float, str]],
     length: float | None,
     length_m: float | None,
 ) -> dict[str, Any]:
@@ -217,19 +208,17 @@ def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None
     return {
         'verdict': verdict,
         'satisfied': outcome.get('satisfied') is True,
-        'sentence': str(read.get('sentence', '')),
-        'status': str(read.get('status', '')),
-        'questions': [str(question) for question in read.get('questions', ())],
-        'clauses': [
-            {
-                'clause': str(clause['clause']),
-                'status': str(clause['status']),
-                'detail': f'{clause["detail"]}{clause_price(clause)}'.removeprefix(', '),
-            }
-            for clause in outcome.get('clauses', [])
-        ],
+        **{name: str(read.get(name, '')) for name in ('sentence', 'status')},
+        'questions': [*map(str, read.get('questions', ()))],
+        'clauses': [clause_json(clause) for clause in outcome.get('clauses', [])],
         'note': '; '.join(note for note in notes if note not in verdict),
     }
+
+
+def clause_json(clause: Mapping[str, Any]) -> dict[str, str]:
+    """Return what became of a clause."""
+    detail = f'{clause["detail"]}{clause_price(clause)}'.removeprefix(', ')
+    return {'clause': str(clause['clause']), 'status': str(clause['status']), 'detail': detail}
 
 
 def encoded(array: NDArray[Any]) -> str:
