@@ -163,8 +163,8 @@ class Bag(AbstractContextManager['Bag']):
         """Add a storage file and count its messages."""
         counts, jump = count_messages(storage)
         if jump:
-            what = f'{jump}; the file is read in the order of recording'
-            self.problems.note(f'{storage.path}: {what}')
+            how = 'the file is read in the order of recording'
+            self.problems.note(f'{storage.path}: {jump}; {how}')
         self._files.append((storage, jump is not None))
         for number, channel in storage.channels.items():
             self._add(channel, counts.get(number, RecordedTopic()))
@@ -183,10 +183,8 @@ class Bag(AbstractContextManager['Bag']):
             known.first, known.last = min(known.first, found.first), max(known.last, found.last)
         if channel.encoding not in ('cdr', ''):
             self._unreadable.add(channel.topic)
-            self.problems.note(
-                f'{self.path}: {channel.topic} is written as {channel.encoding!r}, not as ROS 2 '
-                'messages are (cdr)'
-            )
+            how = f'{channel.topic} is written as {channel.encoding!r}'
+            self.problems.note(f'{self.path}: {how}, not as ROS 2 messages are (cdr)')
 
     def _note_unknown_types(self) -> None:
         if unknown := [
@@ -194,10 +192,8 @@ class Bag(AbstractContextManager['Bag']):
             for name, topic in self.topics.items()
             if name not in self._unreadable and not self._decoder.knows(topic.msgtype)
         ]:
-            self.problems.note(
-                f'{self.path}: of types that are unknown here and that the bag does not define, '
-                f'so not readable: {", ".join(unknown)}'
-            )
+            why = 'of types that are unknown here and that the bag does not define'
+            self.problems.note(f'{self.path}: {why}, so not readable: {", ".join(unknown)}')
 
 
 @contextmanager
@@ -236,9 +232,9 @@ def storage_files(path: Path, problems: Problems) -> list[Path]:
     """Return the storage files of a bag in their order. Raises BagError."""
     if not path.exists():
         raise BagError(f'{path}: there is no such bag')
+    if is_storage(path):
+        return [path]
     if path.is_file():
-        if is_storage(path):
-            return [path]
         known = ', '.join(FORMATS)
         raise BagError(f'{path}: a bag is a folder, or a file ending in one of {known}')
     held = sorted(filter(is_storage, path.iterdir()), key=natural_order)
@@ -258,8 +254,8 @@ def storage_files(path: Path, problems: Problems) -> list[Path]:
             problems.leave_out(f'{path / name}: is missing, though {METADATA} names it')
     later = [file for file in held if continues(file, path / named[-1])]
     for file in later:
-        problems.note(f'{file}: is read, though {METADATA} does not name it yet; the recording '
-                      'goes on or was cut off')  # fmt: skip
+        why = f'though {METADATA} does not name it yet; the recording goes on or was cut off'
+        problems.note(f'{file}: is read, {why}')
     return [file for file in found.values() if file is not None] + later
 
 
@@ -291,8 +287,8 @@ def is_storage(path: Path) -> bool:
 
 def natural_order(path: Path) -> list[tuple[int, str]]:
     """Return a sort key that puts bag_10 behind bag_9."""
-    return [(int(part), '') if part.isdecimal() else (-1, part)
-            for part in re.split(r'(\d+)', path.name)]  # fmt: skip
+    parts = re.split(r'(\d+)', path.name)
+    return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
 
 
 def bag_name(path: Path) -> str:

@@ -79,10 +79,13 @@ class Written:
         self.counts[topic] += 1
         self.first, self.last = min(self.first, stamp), max(self.last, stamp)
 
-    @property
-    def duration(self) -> int:
-        """The time from the first message to the last (ns)."""
-        return max(0, self.last - self.first)
+    def facts(self) -> dict[str, Any]:
+        """Return what metadata.yaml says of it."""
+        return {
+            'duration': {'nanoseconds': max(0, self.last - self.first)},
+            'message_count': self.counts.total(),
+            'starting_time': {'nanoseconds_since_epoch': self.first},
+        }
 
 
 class McapPart:
@@ -91,9 +94,8 @@ class McapPart:
     def __init__(self, path: Path) -> None:
         """Create the file."""
         self._stream = path.open('xb')
-        self._file = McapWriter(
-            self._stream, chunk_size=CHUNK_BYTES, enable_crcs=True, enable_data_crcs=True
-        )
+        checked = {'enable_crcs': True, 'enable_data_crcs': True}
+        self._file = McapWriter(self._stream, chunk_size=CHUNK_BYTES, **checked)
         self._file.start(profile='ros2')
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -106,16 +108,14 @@ class McapPart:
             schema = self._file.register_schema(msgtype, encoding, text.encode())
             self._schemas[msgtype] = schema
         metadata = {'offered_qos_profiles': as_yaml(topic.qos).strip(), 'topic_type_hash': digest}
-        self._channels[topic.name] = self._file.register_channel(
-            topic.name, 'cdr', self._schemas[msgtype], metadata
-        )
+        facts = topic.name, 'cdr', self._schemas[msgtype], metadata
+        self._channels[topic.name] = self._file.register_channel(*facts)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
         self._written[topic] += 1
-        self._file.add_message(
-            self._channels[topic], stamp, bytes(data), stamp, self._written[topic]
-        )
+        channel, number = self._channels[topic], self._written[topic]
+        self._file.add_message(channel, stamp, bytes(data), stamp, number)
         self._stream.flush()
 
     def close(self, metadata: str) -> None:
@@ -149,23 +149,15 @@ class SqlitePart:
         msgtype, text, encoding, digest = topic.definition
         if msgtype not in self._types:
             self._types.add(msgtype)
-            self._database.execute(
-                'INSERT INTO message_definitions (topic_type, encoding, '
-                'encoded_message_definition, type_description_hash) VALUES (?, ?, ?, ?)',
-                (msgtype, encoding, text, digest),
-            )
+            columns = 'topic_type, encoding, encoded_message_definition, type_description_hash'
+            self._insert(f'message_definitions ({columns})', msgtype, encoding, text, digest)
         number = self._topics[topic.name] = len(self._topics) + 1
-        self._database.execute(
-            'INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)',
-            (number, topic.name, msgtype, 'cdr', as_yaml(topic.qos).strip(), digest),
-        )
+        profiles = as_yaml(topic.qos).strip()
+        self._insert('topics', number, topic.name, msgtype, 'cdr', profiles, digest)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
-        self._database.execute(
-            'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)',
-            (self._topics[topic], stamp, data),
-        )
+        self._insert('messages (topic_id, timestamp, data)', self._topics[topic], stamp, data)
         if time.monotonic() > self._committed + COMMIT_SECONDS:
             self._database.commit()
             self._committed = time.monotonic()
@@ -174,12 +166,15 @@ class SqlitePart:
         """Finish the file and merge its log: with a log it could not be opened read-only."""
         self._database.commit()
         self._database.execute('PRAGMA journal_mode=DELETE')
-        self._database.execute(
-            'INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)', (9, metadata)
-        )
+        self._insert('metadata (metadata_version, metadata)', 9, metadata)
         self._database.commit()
         self._database.execute('PRAGMA optimize')
         self._database.close()
+
+    def _insert(self, columns: str, *values: object) -> None:
+        """Add a row to a table, all of whose columns or some are named."""
+        marks = ', '.join('?' * len(values))
+        self._database.execute(f'INSERT INTO {columns} VALUES ({marks})', values)  # noqa: S608
 
     def abort(self) -> None:
         """Close the file without what was not committed."""
@@ -234,14 +229,14 @@ class BagWriter:
                 self._part.abort()
 
     @property
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> Counter[str]:
         """The number of messages written, by topic."""
         return self._written.counts
 
     @property
     def total(self) -> int:
         """The number of messages written."""
-        return self._written.counts.total()
+        return self.counts.total()
 
     def add_topic(self, topic: OfferedTopic) -> None:
         """Add a topic, once, before its first message."""
@@ -285,20 +280,12 @@ class BagWriter:
 
     def _close_part(self) -> None:
         """Finish a file and list it with the others in metadata.yaml."""
-        written = self._in_part
-        file = {
-            'duration': {'nanoseconds': written.duration},
-            'message_count': written.counts.total(),
-            'path': self._path.name,
-            'starting_time': {'nanoseconds_since_epoch': written.first},
-        }
-        self._part.close(as_yaml(self._information([file], written)))
+        file = self._in_part.facts() | {'path': self._path.name}
+        self._part.close(as_yaml(self._information([file], self._in_part)))
         self._files.append(file)
-        text = as_yaml(
-            {INFORMATION: self._information(self._files, self._written)}, sort_keys=False
-        )
+        information = {INFORMATION: self._information(self._files, self._written)}
         draft = self.folder / 'metadata.yaml.tmp'
-        draft.write_text(text, encoding='utf-8')
+        draft.write_text(as_yaml(information), encoding='utf-8')
         draft.replace(self.folder / 'metadata.yaml')
 
     def _information(self, files: list[dict[str, Any]], written: Written) -> dict[str, Any]:
@@ -316,21 +303,19 @@ class BagWriter:
             }
             for topic in self._topics.values()
         ]
-        return {
+        found = {
             'compression_format': '',
             'compression_mode': '',
             'custom_data': None,
-            'duration': {'nanoseconds': written.duration},
             'files': files,
-            'message_count': written.counts.total(),
             'relative_file_paths': [file['path'] for file in files],
             'ros_distro': ros_distro(),
-            'starting_time': {'nanoseconds_since_epoch': written.first},
             'storage_identifier': self._storage,
             'topics_with_message_count': topics,
             # The format of Jazzy.
             'version': 9,
         }
+        return found | written.facts()
 
 
 def ros_distro() -> str:
@@ -338,7 +323,7 @@ def ros_distro() -> str:
     return os.environ.get('ROS_DISTRO') or 'jazzy'
 
 
-def as_yaml(value: object, *, sort_keys: bool = True) -> str:
+def as_yaml(value: object) -> str:
     """Return plain values as YAML, where equal ones are written out again."""
-    text: str = yaml.safe_dump(json.loads(json.dumps(value)), sort_keys=sort_keys)
+    text: str = yaml.safe_dump(json.loads(json.dumps(value)))
     return text

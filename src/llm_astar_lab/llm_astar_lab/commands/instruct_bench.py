@@ -135,11 +135,8 @@ def run(args: argparse.Namespace) -> int:
     if folder is not None and results:
         write_results(folder, suite, chosen, results)
     if results:
-        print(
-            json.dumps(report.summary_to_json(results))
-            if args.json
-            else report.text_summary(results)
-        )
+        summary = report.summary_to_json(results) if args.json else report.text_summary(results)
+        print(json.dumps(summary) if args.json else summary)
     for line in report.unanswered_lines(results):
         code = common.complain(args, line, code or common.INCOMPLETE)
     for line in report.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
@@ -229,18 +226,17 @@ def show(
     """Print one instruction in full for each source, and draw it; return the exit code."""
     results = list(runner.run([instruction], sources))
     if args.json:
-        print(json.dumps([shown_json(result) for result in results]))
+        outcomes = [result.outcome and result.outcome.to_json() for result in results]
+        shown = [
+            report.result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
+            for result, outcome in zip(results, outcomes)
+        ]
+        print(json.dumps(shown))
     else:
         print('\n\n'.join(map(report.chain_text, results)))
     if args.png:
         draw(results[0], args.png)
     return common.OK if all(result.plan.code == 0 for result in results) else common.MISSED
-
-
-def shown_json(result: InstructionResult) -> dict[str, Any]:
-    """Return one result in full as JSON."""
-    outcome = None if result.outcome is None else result.outcome.to_json()
-    return report.result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
 
 
 def draw(result: InstructionResult, path: str) -> None:

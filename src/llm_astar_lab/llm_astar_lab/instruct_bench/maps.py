@@ -15,16 +15,11 @@ from typing import Any
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.maps import places as place_files
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places import (
-    Place,
-    Places,
-    load_places,
-    parse_feature,
-    places_beside,
-)
+from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.fields import as_mapping, as_text
 from llm_astar_planner.instructions.route import Route
@@ -68,11 +63,6 @@ class SuiteMap:
         """The walls, indexed for nearest neighbours."""
         return shapely.STRtree(self.walls)
 
-    @property
-    def costmap(self) -> Costmap:
-        """The map for a robot without a body."""
-        return Costmap(self.grid_map)
-
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:
         """The least box x0, y0, x1, y1 around the whole grid, in the map's frame."""
@@ -91,8 +81,10 @@ class Scene:
     @cached_property
     def regions(self) -> Regions:
         """Where the verification has regions."""
-        route = Route(self.suite_map.costmap, self.start, self.goal, self.suite_map.places)
-        return Regions(route, Walls(route.costmap))
+        # A robot without a body.
+        costmap = Costmap(self.suite_map.grid_map)
+        route = Route(costmap, self.start, self.goal, self.suite_map.places)
+        return Regions(route, Walls(costmap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,11 +148,13 @@ class MapFinder:
 
         Raises LlmAstarError.
         """
+        file = None
         if 'places_file' in fields:
-            return load_places(self.suite.parent / as_text(fields['places_file'], 'places_file'))
-        beside = None if map_file is None or 'places' in fields else places_beside(map_file)
-        if beside is not None:
-            return load_places(beside)
+            file = self.suite.parent / as_text(fields['places_file'], 'places_file')
+        elif map_file is not None and 'places' not in fields:
+            file = place_files.places_beside(map_file)
+        if file is not None:
+            return place_files.load_places(file)
         entries = as_mapping(fields.get('places', {}), 'places')
         if len(entries) > MAX_PLACES:
             raise SuiteError(f'places: {len(entries)} are over the {MAX_PLACES} allowed')
@@ -174,9 +168,8 @@ def read_place(name: str, value: object) -> Place:
     geometry: dict[str, Any] = {'type': 'Polygon', 'coordinates': [fields.get('polygon')]}
     if 'point' in fields:
         geometry = {'type': 'Point', 'coordinates': fields['point']}
-    properties = {**fields, 'name': name}
-    feature = {'type': 'Feature', 'geometry': geometry, 'properties': properties}
-    place = parse_feature(feature, where)
+    feature = {'type': 'Feature', 'geometry': geometry, 'properties': {**fields, 'name': name}}
+    place = place_files.parse_feature(feature, where)
     if place is None:
         raise SuiteError(f'{where}: is no place')
     return place
@@ -196,9 +189,8 @@ def find_tagged(tag: object, where: str, places: Places) -> tuple[Place, ...]:
     tagged = places.with_tag(as_text(tag, where))
     if not tagged:
         known = ', '.join(places.tags) or 'none'
-        raise SuiteError(
-            f'{where}: {tag!r} is not a kind or tag of the places, which have: {known}'
-        )
+        what = 'is not a kind or tag of the places, which have'
+        raise SuiteError(f'{where}: {tag!r} {what}: {known}')
     return tagged
 
 

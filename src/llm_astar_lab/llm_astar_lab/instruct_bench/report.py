@@ -19,7 +19,7 @@ from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
 from llm_astar_lab.instruct_bench import runner
-from llm_astar_lab.instruct_bench.runner import InstructionResult
+from llm_astar_lab.instruct_bench.runner import NO_INSTRUCTION, InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
 from llm_astar_lab.templates import render
@@ -87,9 +87,8 @@ class Share:
 
     def to_json(self) -> dict[str, Any]:
         """Return count, total, and percent with its limits, null of nothing."""
-        percent = [round(100 * end, 2) if self.total else None for end in self.interval]
-        return {'count': self.count, 'of': self.total, 'percent': percent[0], 'from': percent[1],
-                'to': percent[2]}  # fmt: skip
+        value, low, high = (round(100 * end, 2) if self.total else None for end in self.interval)
+        return {'count': self.count, 'of': self.total, 'percent': value, 'from': low, 'to': high}
 
 
 # Figures by name: shares, and numbers.
@@ -110,24 +109,28 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
     - `unanswered`: the source gave no answer in time.
     - `seconds`, `longest`: median and maximum of understanding; `planning_seconds`: median.
     """
+
+    def clauses(which: str) -> int:
+        return sum(len(getattr(result, which)) for result in results)
+
     possible = [result for result in results if result.instruction.expect == OK]
     hopeless = [result.recognition for result in results if result.instruction.expect != OK]
-    asked = [result.outcome.interpretation for result in results if result.outcome is not None]
-    claimed = sum(len(result.claimed_clauses) for result in results)
+    asked = [result.read for result in results if result.read is not None]
+    claimed, times = clauses('claimed_clauses'), [result.seconds for result in results]
     return {
         'instructions': len(results),
         'exact': share(result.exact for result in results),
         'satisfied': share(result.fulfilled for result in possible),
         'already': share(result.already for result in possible),
         'false_claims': share(result.false_claim for result in results),
-        'false_clauses': Share(sum(len(result.false_clauses) for result in results), claimed),
-        'unasked_clauses': Share(sum(len(result.unasked_clauses) for result in results), claimed),
+        'false_clauses': Share(clauses('false_clauses'), claimed),
+        'unasked_clauses': Share(clauses('unasked_clauses'), claimed),
         'recognised': share(how in (runner.RECOGNISED, runner.NOT_UNDERSTOOD) for how in hopeless),
         'said_not_understood': share(how == runner.NOT_UNDERSTOOD for how in hopeless),
         'said_violated': share(how == runner.VIOLATED for how in hopeless),
         'unanswered': share(result.unanswered for result in results),
-        'seconds': statistics.median(result.seconds for result in results),
-        'longest': max(result.seconds for result in results),
+        'seconds': statistics.median(times),
+        'longest': max(times),
         'planning_seconds': statistics.median(result.planning_seconds for result in results),
         'prompt_tokens': sum(item.prompt_tokens for item in asked),
         'output_tokens': sum(item.output_tokens for item in asked),
@@ -165,23 +168,17 @@ def collected(
 
 def summary_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
     """Return the figures of each source, all together and by each of GROUPS."""
+
+    def figures(part: Sequence[InstructionResult]) -> dict[str, Any]:
+        found = summarise(part).items()
+        return {name: one.to_json() if isinstance(one, Share) else one for name, one in found}
+
+    def parts(own: Sequence[InstructionResult], group: str) -> dict[str, Any]:
+        return {name: figures(part) for name, part in grouped(own, group).items()}
+
     return {
-        source: {
-            'all': figures_to_json(own),
-            **{
-                group: {name: figures_to_json(part) for name, part in grouped(own, group).items()}
-                for group in GROUPS
-            },
-        }
+        source: {'all': figures(own)} | {group: parts(own, group) for group in GROUPS}
         for source, own in by_source(results).items()
-    }
-
-
-def figures_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
-    """Return the figures of results by name."""
-    return {
-        name: value.to_json() if isinstance(value, Share) else value
-        for name, value in summarise(results).items()
     }
 
 
@@ -221,13 +218,13 @@ def missed_suite_thresholds(
     lines: list[str | None] = []
     sources = by_source(results)
     for threshold in thresholds:
-        source, metric = threshold.source, threshold.metric
-        names = [source] if source else [name for name in sources if name != runner.NO_INSTRUCTION]
-        if not names or names[0] not in sources:
-            known = ', '.join(sources)
-            lines.append(f'{source or metric}: was not run; available are {known}')
-            continue
-        lines += [limit_problem(name, sources[name], threshold) for name in names]
+        chosen = [threshold.source] if threshold.source else [*sources.keys() - {NO_INSTRUCTION}]
+        if chosen and sources.keys() >= {*chosen}:
+            run = [name for name in sources if name in chosen]
+            lines += [limit_problem(name, sources[name], threshold) for name in run]
+        else:
+            what = threshold.source or threshold.metric
+            lines.append(f'{what}: was not run; available are {", ".join(sources)}')
     return list(filter(None, lines))
 
 
@@ -252,19 +249,17 @@ def metric_value(results: Sequence[InstructionResult], metric: str) -> float:
         return math.nan
     value = summarise(results)[MILLISECONDS.get(metric, metric)]
     if not isinstance(value, Share):
-        return 1000.0 * float(value)
+        return 1000.0 * value
     if metric.endswith('_clauses') and not value.total:
         return 0.0
-    return 100.0 * float(value.interval.value)
+    return 100.0 * value.interval.value
 
 
 def text_summary(results: Sequence[InstructionResult]) -> str:
     """Return the tables for a terminal."""
-    tables = [table_of(results, SHARE_COLUMNS), table_of(results, DETAIL_COLUMNS)]
-    for group in list(GROUPS)[:IN_TERMINAL]:
-        head, rows = table_of(results, SHARE_COLUMNS, group)
-        if len({row[1] for row in rows}) > 1:
-            tables.append((head, rows))
+    groups = [table_of(results, SHARE_COLUMNS, group) for group in list(GROUPS)[:IN_TERMINAL]]
+    several = [table for table in groups if len({row[1] for row in table[1]}) > 1]
+    tables = [table_of(results, SHARE_COLUMNS), table_of(results, DETAIL_COLUMNS), *several]
     return '\n\n'.join(text_table(*table) for table in tables)
 
 
@@ -323,21 +318,19 @@ def one_line(text: str) -> str:
 
 def unanswered_lines(results: Sequence[InstructionResult]) -> list[str]:
     """Return a line for each source that left instructions unanswered."""
-    lines = []
-    for source, own in by_source(result for result in results if result.unanswered).items():
-        first = own[0]
-        detail = first.outcome.interpretation.detail if first.outcome else ''
-        count = f'{len(own)} instructions without an answer'
-        lines.append(f'{source}: {count}, the first {first.instruction.id}: {detail}')
-    return lines
+    return [
+        f'{source}: {len(own)} instructions without an answer, the first {own[0].instruction.id}: '
+        f'{own[0].read.detail if own[0].read else ""}'
+        for source, own in by_source(one for one in results if one.unanswered).items()
+    ]
 
 
 def result_row(result: InstructionResult) -> dict[str, Any]:
     """Return a result as a row of results.csv."""
-    instruction, outcome = result.instruction, result.outcome
-    interpretation = outcome.interpretation if outcome else None
+    instruction, outcome, read = result.instruction, result.outcome, result.read
     flags = ('exact', 'claimed', 'fulfilled', 'already', 'false_claim')
     clauses = ('claimed_clauses', 'false_clauses', 'unasked_clauses')
+    measured = ('direct_length', 'seconds', 'planning_seconds')
     return {
         'id': instruction.id,
         'source': result.source,
@@ -347,8 +340,8 @@ def result_row(result: InstructionResult) -> dict[str, Any]:
         'clauses': ' '.join(clause.kind for clause in instruction.truth.clauses),
         'expect': instruction.expect,
         'text': instruction.text,
-        'status': interpretation.status.value if interpretation else '',
-        'understood_by': interpretation.understood_by if interpretation else '',
+        'status': read.status.value if read else '',
+        'understood_by': read.understood_by if read else '',
         'understood': result.sentence,
         **{name: int(getattr(result, name)) for name in flags},
         **{name: len(getattr(result, name)) for name in clauses},
@@ -357,11 +350,8 @@ def result_row(result: InstructionResult) -> dict[str, Any]:
         'report': outcome.summary() if outcome else '',
         'code': result.plan.code.name,
         'length': round(path_length(result), 6),
-        'direct_length': round(result.direct_length, 6),
-        'seconds': round(result.seconds, 6),
-        'planning_seconds': round(result.planning_seconds, 6),
-        'prompt_tokens': interpretation.prompt_tokens if interpretation else 0,
-        'output_tokens': interpretation.output_tokens if interpretation else 0,
+        **{name: round(getattr(result, name), 6) for name in measured},
+        **{name: getattr(read, name, 0) for name in ('prompt_tokens', 'output_tokens')},
     }
 
 

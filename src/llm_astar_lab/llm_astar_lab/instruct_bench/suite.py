@@ -160,58 +160,54 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
     maps = {name: finder.load(name, entry) for name, entry in entries.items()}
     found: dict[str, SuiteInstruction] = {}
     for index, item in enumerate(listed):
-        instruction = named_instruction(item, index, maps, path)
+        name = item.get('id') if isinstance(item, dict) else None
+        which = f'instruction {short_repr(name) if isinstance(name, str) else f"at {index}"}'
+        try:
+            instruction = read_instruction(fields.as_mapping(item, 'entry'), maps)
+        except (SuiteError, SpecificationError) as error:
+            raise SuiteError(f'{path}: {which}: {error}') from None
         if instruction.id in found:
-            raise SuiteError(f'{path}: instruction {instruction.id!r}: id: is used twice')
+            raise SuiteError(f'{path}: {which}: id: is used twice')
         found[instruction.id] = instruction
     return Suite(path, tuple(found.values()))
-
-
-def named_instruction(
-    value: object, index: int, maps: Mapping[str, SuiteMap], path: Path
-) -> SuiteInstruction:
-    """Read an instruction. Raises SuiteError, which names the file and the id or the index."""
-    name = value.get('id') if isinstance(value, dict) else None
-    which = short_repr(name) if isinstance(name, str) else f'at {index}'
-    try:
-        return read_instruction(fields.as_mapping(value, 'entry'), maps)
-    except (SuiteError, SpecificationError) as error:
-        raise SuiteError(f'{path}: instruction {which}: {error}') from None
 
 
 def read_instruction(values: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:
     """Read an instruction. Raises SuiteError or SpecificationError, which name the field."""
     suite_map = maps[fields.as_choice(values.get('map'), 'map', list(maps))]
     ends = {name: read_point(values, name, suite_map) for name in ('start', 'goal')}
-    text = values.get('text')
+    text, writer = values.get('text'), values.get('writer')
     if not isinstance(text, str) or len(text) > MAX_TEXT_CHARS:
         raise SuiteError(f'text: is not a text of up to {MAX_TEXT_CHARS} characters')
     expect = fields.as_choice(values.get('expect', OK), 'expect', EXPECTED)
     truth = read_specification(values.get('spec'), 'spec', suite_map)
     if bool(truth.enforceable) == (expect == NONE):
         raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
-    # The order is that of the errors.
+    tags = as_list(values.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
+    accepted = as_list(values.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
+    checks = as_list(values.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
+    if expect == OK and not checks:
+        raise SuiteError('checks: an instruction that can be met has at least one')
+    scene = Scene(suite_map, **ends)
     return SuiteInstruction(
         id=fields.as_text(values.get('id'), 'id'),
         suite_map=suite_map,
         **ends,
         text=text,
         lang=fields.as_text(values.get('lang', 'en'), 'lang'),
-        tags=tuple(
-            fields.as_text(tag, 'instruction: tags')
-            for tag in as_list(values.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
-        ),
+        tags=tuple(fields.as_text(tag, 'instruction: tags') for tag in tags),
         style=fields.as_choice(values.get('style') or '', 'style', ('', *STYLES)),
-        writer=fields.as_text(values['writer'], 'writer') if values.get('writer') else '',
+        writer=fields.as_text(writer, 'writer') if writer else '',
         expect=expect,
         truth=truth,
         accepted=tuple(
             read_specification(item, f'accept[{index}]', suite_map)
-            for index, item in enumerate(
-                as_list(values.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
-            )
+            for index, item in enumerate(accepted)
         ),
-        checks=read_checks(values, Scene(suite_map, **ends), expect, len(truth.clauses)),
+        checks=tuple(
+            read_check(item, f'checks[{index}]', scene, len(truth.clauses))
+            for index, item in enumerate(checks)
+        ),
     )
 
 
@@ -235,15 +231,3 @@ def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specif
     except (SuiteError, SpecificationError) as error:
         raise SuiteError(f'{where}: {error}') from None
     return specification
-
-
-def read_checks(
-    values: Mapping[str, Any], scene: Scene, expect: str, clauses: int
-) -> tuple[Check, ...]:
-    """Read the checks of an instruction. Raises SuiteError or SpecificationError."""
-    listed = as_list(values.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
-    if expect == OK and not listed:
-        raise SuiteError('checks: an instruction that can be met has at least one')
-    return tuple(
-        read_check(item, f'checks[{index}]', scene, clauses) for index, item in enumerate(listed)
-    )
