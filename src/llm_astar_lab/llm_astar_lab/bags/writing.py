@@ -94,8 +94,7 @@ class McapPart:
     def __init__(self, path: Path) -> None:
         """Create the file."""
         self._stream = path.open('xb')
-        checked = {'enable_crcs': True, 'enable_data_crcs': True}
-        self._file = McapWriter(self._stream, chunk_size=CHUNK_BYTES, **checked)
+        self._file = McapWriter(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         self._file.start(profile='ros2')
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}

@@ -59,9 +59,22 @@ class InstructionResult:
         return self.plan.code == 0 and all(verdict.holds for verdict in self.verdicts)
 
     @property
+    def path_length(self) -> float:
+        """The length of the plan's path in metres, NaN without one."""
+        return self.plan.length * self.instruction.suite_map.grid_map.resolution
+
+    @property
     def judged(self) -> list[tuple[Check, Verdict]]:
         """Each check with its verdict."""
         return list(zip(self.instruction.checks, self.verdicts))
+
+    @property
+    def check_lines(self) -> list[str]:
+        """A line for each check: its kind, whether it holds, what was measured."""
+        return [
+            f'{check.kind} {"holds" if verdict.holds else "fails"} ({verdict.detail})'
+            for check, verdict in self.judged
+        ]
 
     @property
     def read(self) -> Interpretation | None:

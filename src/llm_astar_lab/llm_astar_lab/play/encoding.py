@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.route import Route
@@ -21,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
 from llm_astar_lab.pictures.style import page_colours
-from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
+from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayError, PlayMap
 from llm_astar_lab.play.planning import PlayedPlan
 from llm_astar_lab.play.request import MAX_REPLY, PARAMETERS, SOURCES, PlayRequest, command_of
 from llm_astar_planner import __version__
@@ -29,25 +31,7 @@ from llm_astar_planner import __version__
 # Cells of an expansion order that are sent, at most.
 MAX_ORDER = 1_000_000
 EDITED = 'the map is edited (walls, costs, places or zones), and a command plans on its file'
-ABOUT_METHODS = {
-    'guided': 'follows waypoints, and proves how good its path is',
-    'exact_astar': 'shortest path, with costs',
-    'astar': "the paper's A*",
-    'weighted_astar': "the paper's A* with a weighted heuristic",
-    'dynamic_weighted_astar': "the paper's A* with a weight that decays",
-    'llm_astar': "the paper's LLM-A*: follows waypoints, proves nothing",
-}
-ABOUT_SOURCES = {
-    'none': 'no waypoints',
-    'embedded': 'the learned waypoint model that comes with the planner',
-    'coarse': 'the cheapest route on a coarser map',
-    'straight': 'points on the straight line',
-    'oracle': 'points on a shortest path',
-    'noisy': 'points on a shortest path, moved at random',
-    'random': 'random free cells',
-    'reversed': 'points on a shortest path, in reverse order',
-    'reply': "a model's answer, as you type it",
-}
+ABOUT = read_yaml(Path(__file__).with_name('choices.yaml'), PlayError)
 
 
 def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
@@ -57,8 +41,8 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
         'version': __version__,
         'live': live,
         'colours': page_colours(),
-        'methods': [{'name': name, 'about': ABOUT_METHODS[name]} for name in METHODS],
-        'sources': [{'name': name, 'about': ABOUT_SOURCES[name]} for name in SOURCES],
+        'methods': [{'name': name, 'about': ABOUT['methods'][name]} for name in METHODS],
+        'sources': [{'name': name, 'about': ABOUT['sources'][name]} for name in SOURCES],
         'heuristics': list(HEURISTIC_NAMES),
         'limits': {'cells': MAX_CELLS, 'text': MAX_REPLY, 'radius_m': radius},
         'maps': [map_summary(play_map) for play_map in maps],
