@@ -105,17 +105,15 @@ def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
     flags.option(group, '--json', 'print one JSON object')
     text = 'draw the plan of --show, with a single --source'
     flags.option(group, '--png FILE', text, type=flags.picture_file)
-    for flag, is_upper, text in (
+    for flag, is_upper, side in (
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),
     ):
         parse = partial(report.parse_suite_threshold, is_upper=is_upper)
-        group.add_argument(
-            flag, type=common.parsed_by(parse), action='append', default=[], metavar='LIMIT',
-            help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of '
-            f'{", ".join(report.METRICS)}, in percent or ms; without SOURCE every one but '
-            'none',
-        )  # fmt: skip
+        what = f'{", ".join(report.METRICS)}, in percent or ms; without SOURCE every one but none'
+        text = f'[SOURCE[/STYLE]:]METRIC=LIMIT, {side}; METRIC one of {what}'
+        facts: dict[str, Any] = {'type': common.parsed_by(parse), 'action': 'append'}
+        flags.option(group, f'{flag} LIMIT', text, default=[], **facts)
 
 
 def run(args: argparse.Namespace) -> int:

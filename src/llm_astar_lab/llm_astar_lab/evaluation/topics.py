@@ -85,11 +85,9 @@ def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
     roles: dict[str, str] = {}
     for role, name, msgtype in selection.named_topics():
         topic = bag.topics.get(name)
-        if topic is None:
-            continue
-        if topic.msgtype == msgtype:
+        if topic is not None and topic.msgtype == msgtype:
             roles[name] = role
-        else:
+        elif topic is not None:
             bag.problems.leave_out(f'{bag.path}: {name} is a {topic.msgtype}, not a {msgtype}')
     for name, topic in bag.topics.items():
         for msgtype, ending, role in BY_ENDING:
@@ -102,10 +100,9 @@ def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
     if roles.get(plan) == 'plan' and (neither or selection.requests == 'plans'):
         roles[plan] = 'plan as request'
         if neither and bag.topics[plan].count:
-            bag.problems.note(
-                f'{bag.path}: it has neither calls nor goals, and the goals of actions are not '
-                f'recorded: each path on {plan} is a request, from its first pose to its last'
-            )
+            why = 'it has neither calls nor goals, and the goals of actions are not recorded'
+            what = f'each path on {plan} is a request, from its first pose to its last'
+            bag.problems.note(f'{bag.path}: {why}: {what}')
     return roles
 
 
@@ -133,8 +130,8 @@ def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
     """Return a bag's contents: times in seconds since 1970, topics, and the role of each."""
     roles = topic_roles(bag, selection)
     topics = [
-        {'name': t.name, 'type': t.msgtype, 'count': t.count, 'part': roles.get(t.name, '')}
-        for t in sorted(bag.topics.values(), key=lambda topic: topic.name)
+        {'name': name, 'type': topic.msgtype, 'count': topic.count, 'part': roles.get(name, '')}
+        for name, topic in sorted(bag.topics.items())
     ]
     return {
         'bag': bag.name,

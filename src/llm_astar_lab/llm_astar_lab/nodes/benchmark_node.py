@@ -109,24 +109,22 @@ def prepare(
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the command line without the ROS arguments."""
     description, _, epilog = str(__doc__).partition('\n')
+    words: dict[str, Any] = {'description': description, 'epilog': epilog}
     layout = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        'benchmark_node', None, description, epilog, formatter_class=layout
-    )
+    parser = argparse.ArgumentParser('benchmark_node', formatter_class=layout, **words)
     text = 'barrier maps: a path, or a name in maps/ (default: %(default)s)'
     option(parser, '--map --dataset FILE', text, dest='dataset', default=SAMPLES_FILE)
     option(parser, '--map-ids RANGES', 'such as 50-99 or 0-9,12', dest='maps')
     option(parser, '--limit N', 'draw N of the samples', type=at_least(1, int))
     option(parser, '--seed N', 'seed of the draw (0)', default=0)
     text = f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)'
-    option(
-        parser, '--methods NAMES', text, default=['llm_astar'], type=lambda text: text.split(',')
-    )
+    option(parser, '--methods NAMES', text, default='llm_astar')
     add_folder(parser, 'out/live')
     option(parser, '--planner NAME', 'name of the planner node', default='planner_node')
     text = "name of the waypoint client; '' for none"
     option(parser, '--client NAME', text, default='llm_client_node')
     arguments = parser.parse_args(argv)
+    arguments.methods = arguments.methods.split(',')
     for name in arguments.methods:
         if name not in METHODS:
             parser.error(f'--methods {name!r} is unknown; available are {", ".join(METHODS)}')

@@ -143,16 +143,13 @@ class Recorder:
 
     def report_progress(self) -> None:
         """Report the number of messages; without any, the namespace and domain searched."""
-        total, new = self.bag.total, self.bag.total - self._reported
+        total, before = self.bag.total, self._reported
         self._reported = total
-        if total:
-            self._report(f'{total} messages, {new} of them in the last {REPORT_PERIOD_S:g} s')
-            return
+        new = f'{total - before} of them in the last {REPORT_PERIOD_S:g} s'
         domain = os.environ.get('ROS_DOMAIN_ID', '0')
-        self._report(
-            f'no message yet in namespace {self._node.get_namespace()}, ROS_DOMAIN_ID {domain}; '
-            'is the graph up?'
-        )
+        where = f'namespace {self._node.get_namespace()}, ROS_DOMAIN_ID {domain}'
+        nothing = f'no message yet in {where}; is the graph up?'
+        self._report(f'{total} messages, {new}' if total else nothing)
 
 
 def record(

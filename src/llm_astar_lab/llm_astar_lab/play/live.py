@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from functools import partial
 from typing import Any
 
@@ -100,9 +100,7 @@ class LiveFeed:
         with self._lock:
             shown = dict(self._shown)
             numbers: dict[str, object] = dict(self._numbers)
-        make: dict[str, Callable[[], dict[str, Any]]] = {
-            'status': lambda: {'message': shown['status']}
-        }
+        make: dict[str, Any] = {'status': lambda: {'message': shown['status']}}
         if 'map' in shown:
             make['map'] = partial(live_map_json, shown['map'], shown['places'])
         if 'map' in shown and 'plan' in shown:

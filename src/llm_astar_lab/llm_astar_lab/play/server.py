@@ -16,6 +16,7 @@ import json
 import re
 import socket
 import time
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -121,9 +122,7 @@ class PlayApp(Starlette):
         address = request.client.host if request.client else ''
         name = request.headers.get('x-page', '')[:MAX_NAME]
         try:
-            reply = await self._worker.run(
-                lambda stop: self.work(asked, stop), gone, address, name
-            )
+            reply = await self._worker.run(partial(self.work, asked), gone, address, name)
         finally:
             gone.cancel()
         return Response(reply, media_type='application/json')
@@ -245,10 +244,9 @@ class Guard:
         """Return with which status and sentence a request is refused, None if it is not."""
         host = headers.getlist('host')
         if len(host) != 1 or not self.knows(host[0]):
-            return 421, (
-                f'Host: {", ".join(host)[:80] or "none"} is not a name of this server; open it as '
-                'localhost, or name the host with --host'
-            )
+            fix = 'open it as localhost, or name the host with --host'
+            named = ', '.join(host)[:80] or 'none'
+            return 421, f'Host: {named} is not a name of this server; {fix}'
         origin = headers.get('origin')
         if origin is not None and origin.lower() != f'http://{host[0].lower()}':
             return 403, f'Origin: {origin[:80]} is another site; open the page of this server'
@@ -270,11 +268,9 @@ class Guard:
 
 def is_address(name: str) -> bool:
     """Tell whether a name is an IP address: no name server can make another site's of it."""
-    try:
-        ipaddress.ip_address(name.strip('[]'))
-    except ValueError:
-        return False
-    return True
+    with contextlib.suppress(ValueError):
+        return bool(ipaddress.ip_address(name.strip('[]')))
+    return False
 
 
 class PlayServer(uvicorn.Server):
@@ -285,15 +281,9 @@ class PlayServer(uvicorn.Server):
         self._app = app
         # Connections that wait for a request after their last one, since when.
         self._idle: dict[tuple[Any, Any], float] = {}
-        super().__init__(
-            uvicorn.Config(
-                Guard(app, host),
-                log_level='warning',
-                access_log=False,
-                server_header=False,
-                timeout_graceful_shutdown=GRACE_S,
-            )
-        )
+        silent: dict[str, Any] = {'log_level': 'warning', 'access_log': False}
+        silent |= {'server_header': False, 'timeout_graceful_shutdown': GRACE_S}
+        super().__init__(uvicorn.Config(Guard(app, host), **silent))
 
     async def on_tick(self, counter: int) -> bool:
         """Close connections on which no whole head of a request came in HEAD_S.
