@@ -11,7 +11,7 @@ clock jumped, and that file is read in the order of recording. Memory does not g
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -93,6 +93,16 @@ class RecordedTopic:
     count: int = 0
     first: int = 2**64
     last: int = -(2**63)
+    # Where the clock first jumps back within a file.
+    jump: str = ''
+
+    def add(self, time: int) -> None:
+        """Count a message."""
+        self.count += 1
+        back = self.last - time
+        if back > JUMP and not self.jump:
+            self.jump = f'the clock jumps back by {back / 1e9:.3f} s at message {self.count}'
+        self.first, self.last = min(self.first, time), max(self.last, time)
 
 
 class Bag(AbstractContextManager['Bag']):
@@ -161,13 +171,17 @@ class Bag(AbstractContextManager['Bag']):
 
     def _count(self, storage: Storage) -> None:
         """Add a storage file and count its messages."""
-        counts, jump = count_messages(storage)
-        if jump:
-            how = 'the file is read in the order of recording'
-            self.problems.note(f'{storage.path}: {jump}; {how}')
-        self._files.append((storage, jump is not None))
+        counts: defaultdict[int, RecordedTopic] = defaultdict(RecordedTopic)
+        for number, time in storage.stamps():
+            counts[number].add(time)
+        found = [(counts[number].jump, item) for number, item in storage.channels.items()]
+        jumps = [f'{jump} of {channel.topic}' for jump, channel in found if jump]
+        for jump in jumps[:1]:
+            what = f'{jump}; the file is read in the order of recording'
+            self.problems.note(f'{storage.path}: {what}')
+        self._files.append((storage, bool(jumps)))
         for number, channel in storage.channels.items():
-            self._add(channel, counts.get(number, RecordedTopic()))
+            self._add(channel, counts[number])
             self._decoder.learn(channel)
         if storage.damage:
             self.problems.leave_out(storage.damage)
@@ -206,26 +220,6 @@ def open_bags(paths: Sequence[str | Path]) -> Iterator[tuple[list[Bag], Problems
             with problems.catch(BagError, OSError):
                 bags.append(stack.enter_context(Bag(path)))
         yield bags, problems
-
-
-def count_messages(storage: Storage) -> tuple[dict[int, RecordedTopic], str | None]:
-    """Count a file's messages by channel; the sentence says where the clock first jumps back."""
-    found: dict[int, RecordedTopic] = {}
-    latest: dict[int, int] = {}
-    jumps: dict[int, tuple[int, int]] = {}
-    for channel, time in storage.stamps():
-        topic = found.setdefault(channel, RecordedTopic())
-        topic.count += 1
-        topic.first, topic.last = min(topic.first, time), max(topic.last, time)
-        back = latest.get(channel, time) - time
-        if back > JUMP:
-            jumps.setdefault(channel, (back, topic.count))
-        latest[channel] = time
-    for channel, (back, count) in jumps.items():
-        if channel in storage.channels:
-            where = f'message {count} of {storage.channels[channel].topic}'
-            return found, f'the clock jumps back by {back / 1e9:.3f} s at {where}'
-    return found, None
 
 
 def storage_files(path: Path, problems: Problems) -> list[Path]:
