@@ -19,14 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import short_repr
-from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions import fields, regions
 from llm_astar_planner.instructions.verification import geometry as plane
 from llm_astar_planner.instructions.verification.geometry import QUARTER_SIDES, Polyline, Spans
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, as_list, find_place, find_tagged
+from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, SuiteMap, as_list
 
 # Metres. A measured length this close to its limit keeps it.
 ROUNDING = 1e-6
@@ -59,9 +58,9 @@ class Entry:
     depth: int = 0
 
     @property
-    def places(self) -> Places:
-        """The map's places."""
-        return self.scene.suite_map.places
+    def suite_map(self) -> SuiteMap:
+        """The map."""
+        return self.scene.suite_map
 
     def resolved(self, region: regions.Region) -> BaseGeometry:
         """Return where the verification has a region."""
@@ -122,13 +121,13 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
 
 def read_place(entry: Entry) -> BaseGeometry:
     """Return the geometry of a named place. Raises SuiteError."""
-    place = find_place(entry.value, entry.where, entry.places)
-    return entry.resolved(regions.NamedPlace(place.name))
+    name = entry.suite_map.place_name(entry.value, entry.where)
+    return entry.resolved(regions.NamedPlace(name))
 
 
 def read_tag(entry: Entry) -> BaseGeometry:
     """Return the geometry of all places with a tag. Raises SuiteError."""
-    find_tagged(entry.value, entry.where, entry.places)
+    entry.suite_map.tagged_names(entry.value, entry.where)
     return entry.resolved(regions.Tagged(entry.value))
 
 
@@ -148,8 +147,7 @@ def read_half(entry: Entry) -> BaseGeometry:
     (of, of_where), where, scene = entry.given('of'), entry.where, entry.scene
     side = fields.as_choice(entry.value, where, regions.SIDES if of is None else regions.COMPASS)
     if of is not None:
-        place = find_place(of, of_where, entry.places)
-        return entry.resolved(regions.Half(side, place.name))
+        return entry.resolved(regions.Half(side, entry.suite_map.place_name(of, of_where)))
     if side in regions.COMPASS:
         return entry.resolved(regions.Half(side)) & shapely.box(*scene.suite_map.extent)
     if scene.start == scene.goal:

@@ -47,6 +47,21 @@ class SuiteMap:
     places: Places
     barrier_map: BarrierMap | None = None
 
+    def place_name(self, name: object, where: str) -> str:
+        """Return the name of a place by name or alias. Raises SuiteError, which lists them."""
+        place = self.places.get(as_text(name, where))
+        if place is not None:
+            return place.name
+        known = ', '.join(place.name for place in self.places) or 'none'
+        raise SuiteError(f'{where}: {name!r} is not a place of the map, which has: {known}')
+
+    def tagged_names(self, tag: object, where: str) -> list[str]:
+        """Return the names of the places with a tag. Raises SuiteError where there are none."""
+        if tagged := self.places.with_tag(as_text(tag, where)):
+            return [place.name for place in tagged]
+        what = 'is not a kind or tag of the places, which have'
+        raise SuiteError(f'{where}: {tag!r} {what}: {", ".join(self.places.tags) or "none"}')
+
     @cached_property
     def walls(self) -> NDArray[Any]:
         """The occupied cells as polygons [n], neighbours in a row joined."""
@@ -173,25 +188,6 @@ def read_place(name: str, value: object) -> Place:
     if place is None:
         raise SuiteError(f'{where}: is no place')
     return place
-
-
-def find_place(name: object, where: str, places: Places) -> Place:
-    """Return a place by name or alias. Raises SuiteError, which lists the map's places."""
-    place = places.get(as_text(name, where))
-    if place is None:
-        known = ', '.join(place.name for place in places) or 'none'
-        raise SuiteError(f'{where}: {name!r} is not a place of the map, which has: {known}')
-    return place
-
-
-def find_tagged(tag: object, where: str, places: Places) -> tuple[Place, ...]:
-    """Return the places with a tag. Raises SuiteError where there are none."""
-    tagged = places.with_tag(as_text(tag, where))
-    if not tagged:
-        known = ', '.join(places.tags) or 'none'
-        what = 'is not a kind or tag of the places, which have'
-        raise SuiteError(f'{where}: {tag!r} {what}: {known}')
-    return tagged
 
 
 def as_list(value: object, where: str, least: int, most: int, what: str) -> list[Any]:

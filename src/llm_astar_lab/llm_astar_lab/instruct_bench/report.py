@@ -21,7 +21,6 @@ from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
-from llm_astar_lab.instruct_bench import runner
 from llm_astar_lab.instruct_bench.maps import SuiteError
 from llm_astar_lab.instruct_bench.runner import NO_INSTRUCTION, InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
@@ -73,45 +72,26 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
     - `unanswered`: the source gave no answer in time.
     - `seconds`, `longest`: median and maximum of understanding; `planning_seconds`: median.
     """
-
-    def clauses(which: str) -> int:
-        return sum(len(getattr(result, which)) for result in results)
-
-    possible = [result for result in results if result.instruction.expect == OK]
-    hopeless = [result.recognition for result in results if result.instruction.expect != OK]
-    asked = [result.read for result in results if result.read is not None]
-    claimed, times = clauses('claimed_clauses'), [result.seconds for result in results]
-    return {
-        'instructions': len(results),
-        'exact': share(result.exact for result in results),
-        'satisfied': share(result.fulfilled for result in possible),
-        'already': share(result.already for result in possible),
-        'false_claims': share(result.false_claim for result in results),
-        'false_clauses': Share(clauses('false_clauses'), claimed),
-        'unasked_clauses': Share(clauses('unasked_clauses'), claimed),
-        'recognised': share(how in (runner.RECOGNISED, runner.NOT_UNDERSTOOD) for how in hopeless),
-        'said_not_understood': share(how == runner.NOT_UNDERSTOOD for how in hopeless),
-        'said_violated': share(how == runner.VIOLATED for how in hopeless),
-        'unanswered': share(result.unanswered for result in results),
+    reads = [result.read for result in results if result.read is not None]
+    times = [result.seconds for result in results]
+    shares: Figures = {
+        name: Share(*(sum(evaluated(text, result) for result in results) for text in texts))
+        for name, texts in SHOWN['figures'].items()
+    }
+    return {'instructions': len(results)} | shares | {
         'seconds': statistics.median(times),
         'longest': max(times),
         'planning_seconds': statistics.median(result.planning_seconds for result in results),
-        'prompt_tokens': sum(item.prompt_tokens for item in asked),
-        'output_tokens': sum(item.output_tokens for item in asked),
+        'prompt_tokens': sum(read.prompt_tokens for read in reads),
+        'output_tokens': sum(read.output_tokens for read in reads),
     }
-
-
-def share(flags: Iterable[bool]) -> Share:
-    """Return how many of some flags are set."""
-    listed = list(flags)
-    return Share(sum(listed), len(listed))
 
 
 def evaluated(text: str, result: InstructionResult) -> Any:  # noqa: ANN401 - as the text says
     """Return what an expression of `report.yaml` says of a result."""
     instruction, read, outcome = result.instruction, result.read, result.outcome
-    named = {'instruction': instruction, 'read': read, 'outcome': outcome}
-    return expression(text)(result=result, **named)
+    named = {'result': result, 'instruction': instruction, 'read': read, 'outcome': outcome}
+    return expression(text)(is_meetable=instruction.expect == OK, **named)
 
 
 @cache

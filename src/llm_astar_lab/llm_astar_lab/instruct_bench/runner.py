@@ -20,8 +20,8 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.result import Cell
 
+from llm_astar_lab.instruct_bench import suite as suites
 from llm_astar_lab.instruct_bench.checks import Check, Verdict
-from llm_astar_lab.instruct_bench.comparison import clause_keys, same_specification
 from llm_astar_lab.instruct_bench.suite import IMPOSSIBLE, NONE, OK, SuiteInstruction
 
 TRUTH, NO_INSTRUCTION = 'truth', 'none'
@@ -96,7 +96,7 @@ class InstructionResult:
         """Whether exactly the truth was understood, or what counts as the same."""
         instruction, read = self.instruction, self.read
         accepted = (instruction.truth, *instruction.accepted)
-        return read is not None and same_specification(
+        return read is not None and suites.same_specification(
             read.specification, accepted, instruction.suite_map
         )
 
@@ -132,13 +132,13 @@ class InstructionResult:
         """Return the indices of the truth's clauses that a clause is, or counts as."""
         instruction = self.instruction
         count, suite_map = len(instruction.truth.clauses), instruction.suite_map
-        keys = set(clause_keys(outcome.clause, suite_map))
+        keys = set(suites.clause_keys(outcome.clause, suite_map))
         return {
             index
             for reading in (instruction.truth, *instruction.accepted)
             if len(reading.clauses) == count
             for index, clause in enumerate(reading.clauses)
-            if not keys.isdisjoint(clause_keys(clause, suite_map))
+            if not keys.isdisjoint(suites.clause_keys(clause, suite_map))
         }
 
     def is_false(self, outcome: ClauseOutcome) -> bool:
