@@ -78,13 +78,17 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
         name: Share(*(sum(evaluated(text, result) for result in results) for text in texts))
         for name, texts in SHOWN['figures'].items()
     }
-    return {'instructions': len(results)} | shares | {
-        'seconds': statistics.median(times),
-        'longest': max(times),
-        'planning_seconds': statistics.median(result.planning_seconds for result in results),
-        'prompt_tokens': sum(read.prompt_tokens for read in reads),
-        'output_tokens': sum(read.output_tokens for read in reads),
-    }
+    return (
+        {'instructions': len(results)}
+        | shares
+        | {
+            'seconds': statistics.median(times),
+            'longest': max(times),
+            'planning_seconds': statistics.median(result.planning_seconds for result in results),
+            'prompt_tokens': sum(read.prompt_tokens for read in reads),
+            'output_tokens': sum(read.output_tokens for read in reads),
+        }
+    )
 
 
 def evaluated(text: str, result: InstructionResult) -> Any:  # noqa: ANN401 - as the text says

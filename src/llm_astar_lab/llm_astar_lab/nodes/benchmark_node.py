@@ -66,23 +66,24 @@ OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
 def main(args: Sequence[str] | None = None) -> int:
     """Run benchmark_node and return its exit code."""
     arguments = parse_arguments(remove_ros_args(sys.argv if args is None else args)[1:])
+    code = BAD_INPUT
     try:
         folder, metadata, samples, done = prepare(arguments)
+        code = INCOMPLETE
+        try:
+            with timing(metadata):
+                plan_samples(args, arguments, folder, samples, done)
+            code = OK
+        except (PlannerClientError, ResultsError) as error:
+            report_error(error)
+        except KeyboardInterrupt:
+            sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
+            code = INTERRUPTED
+        close_run(folder, metadata)
     except (LlmAstarError, FileNotFoundError) as error:
-        return report_error(error, BAD_INPUT)
-    try:
-        with timing(metadata):
-            plan_samples(args, arguments, folder, samples, done)
-        code = OK
-    except (PlannerClientError, ResultsError) as error:
-        code = report_error(error, INCOMPLETE)
-    except KeyboardInterrupt:
-        sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
-        code = INTERRUPTED
-    try:
-        return close_run(folder, metadata, code)
-    except ResultsError as error:
-        return report_error(error, INCOMPLETE)
+        report_error(error)
+        return code or INCOMPLETE
+    return code
 
 
 def prepare(
@@ -158,21 +159,19 @@ def plan_samples(
                     step()
 
 
-def close_run(folder: ResultsFolder, metadata: dict[str, Any], code: int) -> int:
-    """Write the reports of a run and print the table; return `code`. Raises ResultsError."""
+def close_run(folder: ResultsFolder, metadata: dict[str, Any]) -> None:
+    """Write the reports of a run and print the table. Raises ResultsError."""
     rows = folder.stored()
     if len(rows):
         folder.write_json('metadata.json', metadata)
         run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
         sys.stdout.write(text_report(run) + '\n')
         sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
-    return code
 
 
-def report_error(error: Exception, code: int) -> int:
-    """Write an error to stderr; return `code`."""
+def report_error(error: Exception) -> None:
+    """Write an error to stderr."""
     sys.stderr.write(f'error: {printable(str(error))}\n')
-    return code
 
 
 class LiveRun:
