@@ -91,6 +91,8 @@ class Written:
 class McapPart:
     """Writes an mcap file: zstd chunks, indices, checksums."""
 
+    suffix = '.mcap'
+
     def __init__(self, path: Path) -> None:
         """Create the file."""
         self._stream = path.open('xb')
@@ -133,6 +135,8 @@ class SqlitePart:
 
     With neither, a power cut would leave a file that cannot be read.
     """
+
+    suffix = '.db3'
 
     def __init__(self, path: Path) -> None:
         """Create the file."""
@@ -181,10 +185,7 @@ class SqlitePart:
 
 
 Part = McapPart | SqlitePart
-STORAGES: dict[str, tuple[str, type[Part]]] = {
-    'mcap': ('.mcap', McapPart),
-    'sqlite3': ('.db3', SqlitePart),
-}
+STORAGES: dict[str, type[Part]] = {'mcap': McapPart, 'sqlite3': SqlitePart}
 
 
 class BagWriter:
@@ -269,8 +270,8 @@ class BagWriter:
             raise BagWriteError(f'{self.folder}: {why}; what was written before is kept') from None
 
     def _open_part(self) -> None:
-        suffix, make = STORAGES[self._storage]
-        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{suffix}'
+        make = STORAGES[self._storage]
+        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{make.suffix}'
         self._part: Part = make(self._path)
         self._part_bytes = 0
         self._in_part = Written()

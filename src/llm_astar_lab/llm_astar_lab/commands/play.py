@@ -37,12 +37,10 @@ DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    option(
-        parser, '--map FILE',
-        'a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
-        'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
-        action='append', default=[],
-    )  # fmt: skip
+    kinds = 'map_server yaml, MovingAI x.map or x.map.scen, or barrier-map JSON'
+    text = f'{kinds}, of which the first ten are taken; repeat it for more'
+    text = f'a map to offer besides the shipped ones: {text}'
+    option(parser, '--map FILE', text, action='append', default=[])
     text = 'address to serve at (default: %(default)s)'
     option(parser, '--host NAME', text, default=DEFAULT_HOST)
     text = 'port to serve at; 0 takes a free one (default: %(default)s)'

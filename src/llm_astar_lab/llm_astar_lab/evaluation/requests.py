@@ -225,10 +225,9 @@ class RequestReader:
         if call in self._calls:
             return
         if not len(event.request):
-            self.bag.problems.leave_out(
-                f'{self.bag.path}: {message.topic}: its events are without contents; set '
-                'service introspection to `contents` to record requests'
-            )
+            fix = 'set service introspection to `contents` to record requests'
+            what = f'{message.topic}: its events are without contents; {fix}'
+            self.bag.problems.leave_out(f'{self.bag.path}: {what}')
             return
         self._calls.append(call)
         request = event.request[0]

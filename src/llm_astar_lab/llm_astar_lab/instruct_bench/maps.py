@@ -148,10 +148,8 @@ class MapFinder:
             dataset, number = SAMPLES_FILE, int(numbered[1])
         else:
             searched = ', '.join(str(folder) for folder in (self.suite.parent, *self.folders))
-            raise SuiteError(
-                f'file: is missing, and {name}.yaml is not in {searched}; name the file, or its '
-                'folder with --map-folder'
-            )
+            fix = 'name the file, or its folder with --map-folder'
+            raise SuiteError(f'file: is missing, and {name}.yaml is not in {searched}; {fix}')
         beside = self.suite.parent / dataset
         path = beside if beside.is_file() else find_file(dataset, 'maps')
         if path not in self.datasets:

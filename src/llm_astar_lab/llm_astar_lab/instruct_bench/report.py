@@ -78,17 +78,15 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
         name: Share(*(sum(evaluated(text, result) for result in results) for text in texts))
         for name, texts in SHOWN['figures'].items()
     }
-    return (
-        {'instructions': len(results)}
-        | shares
-        | {
-            'seconds': statistics.median(times),
-            'longest': max(times),
-            'planning_seconds': statistics.median(result.planning_seconds for result in results),
-            'prompt_tokens': sum(read.prompt_tokens for read in reads),
-            'output_tokens': sum(read.output_tokens for read in reads),
-        }
-    )
+    return {
+        'instructions': len(results),
+        **shares,
+        'seconds': statistics.median(times),
+        'longest': max(times),
+        'planning_seconds': statistics.median(result.planning_seconds for result in results),
+        'prompt_tokens': sum(read.prompt_tokens for read in reads),
+        'output_tokens': sum(read.output_tokens for read in reads),
+    }
 
 
 def evaluated(text: str, result: InstructionResult) -> Any:  # noqa: ANN401 - as the text says
@@ -163,10 +161,8 @@ def parse_suite_threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
     group, _, metric = name.rpartition(':')
     source, _, style = group.partition('/')
     if not equals or metric not in METRICS or style not in ('', *STYLES):
-        raise ValueError(
-            f'{text!r}: [SOURCE[/STYLE]:]METRIC=LIMIT is expected, METRIC one of '
-            f'{", ".join(METRICS)}, STYLE one of {", ".join(STYLES)}'
-        )
+        known = f'METRIC one of {", ".join(METRICS)}, STYLE one of {", ".join(STYLES)}'
+        raise ValueError(f'{text!r}: [SOURCE[/STYLE]:]METRIC=LIMIT is expected, {known}')
     try:
         return SuiteThreshold(source, style, metric, float(limit), is_upper)
     except ValueError:

@@ -45,15 +45,9 @@ from rclpy.utilities import remove_ros_args
 from llm_astar_lab.datasets.named import BenchmarkSample, SelectionError, select_samples
 from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
+from llm_astar_lab.results import row as of_rows
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
-from llm_astar_lab.results.row import (
-    PAPER_ASTAR,
-    ResultsError,
-    Row,
-    Variant,
-    format_points,
-    plan_columns,
-)
+from llm_astar_lab.results.row import PAPER_ASTAR, ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.config import add_folder, choose_folder, open_folder, progress, timing
 
@@ -241,8 +235,8 @@ class LiveRun:
         points = grid_map.world_to_grid(path_from_message(path))
         waypoints = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints])
         statuses = [status for _, _, status in report.waypoints]
-        columns = plan_columns(values, statuses, np.rint(points).astype(np.int32))
-        columns['waypoints'] = format_points(waypoints.round(6).tolist())
+        columns = of_rows.plan_columns(values, statuses, np.rint(points).astype(np.int32))
+        columns['waypoints'] = of_rows.format_points(waypoints.round(6).tolist())
         columns['family'] = sample.barrier_map.family
         return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)
 

@@ -97,10 +97,9 @@ class PlanView:
         if plan.points:
             endpoints = Pose2D(*plan.points[0]), Pose2D(*plan.points[-1])
         elif arguments.frame not in ('', grid_map.frame_id):
-            raise ParameterError(
-                f'--png: without a path, start and goal in frame {arguments.frame!r} cannot be '
-                f'drawn on a map in {grid_map.frame_id!r}'
-            )
+            ends = f'start and goal in frame {arguments.frame!r}'
+            what = f'{ends} cannot be drawn on a map in {grid_map.frame_id!r}'
+            raise ParameterError(f'--png: without a path, {what}')
         self.has_expanded(plan.path)
         save_picture(self.picture(grid_map, endpoints, plan.path, plan.report), arguments.png)
 
