@@ -61,13 +61,12 @@ class Problems:
             self.left_out.append(sentence)
 
     @contextmanager
-    def catch(self, *errors: type[Exception], path: Path | None = None) -> Iterator[None]:
-        """Leave out what raises one of these errors in the block; `path` goes in front."""
+    def catch(self, path: str | Path, *errors: type[Exception]) -> Iterator[None]:
+        """Leave out what raises one of these errors in the block; they name the path."""
         try:
             yield
         except errors as error:
-            named = path is None or str(path) in str(error)
-            self.leave_out(str(error) if named else f'{path}: {error}')
+            self.leave_out(str(error) if str(path) in str(error) else f'{path}: {error}')
 
     def lines(self) -> list[str]:
         """Return every sentence on what was left out, and the number of those not kept."""
@@ -121,7 +120,7 @@ class Bag(AbstractContextManager['Bag']):
         with ExitStack() as stack:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix='llm-astar-bag-')))
             for found in storage_files(self.path, self.problems):
-                with self.problems.catch(BagError, OSError, zstandard.ZstdError, path=found):
+                with self.problems.catch(found, BagError, OSError, zstandard.ZstdError):
                     file = unpack(found, folder, self.problems)
                     make: type[Storage] = McapFile if file.suffix == '.mcap' else SqliteFile
                     self._count(stack.enter_context(closing(make(file))))
@@ -217,7 +216,7 @@ def open_bags(paths: Sequence[str | Path]) -> Iterator[tuple[list[Bag], Problems
     bags = []
     with ExitStack() as stack:
         for path in paths:
-            with problems.catch(BagError, OSError):
+            with problems.catch(path, BagError, OSError):
                 bags.append(stack.enter_context(Bag(path)))
         yield bags, problems
 
