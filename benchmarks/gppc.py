@@ -74,7 +74,7 @@ def prepare_exact(grid_map: GridMap) -> Prepared:
 def prepare_planner(grid_map: GridMap, bound: float, source: str | None = None) -> Prepared:
     """Return `Planner.plan` with a bound and all it prepares: jump points and landmarks."""
     planner = Planner(grid_map, CONFIG).prepare()
-    extra = {} if source is None else {'source': source}
+    extra: dict[str, Any] = {} if source is None else {'source': source}
 
     def plan(start: Cell, goal: Cell) -> NDArray[Any]:
         request = PlanRequest(
