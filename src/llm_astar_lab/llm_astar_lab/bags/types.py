@@ -35,20 +35,10 @@ from rosbags.typesys.store import Typestore
 from llm_astar_lab.bags.storage import Channel, unzstd
 
 GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
-GET_PLAN = """\
-geometry_msgs/PoseStamped start
-geometry_msgs/PoseStamped goal
-float32 tolerance
----
-nav_msgs/Path plan
-"""
+GET_PLAN = Path(__file__).with_name('GetPlan.srv').read_text(encoding='utf-8')
 EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
-# What service introspection publishes. rosidl generates this type; no file defines it.
-EVENT = """\
-service_msgs/ServiceEventInfo info
-{package}/{name}_Request[<=1] request
-{package}/{name}_Response[<=1] response
-"""
+# What service introspection publishes. rosidl generates this type; no file of ROS defines it.
+EVENT = Path(__file__).with_name('ServiceEvent.msg').read_text(encoding='utf-8')
 # Stands between the definitions of a type and of its parts in a bag.
 BAR = '=' * 80 + '\n'
 IDL_NAMES = {'float32': 'float', 'float64': 'double', 'bool': 'boolean', 'byte': 'octet'}

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import indent
 from typing import Any, NamedTuple
 
 import yaml
@@ -26,8 +27,8 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from llm_astar_lab.bags.types import TypeDefinition, bag_types
+from llm_astar_lab.templates import render
 
-INFORMATION = 'rosbag2_bagfile_information'
 # How much a power cut may lose: bytes before compression, and seconds.
 CHUNK_BYTES = 64 * 1024
 COMMIT_SECONDS = 1.0
@@ -79,13 +80,10 @@ class Written:
         self.counts[topic] += 1
         self.first, self.last = min(self.first, stamp), max(self.last, stamp)
 
-    def facts(self) -> dict[str, Any]:
-        """Return what metadata.yaml says of it."""
-        return {
-            'duration': {'nanoseconds': max(0, self.last - self.first)},
-            'message_count': self.counts.total(),
-            'starting_time': {'nanoseconds_since_epoch': self.first},
-        }
+    @property
+    def duration(self) -> int:
+        """The time from the first message to the last (ns)."""
+        return max(0, self.last - self.first)
 
 
 class McapPart:
@@ -208,7 +206,7 @@ class BagWriter:
         self._storage = storage
         self._max_bytes = max_bytes or sys.maxsize
         self._topics: dict[str, OfferedTopic] = {}
-        self._files: list[dict[str, Any]] = []
+        self._files: list[tuple[str, Written]] = []
         self._written = Written()
 
     def __enter__(self) -> BagWriter:
@@ -280,42 +278,19 @@ class BagWriter:
 
     def _close_part(self) -> None:
         """Finish a file and list it with the others in metadata.yaml."""
-        file = self._in_part.facts() | {'path': self._path.name}
-        self._part.close(as_yaml(self._information([file], self._in_part)))
+        file = self._path.name, self._in_part
+        self._part.close(self._metadata([file], self._in_part))
         self._files.append(file)
-        information = {INFORMATION: self._information(self._files, self._written)}
+        text = indent(self._metadata(self._files, self._written), '  ')
         draft = self.folder / 'metadata.yaml.tmp'
-        draft.write_text(as_yaml(information), encoding='utf-8')
+        draft.write_text(f'rosbag2_bagfile_information:\n{text}', encoding='utf-8')
         draft.replace(self.folder / 'metadata.yaml')
 
-    def _information(self, files: list[dict[str, Any]], written: Written) -> dict[str, Any]:
-        """Return the metadata of a bag of these files."""
-        topics = [
-            {
-                'topic_metadata': {
-                    'name': topic.name,
-                    'offered_qos_profiles': topic.qos,
-                    'serialization_format': 'cdr',
-                    'type': topic.definition.msgtype,
-                    'type_description_hash': topic.definition.digest,
-                },
-                'message_count': written.counts[topic.name],
-            }
-            for topic in self._topics.values()
-        ]
-        found = {
-            'compression_format': '',
-            'compression_mode': '',
-            'custom_data': None,
-            'files': files,
-            'relative_file_paths': [file['path'] for file in files],
-            'ros_distro': ros_distro(),
-            'storage_identifier': self._storage,
-            'topics_with_message_count': topics,
-            # The format of Jazzy.
-            'version': 9,
-        }
-        return found | written.facts()
+    def _metadata(self, files: list[tuple[str, Written]], written: Written) -> str:
+        """Return the metadata of a bag of these files, in the format of Jazzy."""
+        template, topics = 'bags/metadata.yaml.j2', self._topics.values()
+        facts: dict[str, Any] = {'storage': self._storage, 'distro': ros_distro()}
+        return render(template, topics=topics, files=files, written=written, **facts)
 
 
 def ros_distro() -> str:
