@@ -13,7 +13,7 @@ import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,6 +30,8 @@ from llm_astar_lab.templates import TEMPLATES, render
 # `report.yaml`: columns, groups and rows.
 SHOWN = read_yaml(Path(__file__).with_name('report.yaml'), SuiteError)
 IN_TERMINAL = 5
+# What expressions say of results, which each table asks anew.
+MAX_KEPT = 100_000
 # Metrics in percent, and those in milliseconds with the figure in seconds that they come from.
 PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses', 'unasked_clauses')
 MILLISECONDS = {'ms': 'seconds', 'longest_ms': 'longest', 'planning_ms': 'planning_seconds'}
@@ -89,6 +91,7 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
     }
 
 
+@lru_cache(MAX_KEPT)
 def evaluated(text: str, result: InstructionResult) -> Any:  # noqa: ANN401 - as the text says
     """Return what an expression of `report.yaml` says of a result."""
     instruction, read, outcome = result.instruction, result.read, result.outcome
