@@ -66,6 +66,12 @@ class OfferedTopic(NamedTuple):
     definition: TypeDefinition
     qos: tuple[dict[str, Any], ...] = ()
 
+    @property
+    def profiles(self) -> str:
+        """The QoS as YAML, where equal values are written out again."""
+        text: str = yaml.safe_dump(json.loads(json.dumps(self.qos)))
+        return text.strip()
+
 
 @dataclass
 class Written:
@@ -106,7 +112,7 @@ class McapPart:
         if msgtype not in self._schemas:
             schema = self._file.register_schema(msgtype, encoding, text.encode())
             self._schemas[msgtype] = schema
-        metadata = {'offered_qos_profiles': as_yaml(topic.qos).strip(), 'topic_type_hash': digest}
+        metadata = {'offered_qos_profiles': topic.profiles, 'topic_type_hash': digest}
         facts = topic.name, 'cdr', self._schemas[msgtype], metadata
         self._channels[topic.name] = self._file.register_channel(*facts)
 
@@ -153,8 +159,7 @@ class SqlitePart:
             columns = 'topic_type, encoding, encoded_message_definition, type_description_hash'
             self._insert(f'message_definitions ({columns})', msgtype, encoding, text, digest)
         number = self._topics[topic.name] = len(self._topics) + 1
-        profiles = as_yaml(topic.qos).strip()
-        self._insert('topics', number, topic.name, msgtype, 'cdr', profiles, digest)
+        self._insert('topics', number, topic.name, msgtype, 'cdr', topic.profiles, digest)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
@@ -290,15 +295,10 @@ class BagWriter:
         """Return the metadata of a bag of these files, in the format of Jazzy."""
         template, topics = 'bags/metadata.yaml.j2', self._topics.values()
         facts: dict[str, Any] = {'storage': self._storage, 'distro': ros_distro()}
-        return render(template, topics=topics, files=files, written=written, **facts)
+        text = render(template, topics=topics, files=files, written=written, **facts)
+        return f'{text}\n'
 
 
 def ros_distro() -> str:
     """Return the ROS distribution that a bag is of: the sourced one, else that of `bag_types`."""
     return os.environ.get('ROS_DISTRO') or 'jazzy'
-
-
-def as_yaml(value: object) -> str:
-    """Return plain values as YAML, where equal ones are written out again."""
-    text: str = yaml.safe_dump(json.loads(json.dumps(value)))
-    return text

@@ -130,7 +130,7 @@ def collected(
 
 
 def summary_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
-    """Return the figures of each source, all together and by each of GROUPS."""
+    """Return the figures of each source, all together and by each group."""
 
     def figures(part: Sequence[InstructionResult]) -> dict[str, Any]:
         found = summarise(part).items()
