@@ -61,10 +61,8 @@ class LiveView:
             self._show_plan()
             if not self._monitor.has_heard_planner and time.monotonic() > silent_at:
                 silent_at = float('inf')
-                self._viewer.show_status(
-                    f'no message of /{self._monitor.planner}; is it running, in this '
-                    'ROS_DOMAIN_ID? Still waiting'
-                )
+                advice = 'is it running, in this ROS_DOMAIN_ID? Still waiting'
+                self._viewer.show_status(f'no message of /{self._monitor.planner}; {advice}')
 
     def _take(self, event: MonitorEvent) -> None:
         if event.kind is EventKind.PLAN:
