@@ -10,7 +10,6 @@ Lengths are metres and points lie in the map's frame. Where a region lies is fou
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,6 @@ from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_planner.instructions.fields import (
     FAR,
     MAX_METRES,
-    Fields,
     SpecificationError,
     as_choice,
     as_list,
@@ -47,6 +45,10 @@ OBJECT_REACH = 1.0
 VISIT_DEPTH = 0.5
 # Regions within one another, as in the rooms except the lab, and those that one joins.
 MAX_NESTED, MAX_JOINED = 3, 16
+# The field of the JSON form that tells the form; of those of several regions, looked for first.
+FORMS = ('place', 'tag', 'point', 'box', 'half', 'between', 'along', 'end')
+JOINS = ('any_of', 'all_of', 'except')
+OPEN_SIDES = (-math.inf, -math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -312,14 +314,41 @@ def region_from_json(value: object, where: str, nested: int = 0) -> Region:
     if isinstance(value, str):
         return NamedPlace(as_text(value, where))
     fields = {'point': value} if isinstance(value, list) else as_mapping(value, where)
-    form = next((form for form in (*JOINS, *FORMS) if form in fields), None)
-    if form is None:
-        raise SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
-    if form in JOINS:
-        if nested == MAX_NESTED:
-            raise SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
-        return JOINS[form](fields, where, nested + 1)
-    return FORMS[form](fields, where)
+    form = next((form for form in (*JOINS, *FORMS) if form in fields), '')
+    if form in JOINS and nested == MAX_NESTED:
+        raise SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
+    own, here = fields.get(form), f'{where}: {form}'
+    match form:
+        case 'any_of':
+            return AnyOf(joined_from_json(own, here, nested + 1))
+        case 'all_of':
+            return AllOf(joined_from_json(own, here, nested + 1))
+        case 'except':
+            inner = region_from_json(fields.get('region'), f'{where}: region', nested + 1)
+            return Except(inner, joined_from_json(own, here, nested + 1))
+        case 'place':
+            return NamedPlace(as_text(own, here))
+        case 'tag':
+            return Tagged(as_text(own, here))
+        case 'point':
+            x, y = as_numbers(own, here, 2)
+            radius = as_number(fields.get('radius', 0.0), f'{where}: radius', 0.0, MAX_METRES)
+            return Disc(x, y, radius)
+        case 'box':
+            return box_from_json(own, here)
+        case 'half':
+            of = as_text(fields['of'], f'{where}: of') if fields.get('of') else ''
+            return Half(as_choice(own, here, COMPASS if of else SIDES), of)
+        case 'between':
+            if not isinstance(own, list) or len(own) != 2:
+                raise SpecificationError(f'{here}: is not a list of two places')
+            return Between(*(as_text(name, here) for name in own))
+        case 'along':
+            width = as_number(fields.get('width', ALONG_WIDTH), f'{where}: width', 0.0, MAX_METRES)
+            return Along(as_text(own, here), width)
+        case 'end':
+            return End(as_choice(own, here, ENDS))
+    raise SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
 
 
 def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ...]:
@@ -330,76 +359,20 @@ def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ..
     return tuple(region_from_json(part, where, nested) for part in parts)
 
 
-def except_from_json(fields: Fields, where: str, nested: int) -> Except:
-    """Read a region without others."""
-    inner = region_from_json(fields.get('region'), f'{where}: region', nested)
-    return Except(inner, joined_from_json(fields['except'], f'{where}: except', nested))
-
-
-def disc_from_json(fields: Fields, where: str) -> Disc:
-    """Read a point with a radius."""
-    x, y = as_numbers(fields['point'], f'{where}: point', 2)
-    return Disc(x, y, as_number(fields.get('radius', 0.0), f'{where}: radius', 0.0, MAX_METRES))
-
-
-def half_from_json(fields: Fields, where: str) -> Half:
-    """Read a half of the map, or of a place."""
-    of = as_text(fields['of'], f'{where}: of') if fields.get('of') else ''
-    sides = COMPASS if of else SIDES
-    return Half(as_choice(fields['half'], f'{where}: half', sides), of)
-
-
-def between_from_json(fields: Fields, where: str) -> Between:
-    """Read the gap between two places."""
-    pair = fields['between']
-    if not isinstance(pair, list) or len(pair) != 2:
-        raise SpecificationError(f'{where}: between: is not a list of two places')
-    return Between(*(as_text(name, f'{where}: between') for name in pair))
-
-
-def along_from_json(fields: Fields, where: str) -> Along:
-    """Read a strip along a place or the walls."""
-    width = as_number(fields.get('width', ALONG_WIDTH), f'{where}: width', 0.0, MAX_METRES)
-    return Along(as_text(fields['along'], f'{where}: along'), width)
-
-
 def box_from_json(value: object, where: str) -> Box:
     """Read a box, whose open sides are null. Raises SpecificationError where it is empty."""
     if not isinstance(value, list) or len(value) != 4:
         raise SpecificationError(f'{where}: is not a list of four numbers')
-    limits = (-math.inf, -math.inf, math.inf, math.inf)
-    x0, y0, x1, y1 = (
-        limit if side is None else as_number(side, where, -FAR, FAR)
-        for side, limit in zip(value, limits)
-    )
-    if not (x0 < x1 and y0 < y1):
-        raise SpecificationError(
-            f'{where}: {short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
+    box = Box(
+        *(
+            limit if side is None else as_number(side, where, -FAR, FAR)
+            for side, limit in zip(value, OPEN_SIDES)
         )
-    return Box(x0, y0, x1, y1)
-
-
-# What reads a region of several, by the field that gives its form.
-JOINS: dict[str, Callable[[Fields, str, int], Region]] = {
-    'any_of': lambda fields, where, nested: AnyOf(
-        joined_from_json(fields['any_of'], f'{where}: any_of', nested)
-    ),
-    'all_of': lambda fields, where, nested: AllOf(
-        joined_from_json(fields['all_of'], f'{where}: all_of', nested)
-    ),
-    'except': except_from_json,
-}
-# And the others; the first field that is there decides.
-FORMS: dict[str, Callable[[Fields, str], Region]] = {
-    'place': lambda fields, where: NamedPlace(as_text(fields['place'], f'{where}: place')),
-    'tag': lambda fields, where: Tagged(as_text(fields['tag'], f'{where}: tag')),
-    'point': disc_from_json,
-    'box': lambda fields, where: box_from_json(fields['box'], f'{where}: box'),
-    'half': half_from_json,
-    'between': between_from_json,
-    'along': along_from_json,
-    'end': lambda fields, where: End(as_choice(fields['end'], f'{where}: end', ENDS)),
-}
+    )
+    if not (box.x0 < box.x1 and box.y0 < box.y1):
+        shown = short_repr(value)
+        raise SpecificationError(f'{where}: {shown} is empty; give [x0, y0, x1, y1] in order')
+    return box
 
 
 def metres(length: float) -> str:

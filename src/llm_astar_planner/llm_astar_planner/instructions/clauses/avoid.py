@@ -11,12 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from llm_astar_planner.instructions.asks import Ask
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import MAX_METRES, Fields, as_number
-from llm_astar_planner.instructions.regions import (
-    NOWHERE,
-    Region,
-    metres,
-    region_from_json,
-)
+from llm_astar_planner.instructions.regions import NOWHERE, Region, metres
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.ground import Ground
@@ -37,13 +32,10 @@ class Avoid(Clause):
         return {'region': self.region.to_json(), **margin}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        margin = as_number(fields.get('margin', 0.0), f'{where}: margin', 0.0, MAX_METRES)
-        return {
-            'margin': margin,
-            'region': region_from_json(fields.get('region'), f'{where}: region'),
-        }
+        margin = as_number(values.get('margin', 0.0), f'{where}: margin', 0.0, MAX_METRES)
+        return {'margin': margin, **super().read(values, where)}
 
     def phrase(self) -> str:
         """Return 'avoid the lab by 2 m'."""

@@ -5,18 +5,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from llm_astar_planner.instructions.asks import Ask
 from llm_astar_planner.instructions.fields import Fields
-from llm_astar_planner.instructions.regions import Region
+from llm_astar_planner.instructions.regions import Region, region_from_json
 
 if TYPE_CHECKING:  # clauses are read where no search is
     from llm_astar_planner.instructions.ground import Ground
 
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)
+COMMON = ('strength', 'unsure')
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,17 @@ class Clause:
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields of its own in JSON."""
-        raise NotImplementedError
+        own = {name: value for name, value in vars(self).items() if name not in COMMON}
+        return {name: in_json(value) for name, value in own.items()}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
-        """Read the fields of its own; `where` names it in errors. Raises SpecificationError."""
-        raise NotImplementedError
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own, here its regions; `where` names it in errors.
+
+        Raises SpecificationError.
+        """
+        names = (field.name for field in fields(cls) if field.type == 'Region')
+        return {name: region_from_json(values.get(name), f'{where}: {name}') for name in names}
 
     def phrase(self) -> str:
         """Return what it asks for, without its strength."""
@@ -59,5 +65,9 @@ class Clause:
     @property
     def regions(self) -> tuple[Region, ...]:
         """The regions it is about."""
-        region: Region | None = getattr(self, 'region', None)
-        return () if region is None else (region,)
+        return tuple(value for value in vars(self).values() if isinstance(value, Region))
+
+
+def in_json(value: Any) -> Any:  # noqa: ANN401 - JSON
+    """Return the JSON form of what a field holds."""
+    return value.to_json() if isinstance(value, Region) else value

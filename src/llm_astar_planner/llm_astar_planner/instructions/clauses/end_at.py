@@ -9,17 +9,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.stay_in import OfOne
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.regions import NOWHERE, Region
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)
-class EndAt(OfOne):
+class EndAt(Clause):
     """The path ends in the region, at the cell that suits the other clauses best."""
 
     kind: ClassVar[str] = 'end_at'
+    region: Region = NOWHERE
 
     def phrase(self) -> str:
         """Return 'end in the dock'."""

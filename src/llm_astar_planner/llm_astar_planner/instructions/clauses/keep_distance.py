@@ -38,12 +38,12 @@ class KeepDistance(Clause):
         return {'from': other, 'metres': self.metres}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        length = as_number(fields.get('metres'), f'{where}: metres', 0.0, MAX_METRES)
+        length = as_number(values.get('metres'), f'{where}: metres', 0.0, MAX_METRES)
         if length == 0.0:
             raise SpecificationError(f'{where}: metres: must be above 0')
-        other = fields.get('from')
+        other = values.get('from')
         region = None if other == WALLS else region_from_json(other, f'{where}: from')
         return {'metres': length, 'region': region}
 

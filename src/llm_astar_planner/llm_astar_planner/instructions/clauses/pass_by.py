@@ -19,7 +19,6 @@ from llm_astar_planner.instructions.regions import (
     Region,
     Tagged,
     bracketed,
-    region_from_json,
 )
 from llm_astar_planner.search import automata
 
@@ -38,16 +37,12 @@ class Pass(Clause):
     region: Region = NOWHERE
     side: str = 'north'
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'region': self.region.to_json(), 'side': self.side}
-
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        side = as_choice(fields.get('side'), f'{where}: side', SIDES)
-        region = fields.get('region', fields.get('object'))
-        return {'side': side, 'region': region_from_json(region, f'{where}: region')}
+        side = as_choice(values.get('side'), f'{where}: side', SIDES)
+        region = values.get('region', values.get('object'))
+        return {'side': side, **super().read({'region': region}, where)}
 
     def phrase(self) -> str:
         """Return 'pass the rack on the north side'."""

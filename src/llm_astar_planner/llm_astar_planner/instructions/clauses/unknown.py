@@ -22,14 +22,10 @@ class Unknown(Clause):
     kind: ClassVar[str] = 'unknown'
     text: str = ''
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'text': self.text}
-
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        return {'text': as_text(fields.get('text'), f'{where}: text')}
+        return {'text': as_text(values.get('text'), f'{where}: text')}
 
     def phrase(self) -> str:
         """Return 'not understood: "hm"'."""

@@ -32,9 +32,9 @@ class Visit(Clause):
         return {'regions': [region.to_json() for region in self.regions]}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        regions = as_list(fields.get('regions', [fields.get('region')]), f'{where}: regions')
+        regions = as_list(values.get('regions', [values.get('region')]), f'{where}: regions')
         return {'regions': tuple(region_from_json(item, f'{where}: regions') for item in regions)}
 
     def phrase(self) -> str:
