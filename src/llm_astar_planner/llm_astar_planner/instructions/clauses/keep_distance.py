@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from llm_astar_planner.instructions.asks import Ask
 from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.fields import (
-    MAX_METRES,
-    Fields,
-    SpecificationError,
-    as_number,
-)
+from llm_astar_planner.instructions.fields import MAX_METRES, Fields, SpecificationError, as_number
 from llm_astar_planner.instructions.regions import WALLS, Region, metres, region_from_json
 
 if TYPE_CHECKING:

@@ -28,41 +28,15 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
-from llm_astar_planner.instructions.grammar.lexemes import (
-    AND,
-    COMMA,
-    TIMES,
-    UNKNOWN,
-    UNSUPPORTED,
-    Lexeme,
-)
-from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG, Lexer
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
+from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
 from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
-from llm_astar_planner.instructions.grammar.pieces import (
-    ALL,
-    ANYORDER,
-    BUT,
-    COLON,
-    DOUBT,
-    EXCEPTNOT,
-    GOVERNING,
-    HARD,
-    INORDER,
-    NEAR,
-    NEG,
-    ONCE,
-    OR,
-    ORDER_WORDS,
-    STOP,
-    THEN,
-    Piece,
-    Splitter,
-)
+from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear
-from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, LANGUAGES, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -173,7 +147,8 @@ class Assembler:
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
         is_broken = any(
-            piece.is_broken or (piece.lexemes and piece.kinds <= GOVERNING) for piece in segment
+            piece.is_broken or (piece.lexemes and piece.kinds <= KINDS.governing)
+            for piece in segment
         )
         self.previous, self.is_preference_open, self.is_refusal_open = None, False, False
         is_conditional = False
@@ -182,7 +157,7 @@ class Assembler:
                 is_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
                 if piece.is_instead and is_visit:
                     piece.is_broken = piece.takes_back = is_broken = True
-                is_conditional = is_conditional and piece.link != BUT
+                is_conditional = is_conditional and piece.link != 'BUT'
                 clauses = () if is_broken or is_conditional else self.read(piece)
                 self.previous = clauses[-1] if clauses else None
                 part = ReadPiece(piece, clauses, self.segments, piece.start)
@@ -202,7 +177,7 @@ class Assembler:
             f'"{lexeme.value}" is not known'
             for part in self.parts
             for lexeme in part.piece.lexemes
-            if lexeme.kind == UNKNOWN and lexeme.value and not part.is_read
+            if lexeme.kind == 'UNKNOWN' and lexeme.value and not part.is_read
         ]
 
     def question(self, name: str, said: str = '', meant: str = '') -> str:
@@ -226,16 +201,16 @@ class Assembler:
                 part.ask(self.question('through', some_of(names)), [clause])
         for start, end in piece.remarks:
             part.ask(self.question('remark', self.text[start:end]))
-        if any(lexeme.kind == 'END' and lexeme.value == STOP for lexeme in piece.lexemes):
+        if any(lexeme.kind == 'END' and lexeme.value == 'STOP' for lexeme in piece.lexemes):
             part.ask(self.question('stop'))
 
     def driven_through(self, piece: Piece) -> list[str]:
         """Return the objects, which nobody enters, that a piece says to go through or into."""
-        named = [one for one in piece.lexemes if one.kind in (PLACE, NOUN)]
+        named = [one for one in piece.lexemes if one.kind in ('PLACE', 'NOUN')]
         found: list[Lexeme] = []
         for match in ENTERING.finditer(self.text, piece.start, piece.end):
             # Canonical sentences say 'enter' of limits: 'enter the lathe at most 2 times'.
-            is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {TIMES, NEG})
+            is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {'TIMES', 'NEG'})
             if is_limit or any(one.start <= match.start() < one.end for one in named):
                 continue
             behind = sorted(
@@ -243,14 +218,14 @@ class Assembler:
                 key=lambda one: one.start,
             )
             first = next((n for n, one in enumerate(behind) if one in named), len(behind))
-            run = takewhile(lambda one: one.kind in LISTED, behind[first:])
+            run = takewhile(lambda one: one.kind in KINDS.listed, behind[first:])
             found += [one for one in run if one in named] or named
         meant = [place for one in found for place in places_of(one)]
         return list(dict.fromkeys(place.name for place in meant if place.is_object))
 
     def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
         """Return the clauses of a part that a word concerns: of a place those that name it."""
-        if lexeme.kind == UNSUPPORTED:
+        if lexeme.kind == 'UNSUPPORTED':
             return [one for one in part.clauses if isinstance(one, Unsupported)]
         places = self.lexer.lexicon.places
         names = names_in(named, places)
@@ -264,9 +239,9 @@ class Assembler:
         """
         for part in self.parts:
             others = [one for one in self.parts if one is not part]
-            if len(part.visits) == 2 and part.piece.kinds & REPEATING:
+            if len(part.visits) == 2 and part.piece.kinds & KINDS.repeating:
                 order_again(part, others)
-            elif part.visits and part.piece.is_first and part.piece.link == BUT:
+            elif part.visits and part.piece.is_first and part.piece.link == 'BUT':
                 part.at = min([one.at for one in others if one.visits], default=part.at) - 0.5
             before = self.parts[max(0, self.parts.index(part) - 1)]
             if (
@@ -287,7 +262,7 @@ class Assembler:
         leads = bool(THROUGH_WORDS.search(self.words_of(part.piece)))
         goes_to = not THROUGH_WORDS.search(self.words_of(before.piece))
         is_ending = bool(TO_WORDS.search(self.words_of(before.piece)))
-        is_added = part.piece.link in (AND, BUT) and before.segment == part.segment
+        is_added = part.piece.link in ('AND', 'BUT') and before.segment == part.segment
         return is_added and leads and goes_to and is_ending
 
     def weigh_unread(self) -> None:
@@ -304,12 +279,12 @@ class Assembler:
             for other in self.parts if reach == ALL else near:
                 if other.segment != part.segment:
                     continue
-                if reach in (ALL, NEAR) or (other in after and other.piece.link == COLON):
+                if reach in (ALL, NEAR) or (other in after and other.piece.link == 'COLON'):
                     other.drop()
                 elif reach == DOUBT:
                     other.ask(self.question('rest', said))
         for part, other in pairwise(self.parts):
-            is_trailing = ONCE in other.piece.kinds and not other.piece.leads_a_condition
+            is_trailing = 'ONCE' in other.piece.kinds and not other.piece.leads_a_condition
             if is_trailing and part.segment == other.segment:
                 said = self.text[other.piece.start : other.piece.end]
                 part.ask(self.question('rest', said))
@@ -352,7 +327,7 @@ class Assembler:
 
     def read(self, piece: Piece) -> tuple[Clause, ...]:
         """Return the clauses of a piece, none where it was not read wholly."""
-        if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
+        if (piece.is_paced or piece.is_question) and 'NEG' in piece.kinds:
             return ()
         try:
             clauses = self.clauses_of(piece)
@@ -364,7 +339,7 @@ class Assembler:
     def clauses_of(self, piece: Piece) -> tuple[Clause, ...]:
         """Return the clauses of a piece. Raises Unclear where it was not read wholly."""
         unsupported = self.unsupported(piece)
-        if unsupported and piece.kinds <= BARE:
+        if unsupported and piece.kinds <= KINDS.bare:
             return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
         parsed = parse_clause(piece.lexemes)
         clauses = self.in_flow(piece, parsed)
@@ -378,7 +353,7 @@ class Assembler:
             unsupported += more
         if parsed.question:
             clauses = asked(clauses, self.question(parsed.question))
-        goes_on = piece.link in (AND, THEN)
+        goes_on = piece.link in ('AND', 'THEN')
         self.is_refusal_open = (piece.preference_leads and piece.is_refusal) or (
             self.is_refusal_open and goes_on and not piece.preference_leads
         )
@@ -415,7 +390,7 @@ class Assembler:
         only_visits = all(isinstance(clause, (Visit, EndAt, Before)) for clause in clauses)
         if is_timed and not only_visits:
             raise Unclear('at a time, or always')
-        if piece.unsupported and NEG in piece.kinds:
+        if piece.unsupported and 'NEG' in piece.kinds:
             raise Unclear('not so, or not at all')
 
     def at_once(
@@ -423,7 +398,7 @@ class Assembler:
     ) -> tuple[tuple[Clause, ...], list[Unsupported]]:
         """Return clauses with 'immediately': of an order a question, else it is about time."""
         said = self.text[soon.start : soon.end]
-        is_order = piece.link == THEN or bool(piece.kinds & (ORDER_WORDS | {'AFTERYOU'}))
+        is_order = piece.link == 'THEN' or bool(piece.kinds & (KINDS.order_words | {'AFTERYOU'}))
         if not is_order and soon.value != STRAIGHT:
             return clauses, [Unsupported(text=said, about='time')]
         return asked(clauses, self.question('soon', said)), []
@@ -434,27 +409,27 @@ class Assembler:
         'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
         """
         clauses = reading.clauses
-        in_turn = piece.link == THEN or piece.is_first
+        in_turn = piece.link == 'THEN' or piece.is_first
         before = next((one for _, one in self.clauses[::-1] if isinstance(one, Visit)), None)
         if self.is_through_after_other(piece):
             raise Unclear('not through it, or through it')
         if reading.things:
             clauses = self.bare_visits(piece, reading.things)
         elif reading.is_negative and not (
-            isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
+            isinstance(self.previous, Visit) and piece.link in ('BUT', 'COMMA', 'AND')
         ):
             raise Unclear('a place without a verb')
         is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
-        if piece.order != ANYORDER and any(map(has_repetition, clauses)):
+        if piece.order != 'ANYORDER' and any(map(has_repetition, clauses)):
             raise Unclear('the same place twice')
         is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
         is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
         is_then = all(isinstance(clause, (Then, NeverAfter)) for clause in clauses)
         if piece.is_later and not is_then and not (is_one and is_after_visit):
             raise Unclear('which of them afterwards')
-        if piece.is_first and is_after_visit and piece.link != BUT:
+        if piece.is_first and is_after_visit and piece.link != 'BUT':
             raise Unclear('first, after another visit')
-        if piece.link == THEN and piece.goes_on and not self.parts:
+        if piece.link == 'THEN' and piece.goes_on and not self.parts:
             raise Unclear('to go on with what')
         if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
             clauses += befores_of(*clauses)  # type: ignore[arg-type]
@@ -463,7 +438,7 @@ class Assembler:
         if piece.is_strict and before is not None and isinstance(clauses[0], Visit):
             clauses += befores_of(before, clauses[0])
         ends = (EndAt, Visit)
-        is_end = piece.link == THEN and all(isinstance(clause, ends) for clause in clauses)
+        is_end = piece.link == 'THEN' and all(isinstance(clause, ends) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
@@ -471,7 +446,7 @@ class Assembler:
     def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
         is_led = isinstance(self.previous, (Visit, Before))
-        in_turn = piece.link == THEN or piece.is_last
+        in_turn = piece.link == 'THEN' or piece.is_last
         if not (piece.is_first or (in_turn and is_led)):
             raise Unclear('a place without a verb')
         visit = visit_of(things)
@@ -483,7 +458,7 @@ class Assembler:
         """Whether it is the end of 'avoid A and through B'."""
         is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
         is_other = self.previous is not None and not isinstance(self.previous, Visit)
-        return is_bare and is_other and piece.link in (AND, COMMA)
+        return is_bare and is_other and piece.link in ('AND', 'COMMA')
 
     def has_room_for(self, clauses: Sequence[Clause]) -> bool:
         """Whether a specification may hold so many clauses and visits."""
@@ -496,8 +471,6 @@ class Assembler:
         return False
 
 
-# A piece with one of these may name again what was named before.
-REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
 # What says that a place is on the way, and that one is where the way leads.
 THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
 # That one is to drive through or into something; what it is follows, or stands before a verb.
@@ -508,12 +481,9 @@ ENTERING = re.compile(
     r'atravesar|cruz\w+)\b',
     re.IGNORECASE,
 )
-LISTED = frozenset({PLACE, NOUN, AND, OR}) | ADJECTIVES
 TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
 # 'After you have visited A' is not before.
 PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
-# What is left of 'drive slowly': nothing but how.
-BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'
 
 
@@ -522,7 +492,7 @@ def refuse_but_not(piece: Piece, clauses: Sequence[Clause]) -> None:
 
     Of visits it is to avoid it; of what is avoided it is an exception.
     """
-    if EXCEPTNOT in piece.kinds:
+    if 'EXCEPTNOT' in piece.kinds:
         kinds = {type(clause) for clause in clauses}
         if not kinds <= {Visit, Avoid, KeepDistance}:
             raise Unclear('but not what')
@@ -535,8 +505,8 @@ def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
     regions = [
         region for clause in clauses if isinstance(clause, Visit) for region in clause.regions
     ]
-    joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
-    if len(clauses) == 1 and len(regions) > 1 and joints[-1:] == [COMMA]:
+    joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == 'AND']
+    if len(clauses) == 1 and len(regions) > 1 and joints[-1:] == ['COMMA']:
         return Visit(regions=tuple(regions[:-1])), Visit(regions=(regions[-1],))
     return clauses
 
@@ -580,15 +550,15 @@ def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
     lexemes = [*piece.lexemes, *piece.unsupported]
     for at, lexeme in enumerate(lexemes):
         noun = lexeme
-        if lexeme.kind in ADJECTIVES:
-            after = (one for one in lexemes[at:] if one.kind not in ADJECTIVES)
+        if lexeme.kind in KINDS.adjectives:
+            after = (one for one in lexemes[at:] if one.kind not in KINDS.adjectives)
             noun = next(after, lexeme)
-        yield lexeme, noun if noun.kind in (PLACE, NOUN) else lexeme
+        yield lexeme, noun if noun.kind in ('PLACE', 'NOUN') else lexeme
 
 
 def names_in(lexeme: Lexeme, places: Places) -> set[str]:
     """Return the names of the places that a word means, none for other words."""
-    found = places.with_tag(str(lexeme.value)) if lexeme.kind == TAG else places_of(lexeme)
+    found = places.with_tag(str(lexeme.value)) if lexeme.kind == 'TAG' else places_of(lexeme)
     return {place.name for place in found}
 
 
@@ -652,14 +622,14 @@ def has_repetition(clause: Clause) -> bool:
 
 def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
     """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
-    if order == INORDER:
+    if order == 'INORDER':
         return tuple(
             replace(clause, regions=(region,))
             for clause in clauses
             if isinstance(clause, Visit)
             for region in clause.regions
         )
-    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):
+    if order == 'ANYORDER' and any(len(clause.regions) < 2 for clause in clauses):
         raise Unclear('one place in any order')
     return clauses
 
@@ -714,7 +684,7 @@ def drop_timed(parts: Sequence[ReadPiece]) -> None:
             else not isinstance(clause, goes_on)
             for clause in part.clauses
         )
-        if after.piece.link == THEN and is_ended:
+        if after.piece.link == 'THEN' and is_ended:
             part.drop()
 
 
@@ -749,8 +719,8 @@ def understand(text: str, lexer: Lexer) -> Reading:
     pieces = without_remarks(Splitter(lexer.lexemes(words), language).split())
     assembler = Assembler(text, lexer, words, notes)
     segment: list[Piece] = []
-    for piece in [*pieces, Piece(HARD)]:
-        if piece.link == HARD and segment:
+    for piece in [*pieces, Piece('HARD')]:
+        if piece.link == 'HARD' and segment:
             assembler.take(segment)
             segment = []
         segment.append(piece)

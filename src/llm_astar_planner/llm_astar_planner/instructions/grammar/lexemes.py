@@ -12,23 +12,18 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.regions import Box
 
-NUMBER, UNIT, LENGTH, POINT = 'NUMBER', 'UNIT', 'LENGTH', 'POINT'
-AXIS, AXISLINE, RANGE = 'AXIS', 'AXISLINE', 'RANGE'
-COMMA, AND, SIGN, UNKNOWN = 'COMMA', 'AND', 'SIGN', 'UNKNOWN'
-# How often: the least and the most times. And what a path does not have, as a time.
-TIMES, UNSUPPORTED = 'TIMES', 'UNSUPPORTED'
-OPEN, CLOSE = 'BRACKET', 'ENDBRACKET'
 # Metres. A number beyond it is no place on a map.
 MOST = 1e6
 OPENING, CLOSING = '([', ')]'
 # Lexemes that say nothing before some others: 'the point | 20, 12', 'at least | 3 m'.
 GO_WITH = {
-    'POINTWORD': (POINT,),
-    'ATLEAST': (LENGTH, 'DISTANCE', 'ATLEAST'),
-    'MORETHAN': (LENGTH, 'DISTANCE'),
-    'LINE': (AXISLINE,),
+    'POINTWORD': ('POINT',),
+    'ATLEAST': ('LENGTH', 'DISTANCE', 'ATLEAST'),
+    'MORETHAN': ('LENGTH', 'DISTANCE'),
+    'LINE': ('AXISLINE',),
 }
 
 
@@ -94,15 +89,9 @@ def kinds_match(lexemes: Sequence[Lexeme], at: int, pattern: str) -> bool:
 
 def is_sign(lexemes: Sequence[Lexeme], at: int, signs: str) -> bool:
     """Whether a lexeme is one of some signs."""
-    return at < len(lexemes) and lexemes[at].kind == SIGN and str(lexemes[at].value) in signs
+    return at < len(lexemes) and lexemes[at].kind == 'SIGN' and str(lexemes[at].value) in signs
 
 
-# What a combination may begin with.
-COMBINED = frozenset({NUMBER, SIGN, AXIS, 'BETWEEN', 'FROM', TIMES, 'ONLY', 'TIMEWORD'})
-COMBINED |= {'ATLEAST', 'ATMOST', 'EXACTLY', 'MORETHAN', 'LESSTHAN', 'FETCH'}
-# Words before a time or before who is followed, which belong to it.
-BEFORE_TIME = frozenset({'IN', 'BY', 'BEFORE', 'UPON', 'AT', 'PURPOSE', 'WITHIN', 'TO'})
-COMBINED |= BEFORE_TIME | {UNSUPPORTED, 'ALONG', 'CONDITION'}
 # What may stand between a verb of fetching and the end of what is fetched.
 ERRANDS = 'THING|PERSON|PRONOUN|NUMBER|RECTANGLE|THIS|ANY_ARTICLE|ANY|YOUR|AND'
 # Each takes the lexemes and an index and returns what they are put together to, or None.
@@ -113,15 +102,15 @@ def length(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     """'3 m', and '2,5 m' with a decimal comma; '1,500 m' may be thousands and is not known."""
     if kinds_match(lexemes, at, 'NUMBER UNIT'):
         metres = lexemes[at].number * lexemes[at + 1].number
-        return 2, joined(lexemes[at : at + 2], LENGTH, metres)
+        return 2, joined(lexemes[at : at + 2], 'LENGTH', metres)
     whole = lexemes[at : at + 4]
     if not kinds_match(lexemes, at, 'NUMBER COMMA NUMBER UNIT') or has_gap(whole[:3]):
         return None
     units, decimals = str(whole[0].value), str(whole[2].value)
     is_thousand = len(decimals) == 3 and units.lstrip('-') != '0'
     if is_thousand or not (decimals.isdigit() and units.lstrip('-').isdigit()):
-        return 4, joined(whole, UNKNOWN, f'{units},{decimals}')
-    return 4, joined(whole, LENGTH, float(f'{units}.{decimals}') * whole[3].number)
+        return 4, joined(whole, 'UNKNOWN', f'{units},{decimals}')
+    return 4, joined(whole, 'LENGTH', float(f'{units}.{decimals}') * whole[3].number)
 
 
 def has_gap(lexemes: Sequence[Lexeme]) -> bool:
@@ -141,7 +130,7 @@ def point(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
         if not is_sign(lexemes, first + count, CLOSING):
             return None
         count += 2
-    return count, joined(lexemes[at : at + count], POINT, (x, y))
+    return count, joined(lexemes[at : at + count], 'POINT', (x, y))
 
 
 def bare_point(
@@ -160,45 +149,47 @@ def bare_point(
         return count + other[0], x, y
     if opening and kinds_match(lexemes, at, 'NUMBER NUMBER'):
         return 2, lexemes[at].number, lexemes[at + 1].number
-    if kinds_match(lexemes, at, 'NUMBER COMMA NUMBER') and not kinds_match(lexemes, at + 3, UNIT):
+    if kinds_match(lexemes, at, 'NUMBER COMMA NUMBER') and not kinds_match(
+        lexemes, at + 3, 'UNIT'
+    ):
         return 3, lexemes[at].number, lexemes[at + 2].number
     return None
 
 
 def axis_line(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     """'y = 22.5', 'y 22.5' and 'y of 22.5', with or without a unit."""
-    if not kinds_match(lexemes, at, AXIS):
+    if not kinds_match(lexemes, at, 'AXIS'):
         return None
     number = at + 1
     if is_sign(lexemes, number, '=') or kinds_match(lexemes, number, 'OF|SIGNEQ'):
         number += 1
-    if not kinds_match(lexemes, number, NUMBER):
+    if not kinds_match(lexemes, number, 'NUMBER'):
         return None
     value = lexemes[number].number
-    if kinds_match(lexemes, number + 1, UNIT):
+    if kinds_match(lexemes, number + 1, 'UNIT'):
         number += 1
         value *= lexemes[number].number
     count = number + 1 - at
-    return count, joined(lexemes[at : at + count], AXISLINE, (lexemes[at].value, value))
+    return count, joined(lexemes[at : at + count], 'AXISLINE', (lexemes[at].value, value))
 
 
 def axis_range(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     """'x below 10', 'y > 3' and 'x from 2 to 5' (also 'between 2 and 5') as a Box."""
-    if not kinds_match(lexemes, at, AXIS):
+    if not kinds_match(lexemes, at, 'AXIS'):
         return None
     axis = str(lexemes[at].value)
     if kinds_match(lexemes, at, 'AXIS ABOVE|BELOW NUMBER'):
         value = lexemes[at + 2].number
         above = lexemes[at + 1].kind == 'ABOVE'
         count, low, high = 3, value if above else -math.inf, math.inf if above else value
-        if kinds_match(lexemes, at + 3, UNIT):
+        if kinds_match(lexemes, at + 3, 'UNIT'):
             count, scale = 4, lexemes[at + 3].number
             low, high = low * scale, high * scale
     elif kinds_match(lexemes, at, 'AXIS FROM|BETWEEN|OF NUMBER TO|AND NUMBER'):
         count, low, high = 5, lexemes[at + 2].number, lexemes[at + 4].number
     else:
         return None
-    return count, joined(lexemes[at : at + count], RANGE, (axis_box(axis, low, high),))
+    return count, joined(lexemes[at : at + count], 'RANGE', (axis_box(axis, low, high),))
 
 
 def axis_box(axis: str, low: float, high: float) -> Box:
@@ -223,7 +214,7 @@ def between_lines(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
         return None
     count = 2 + first[0] + second[0]
     box = axis_box(one[0], one[1], other[1])
-    return count, joined(lexemes[at : at + count], RANGE, (box,))
+    return count, joined(lexemes[at : at + count], 'RANGE', (box,))
 
 
 def times(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
@@ -234,28 +225,23 @@ def times(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     least: float = 0
     most: float | None = None
     end, found = at, []
-    if lexemes[at].kind == TIMES and lexemes[at].value == 'any':
-        return 1, joined(lexemes[at : at + 1], TIMES, (0, None, False))
+    if lexemes[at].kind == 'TIMES' and lexemes[at].value == 'any':
+        return 1, joined(lexemes[at : at + 1], 'TIMES', (0, None, False))
     while (one := limited(lexemes, end)) is not None:
         count, number, limit = one
         end += count
         found.append(limit)
-        least = max(least, number + (limit == 'MORETHAN')) if limit in FROM_BELOW else least
-        most = number - (limit == 'LESSTHAN') if limit in FROM_ABOVE else most
+        least = max(least, number + (limit == 'MORETHAN')) if limit in KINDS.from_below else least
+        most = number - (limit == 'LESSTHAN') if limit in KINDS.from_above else most
         if kinds_match(lexemes, end - 1, 'TIMES|TIMESWORD') or not kinds_match(
             lexemes, end, 'AND ATMOST'
         ):
             break
         end += 1
-    if not found or not any(lexeme.kind in (TIMES, 'TIMESWORD') for lexeme in lexemes[at:end]):
+    if not found or not any(lexeme.kind in ('TIMES', 'TIMESWORD') for lexeme in lexemes[at:end]):
         return None
     turns = found in (['MORETHAN'], ['LESSTHAN'])
-    return end - at, joined(lexemes[at:end], TIMES, (int(least), most, turns))
-
-
-# Kinds of limits that say the least number, and the most.
-FROM_BELOW = frozenset({'ATLEAST', 'MORETHAN', 'EXACTLY', 'ONLY', 'ORMORE'})
-FROM_ABOVE = frozenset({'ATMOST', 'LESSTHAN', 'EXACTLY', 'ONLY'})
+    return end - at, joined(lexemes[at:end], 'TIMES', (int(least), most, turns))
 
 
 def limited(lexemes: Sequence[Lexeme], at: int) -> tuple[int, int, str] | None:
@@ -281,10 +267,10 @@ def moment(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     first = lexemes[at]
     if kinds_match(lexemes, at, 'FETCH|ALONG'):
         return errand(lexemes, at)
-    is_wait = UNSUPPORTED in (first.kind, first.other)
-    if not is_wait and first.kind in ('CONDITION', UNSUPPORTED):
+    is_wait = 'UNSUPPORTED' in (first.kind, first.other)
+    if not is_wait and first.kind in ('CONDITION', 'UNSUPPORTED'):
         return None
-    end = at + (is_wait or first.kind in BEFORE_TIME)
+    end = at + (is_wait or first.kind in KINDS.before_time)
     end += kinds_match(lexemes, end, 'BEFORE|BY|IN|UPON|AT|PURPOSE|ATLEAST')
     end += kinds_match(lexemes, end, 'ATLEAST')
     if kinds_match(lexemes, end, 'NUMBER TIMEWORD'):
@@ -293,19 +279,19 @@ def moment(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
         is_wait and kinds_match(lexemes, end, 'PERSON')
     ):
         end += 1
-    elif first.kind == UNSUPPORTED:
+    elif first.kind == 'UNSUPPORTED':
         end = at + 1
     else:
         return None
-    about = first.value if first.kind == UNSUPPORTED else first.other_value if is_wait else ''
+    about = first.value if first.kind == 'UNSUPPORTED' else first.other_value if is_wait else ''
     about = about or ('waiting' if first.kind == 'PURPOSE' else 'time')
-    return end - at, joined(lexemes[at:end], UNSUPPORTED, about)
+    return end - at, joined(lexemes[at:end], 'UNSUPPORTED', about)
 
 
 def errand(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     """'pick up the box', which is no more than an action, and 'follow the nurse'."""
     if kinds_match(lexemes, at, 'ALONG PERSON'):
-        return 2, joined(lexemes[at : at + 2], UNSUPPORTED, 'following')
+        return 2, joined(lexemes[at : at + 2], 'UNSUPPORTED', 'following')
     end = at + 1
     while kinds_match(lexemes, end, ERRANDS):
         end += 1
@@ -332,7 +318,7 @@ def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     result: list[Lexeme] = []
     at = 0
     while at < len(lexemes):
-        for combine in COMBINATIONS if lexemes[at].kind in COMBINED else ():
+        for combine in COMBINATIONS if lexemes[at].kind in KINDS.combined else ():
             found = combine(lexemes, at)
             if found is not None:
                 count, lexeme = found
@@ -347,21 +333,11 @@ def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 
 def joins_area(result: list[Lexeme], lexeme: Lexeme) -> bool:
     """Whether a range goes on with an area, 'with x from 1 to 2 | and y above 3'; it is joined."""
-    if lexeme.kind != RANGE or not kinds_match(result, len(result) - 3, 'AREAWITH RANGE AND'):
+    if lexeme.kind != 'RANGE' or not kinds_match(result, len(result) - 3, 'AREAWITH RANGE AND'):
         return False
     _, first, _ = result[-3:]
-    result[-2:] = [joined((first, lexeme), RANGE, (*first.value, *lexeme.value))]
+    result[-2:] = [joined((first, lexeme), 'RANGE', (*first.value, *lexeme.value))]
     return True
-
-
-LIMITS = frozenset({'ATLEAST', 'ATMOST', 'EXACTLY', 'MORETHAN', 'LESSTHAN', 'ONLY'})
-# What 'once' goes on with where it is no number of times: 'once in the lab'.
-AFTER_ONCE = frozenset(
-    {'VISIT', 'ENTER', 'THROUGH', 'INTO', 'MOVE', 'USE', 'IN', 'UPON', 'AT', 'PLACE', 'NOUN'}
-    | {'PASS', 'PASSBY', 'STOP', 'SIDE', 'TAG', 'PRONOUN', 'HAVING', UNKNOWN}
-)
-# After these 'est' is the east in French.
-BEFORE_SIDES = frozenset({'TO', 'SIDENOUN', 'HALFNOUN', 'THROUGH', 'IN', 'UPON', 'NOUN', 'AT'})
 
 
 def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -373,14 +349,17 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     for at, (lexeme, after) in enumerate(zip(lexemes, kinds_after(lexemes))):
         before = result[-1].kind if result else ''
         is_other = (
-            (lexeme.other == AXIS and is_sign(lexemes, at + 1, '='))
-            or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
-            or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
+            (lexeme.other == 'AXIS' and is_sign(lexemes, at + 1, '='))
+            or (lexeme.other in ('ABOVE', 'BELOW') and 'AXIS' in (before, after))
+            or (lexeme.other == 'SIDE' and before in KINDS.before_sides)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
             or (lexeme.other == 'AFTER' and is_after(result, lexemes[at + 1 :]))
             or (lexeme.other == 'FETCH' and after in ('THING', 'PERSON'))
             or (lexeme.other == 'LONGWAY' and after in ('BY', 'THROUGH', 'UPON', 'IN'))
-            or (lexeme.other == TIMES and (before in LIMITS or after not in AFTER_ONCE))
+            or (
+                lexeme.other == 'TIMES'
+                and (before in KINDS.limits or after not in KINDS.after_once)
+            )
         )
         result.append(lexeme.as_other() if is_other else lexeme)
     return result
@@ -392,14 +371,14 @@ def is_after(before: Sequence[Lexeme], behind: Sequence[Lexeme]) -> bool:
     As in 'besuche A nach B' and 'nach A nicht durch B', but not in 'nach A fahren'.
     """
     kinds = [lexeme.kind for lexeme in before]
-    if kinds[-1:] in ([], ['HARD'], [COMMA], [AND]):
-        rest = [one.kind for one in behind[:5] if one.kind not in ('PLACE', 'NOUN', NUMBER)]
+    if kinds[-1:] in ([], ['HARD'], ['COMMA'], ['AND']):
+        rest = [one.kind for one in behind[:5] if one.kind not in ('PLACE', 'NOUN', 'NUMBER')]
         return (
             len(behind) > len(rest)
-            and rest[:1] not in ([], ['HARD'], [COMMA])
+            and rest[:1] not in ([], ['HARD'], ['COMMA'])
             and (rest[:1] == ['NEG'] or len(behind) > len(rest) + 1)
         )
-    return kinds[-1:] in (['PLACE'], ['NOUN'], [NUMBER]) and not {'OF', 'FROM'} & set(kinds)
+    return kinds[-1:] in (['PLACE'], ['NOUN'], ['NUMBER']) and not {'OF', 'FROM'} & set(kinds)
 
 
 def kinds_after(lexemes: Sequence[Lexeme]) -> list[str]:
@@ -416,24 +395,15 @@ def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return [
         lexeme.as_other()
         if lexeme.other == 'ORDINAL' and following == 'NOUN'
-        else replace(lexeme, kind=BRACKETS.get(lexeme.value, SIGN))
-        if lexeme.kind == SIGN
+        else replace(lexeme, kind=BRACKETS.get(lexeme.value, 'SIGN'))
+        if lexeme.kind == 'SIGN'
         else lexeme
         for lexeme, following in zip(lexemes, kinds_after(lexemes))
         if following not in GO_WITH.get(lexeme.kind, ())
     ]
 
 
-BRACKETS = {'(': OPEN, ')': CLOSE}
-
-
-# After these 'it' stands for a place; elsewhere it says nothing: 'it is important that'.
-BEFORE_IT = frozenset(
-    {'AVOID', 'SKIP', 'VISIT', 'ENTER', 'THROUGH', 'AROUND_VERB', 'LEAVE', 'GIVE', 'FROM', 'PASS'}
-    | {'PASSBY', 'AROUND', 'CLOSE', 'APPROACH', 'BETWEEN', 'USE'}
-)
-# Before these a pronoun is an article: 'those rooms'.
-AFTER_ARTICLES = frozenset({'PLACE', 'NOUN', 'TAG', 'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL'})
+BRACKETS = {'(': 'BRACKET', ')': 'ENDBRACKET'}
 
 
 def with_pronouns(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -442,10 +412,10 @@ def with_pronouns(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
         if lexeme.kind != 'PRONOUN':
             result.append(lexeme)
-        elif after is not None and after.kind in AFTER_ARTICLES:
+        elif after is not None and after.kind in KINDS.after_articles:
             continue
         elif lexeme.value != 'it':
             result.append(lexeme)
-        elif result and result[-1].kind in BEFORE_IT:
+        elif result and result[-1].kind in KINDS.before_it:
             result.append(replace(lexeme, value='one'))
     return result

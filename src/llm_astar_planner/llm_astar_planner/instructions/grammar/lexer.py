@@ -11,11 +11,7 @@ from dataclasses import dataclass, replace
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
 from llm_astar_planner.instructions.grammar.lexemes import (
-    COMMA,
     MOST,
-    NUMBER,
-    SIGN,
-    UNKNOWN,
     Lexeme,
     combined,
     doubts_of,
@@ -26,7 +22,13 @@ from llm_astar_planner.instructions.grammar.lexemes import (
 )
 from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
-from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
+from llm_astar_planner.instructions.grammar.vocabulary import (
+    KINDS,
+    Meaning,
+    Noun,
+    Vocabulary,
+    nouns,
+)
 from llm_astar_planner.instructions.grammar.words import Word, squeezed
 from llm_astar_planner.instructions.spelling import errors_between
 
@@ -35,26 +37,22 @@ from llm_astar_planner.instructions.spelling import errors_between
 # there only two exchanged letters and a doubled one count as an error.
 SHORTEST = 4
 LENGTHS = ((6, 1), (9, 2))
-PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
-ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
 # How far a longer word, 'officer', may be from a name that it begins with.
 LONGER = 5
-# 'on your way', which tells a stop on it from its end.
-ENROUTE = 'ENROUTE'
 # No more than on the way, but not after a 'not'.
 BEFORE_GOAL = 'before the goal'
-LEFT_OUT = frozenset({ARTICLE, FILLER, ENROUTE})
-SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
-SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
-# What may stand after an article.
-WITH_ARTICLE = frozenset({PLACE, NOUN, TAG, ANY, ALL, UNKNOWN, 'LENGTH', NUMBER, 'SIDE', 'MOST'})
-WITH_ARTICLE |= {'CENTER', 'ORIENT', 'ORDINAL', 'THING', 'PERSON', 'TIMESWORD', 'DISTANCE'}
-# What may stand between an article and its noun.
-ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
+SIGNS = {',': 'COMMA', ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
+SIGNS |= {
+    '&': 'AND',
+    '<': 'BELOW',
+    '>': 'ABOVE',
+    '\u2014': 'COMMA',
+    '\u2013': 'COMMA',
+    '-': 'COMMA',
+}
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
 WALL, ANY_PLACE = 'wall', 'place'
-OFMAP = 'OFMAP'
 # How many words a phrase takes, what it may mean (kinds and values), and whether it may mean
 # something else: a synonym, or a word for a category.
 Phrase = tuple[int, list[tuple[str, object]], bool]
@@ -109,14 +107,14 @@ class Lexer:
             at += count
         kept = without_fillers(scanned)
         found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
-        ends = [one for one in scanned if one.kind == ENROUTE and one.value != BEFORE_GOAL]
+        ends = [one for one in scanned if one.kind == 'ENROUTE' and one.value != BEFORE_GOAL]
         return [*found, *ends[:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
         count, values, is_doubtful = max(self.place_phrases(words, at), key=lambda one: one[0])
         taken, meanings = self.vocabulary.phrases.longest(words, at)
-        if taken > 1 and meanings[0][0][0] == OFMAP and self.ends_with_place(words, at, taken):
+        if taken > 1 and meanings[0][0][0] == 'OFMAP' and self.ends_with_place(words, at, taken):
             taken, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
@@ -146,11 +144,11 @@ class Lexer:
         sure = {place.name for place, is_sure in variants if is_sure}
         near_places = dict.fromkeys(place for place, _ in variants)
         return [
-            (count, [(PLACE, place) for place in places], False),
-            (tagged, [(NOUN, self.tag_group(tag)) for tag in tags], False),
+            (count, [('PLACE', place) for place in places], False),
+            (tagged, [('NOUN', self.tag_group(tag)) for tag in tags], False),
             *found,
-            (near, [(PLACE, place) for place in near_places], not sure),
-            (single, [(TAG, tag) for tag in adjectives], False),
+            (near, [('PLACE', place) for place in near_places], not sure),
+            (single, [('TAG', tag) for tag in adjectives], False),
         ]
 
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
@@ -168,7 +166,7 @@ class Lexer:
             if count:
                 text = ' '.join(word.text for word in words[at : at + count])
                 group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
-                found += [] if group is None else [(count, [(NOUN, group)], not group.own)]
+                found += [] if group is None else [(count, [('NOUN', group)], not group.own)]
         return found
 
     def compound(self, word: Word) -> list[Lexeme]:
@@ -193,21 +191,21 @@ class Lexer:
 
     def single(self, word: Word) -> Lexeme:
         """Return the lexeme of a word that is in no table of phrases."""
-        kind, value = UNKNOWN, word.text
+        kind, value = 'UNKNOWN', word.text
         doubts = ((word.said, word.text),) if word.is_corrected else ()
         if word.is_number:
             is_number = abs(float(word.text)) <= MOST and not self.may_be_thousands(word.text)
-            kind = NUMBER if is_number else UNKNOWN
+            kind = 'NUMBER' if is_number else 'UNKNOWN'
         elif word.text in SIGNS:
             kind = SIGNS[word.text]
         elif not word.is_letters:
-            kind = SIGN
+            kind = 'SIGN'
         elif word.text in self.vocabulary.demonstratives:
-            kind = THIS
+            kind = 'THIS'
         elif word.text in self.vocabulary.any_articles:
-            kind = ANY_ARTICLE
+            kind = 'ANY_ARTICLE'
         elif word.text in self.vocabulary.articles:
-            kind = ARTICLE
+            kind = 'ARTICLE'
         return Lexeme(kind, value, word.start, word.end, doubts=doubts)
 
     def may_be_thousands(self, number: str) -> bool:
@@ -290,7 +288,7 @@ def place_lexeme(
     if len(values) > 1:
         text = ' '.join(word.text for word in words)
         named = tuple(place for _, place in values if isinstance(place, Place))
-        kind, value = NOUN, Group(text, places, named, plural=False)
+        kind, value = 'NOUN', Group(text, places, named, plural=False)
     is_asked = is_doubtful or any(word.is_corrected for word in words)
     doubts = ((said(words), ''),) if is_asked else ()
     return Lexeme(kind, value, words[0].start, words[-1].end, doubts=doubts)
@@ -309,7 +307,7 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     doubts = ((said(wrong), ' '.join(word.text for word in wrong)),) if wrong else ()
     text = ' '.join(word.text for word in words)
     return [
-        Lexeme(kind, value or (text if kind in LEFT_OUT else ''), start, end, *other, doubts)
+        Lexeme(kind, value or (text if kind in KINDS.left_out else ''), start, end, *other, doubts)
         for kind, value in meanings[0]
     ]
 
@@ -325,17 +323,17 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
         is_name = is_part_of_name(before, lexeme, after) or (
-            was_article and lexeme.kind in (FILLER, 'THEN') and lexeme.value not in AFTER_ARTICLE
+            was_article and lexeme.kind in ('MUST', 'THEN') and lexeme.value not in AFTER_ARTICLE
         )
         # 'then second bench': a link already, so it tells which one.
         is_name |= before.kind == 'THEN' == lexeme.kind and lexeme.other == 'ORDINAL'
-        was_article = lexeme.kind == ARTICLE
+        was_article = lexeme.kind == 'ARTICLE'
         if is_name:
-            kept.append(replace(lexeme, kind=UNKNOWN))
+            kept.append(replace(lexeme, kind='UNKNOWN'))
         elif lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
             goal = replace(lexeme, kind='ENDPOINT', value='goal')
             kept += [replace(lexeme, kind='BEFORE', value=''), goal]
-        elif lexeme.kind in LEFT_OUT:
+        elif lexeme.kind in KINDS.left_out:
             doubts += lexeme.doubts
         else:
             kept.append(replace(lexeme, doubts=doubts + lexeme.doubts))
@@ -347,14 +345,16 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
 
 def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
     """Whether a word right after a place makes another name of it, that the map lacks."""
-    if place.kind not in (PLACE, NOUN):
+    if place.kind not in ('PLACE', 'NOUN'):
         return False
-    if lexeme.kind == FILLER:
+    if lexeme.kind == 'MUST':
         return lexeme.value in PARTS_OF_NAMES
     is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
     if lexeme.kind in ('AND', 'OR'):
         return is_letter and not after
-    return is_letter and lexeme.kind in (ARTICLE, ANY_ARTICLE) and after not in WITH_ARTICLE
+    return (
+        is_letter and lexeme.kind in ('ARTICLE', 'ANY_ARTICLE') and after not in KINDS.with_article
+    )
 
 
 def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -365,25 +365,25 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     result: list[Lexeme] = []
     for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
         following = after.kind if after else ''
-        if lexeme.kind == ANY_ARTICLE:
-            if following == NOUN or following in ADJECTIVES:
-                result.append(replace(lexeme, kind=ANY, value='any'))
+        if lexeme.kind == 'ANY_ARTICLE':
+            if following == 'NOUN' or following in KINDS.adjectives:
+                result.append(replace(lexeme, kind='ANY', value='any'))
             continue
-        if lexeme.kind == THIS:
+        if lexeme.kind == 'THIS':
             is_group = after is not None and following != 'PLACE' and as_place(after) is after
-            if is_group and (following == NOUN or following in ADJECTIVES):
-                result.append(replace(lexeme, kind=UNKNOWN))
+            if is_group and (following == 'NOUN' or following in KINDS.adjectives):
+                result.append(replace(lexeme, kind='UNKNOWN'))
             continue
         before = result[-1] if result else Lexeme('', '', 0, 0)
         is_told = any(tells_all(other, lexeme) for other in (before, after))
         noun = replace(lexeme, doubts=told_doubts(lexeme)) if is_told else lexeme
-        result.append(noun if before.kind in ADJECTIVES else as_place(noun))
+        result.append(noun if before.kind in KINDS.adjectives else as_place(noun))
     return result
 
 
 def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
     """Whether a tag of the map tells the places, whatever the noun beside it: 'blue rooms'."""
-    if tag is None or tag.kind != TAG or tag.doubts or not isinstance(noun.value, Group):
+    if tag is None or tag.kind != 'TAG' or tag.doubts or not isinstance(noun.value, Group):
         return False
     return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
 
@@ -402,7 +402,7 @@ def as_place(lexeme: Lexeme) -> Lexeme:
         return lexeme
     is_part = group.own == HEAD and not lexeme.doubts
     doubts = ((group.words, ''),) if is_part else lexeme.doubts
-    return replace(lexeme, kind=PLACE, value=group.places[0], doubts=doubts)
+    return replace(lexeme, kind='PLACE', value=group.places[0], doubts=doubts)
 
 
 def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -410,16 +410,16 @@ def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     result: list[Lexeme] = []
     begin = 0
     for lexeme in lexemes:
-        if lexeme.kind not in ADJECTIVES and lexeme.kind != NOUN:
+        if lexeme.kind not in KINDS.adjectives and lexeme.kind != 'NOUN':
             begin = len(result) + 1
         result.append(lexeme)
-        if lexeme.kind == NOUN and isinstance(lexeme.value, Group) and begin < len(result) - 1:
+        if lexeme.kind == 'NOUN' and isinstance(lexeme.value, Group) and begin < len(result) - 1:
             place = described_place(result[begin:])
             if place is not None:
                 result[begin:] = [
                     replace(
                         lexeme,
-                        kind=PLACE,
+                        kind='PLACE',
                         value=place,
                         start=result[begin].start,
                         doubts=doubts_of(result[begin:]),
@@ -432,7 +432,7 @@ def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 def described_place(lexemes: Sequence[Lexeme]) -> Place | None:
     """Return the one place that adjectives and a noun mean, None if there may be several."""
     *adjectives, noun = lexemes
-    if any(lexeme.kind in (ANY, ALL, 'ORDINAL') for lexeme in adjectives):
+    if any(lexeme.kind in ('ANY', 'ALL', 'ORDINAL') for lexeme in adjectives):
         return None
     parts = [Modifier(lexeme.kind, lexeme.value) for lexeme in adjectives]
     try:

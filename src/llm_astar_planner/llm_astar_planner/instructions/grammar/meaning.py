@@ -60,9 +60,6 @@ DOOR = 'door'
 # Metres. What keeps away from a place, or avoids what nobody can enter, without a number.
 CLEAR = 1.0
 AWAY = 'away'
-STOPBY = 'STOPBY'
-# Verbs of which an object, which nobody enters, is as far as the robot comes near it.
-NEARBY = frozenset({'VISIT', 'PASSBY', 'ALONG'})
 Things = tuple[Selection, ...]
 
 
@@ -257,7 +254,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def avoid_use(self, *parts: Any) -> ParsedClause:
         """'avoid visiting A'; what is no more than to come near it cannot be refused so."""
         how, things = parts[-2:]
-        if how == STOPBY or (how in NEARBY and any(map(all_objects, things))):
+        if how == 'STOPBY' or (
+            how in ('VISIT', 'PASSBY', 'ALONG') and any(map(all_objects, things))
+        ):
             raise Unclear('it may be passed')
         return ParsedClause(avoid_of(things))
 

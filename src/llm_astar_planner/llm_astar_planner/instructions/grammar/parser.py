@@ -20,13 +20,8 @@ from lark.lexer import Lexer as LarkLexer
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.meaning import ClauseCallbacks, ParsedClause
 from llm_astar_planner.instructions.grammar.selection import Unclear
-from llm_astar_planner.instructions.grammar.words import word_set
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 
-# Kinds whose value the grammar's callbacks are given; lark leaves out those with an underscore.
-VALUED = word_set(
-    'PLACE NOUN POINT LENGTH RANGE AXISLINE SIDE MOST CENTER ORIENT ORDINAL TAG ANY '
-    'ALL SIDENOUN HALFNOUN PASSBY ENTER STOPBY VISIT ALONG AVOID TIMES ENDPOINT'
-)
 # Typed differently by the versions of lark.
 Lexer: Any = LarkLexer
 GRAMMAR = Path(__file__).with_name('clauses.lark')
@@ -41,7 +36,7 @@ class LexemeLexer(Lexer):  # type: ignore[misc]
     def lex(self, data: Sequence[Lexeme]) -> Iterator[Token]:
         """Yield a token for each lexeme; one of a kind that the grammar lacks ends the parse."""
         for lexeme in data:
-            yield Token(lexeme.kind if lexeme.kind in VALUED else f'_{lexeme.kind}', lexeme)
+            yield Token(lexeme.kind if lexeme.kind in KINDS.valued else f'_{lexeme.kind}', lexeme)
 
 
 @cache

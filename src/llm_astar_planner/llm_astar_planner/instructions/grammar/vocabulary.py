@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import yaml
@@ -30,8 +31,6 @@ IRRELEVANT, QUESTIONS = 'IRRELEVANT', 'QUESTIONS'
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
 COLOURS = 'colours'
-# Kinds of words of which no place can be called: 'avoid', 'not', 'and', 'except'.
-NO_NAMES = frozenset({'AVOID', 'NEG', 'AND', 'BUT', 'EXCEPT', 'WITHOUT'})
 VOWELS = frozenset('aeiou')
 
 
@@ -65,6 +64,17 @@ def read_table(name: str) -> dict[str, Any]:
     text = (FOLDER / f'{name}.yaml').read_text(encoding='utf-8')
     table: dict[str, Any] = yaml.load(text, Loader=loader)  # noqa: S506 (a safe loader)
     return table
+
+
+class KindSets(SimpleNamespace):
+    """Sets of kinds of words, as attributes: those of `vocabulary/kinds.yaml`."""
+
+    def __getattr__(self, name: str) -> frozenset[str]:
+        """Refuse a name that the table lacks."""
+        raise AttributeError(f'kinds.yaml has no set {name!r}')
+
+
+KINDS = KindSets(**{name: frozenset(text.split()) for name, text in read_table('kinds').items()})
 
 
 def expand(phrase: str) -> Iterator[tuple[str, ...]]:
@@ -209,6 +219,6 @@ def means_otherwise(name: str) -> bool:
         count, meanings = known.phrases.longest(words, 0)
         kinds = {meaning[0][0] for meaning in meanings if count == len(words)}
         is_article = len(words) == 1 and words[0].text in known.articles | known.any_articles
-        if is_article or kinds & NO_NAMES:
+        if is_article or kinds & KINDS.no_names:
             return True
     return False

@@ -26,7 +26,7 @@ from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import SpecificationError
-from llm_astar_planner.instructions.grammar.pieces import ORDER_WORDS
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.model.sentence import Sentence
 from llm_astar_planner.instructions.regions import (
     COMPASS,
@@ -109,7 +109,7 @@ def clause_forms(sentence: Sentence) -> list[dict[str, Any]]:
     ]
     if sentence.sides:
         forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
-    if sentence.has(*ORDER_WORDS):
+    if sentence.has(*KINDS.order_words):
         forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
     if sentence.numbers:
         away = {'anyOf': [{'const': WALLS}, region]}

@@ -34,10 +34,10 @@ from llm_astar_planner.instructions.grammar.interpreter import (
     known_visits,
     languages_of,
 )
-from llm_astar_planner.instructions.grammar.lexemes import LENGTH, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
-from llm_astar_planner.instructions.grammar.pieces import LIMITING, NEG, UNREAD, VERBS, Piece
-from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
+from llm_astar_planner.instructions.grammar.pieces import Piece
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
 from llm_astar_planner.instructions.model.sentence import names_of, numbers_of
 from llm_astar_planner.instructions.regions import (
@@ -53,25 +53,11 @@ from llm_astar_planner.instructions.regions import (
     Tagged,
     leaves,
 )
-from llm_astar_planner.instructions.specification import (
-    MAX_CLAUSES,
-    MAX_VISITS,
-    Specification,
-)
+from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 TOLERANCE = 1e-3
-# What leads on from an unknown verb.
-WAYS_IN = frozenset({'THROUGH', 'INTO'})
-# Kinds of words that refuse, and those beside which nobody knows what is refused.
-REFUSALS = frozenset({NEG, 'AVOID', 'SKIP', 'FORBIDDEN', 'ALONE'})
-UNCLEAR = LIMITING | {'POISON', 'MAY', 'MISS', 'CONDITION', 'TIMES', UNREAD, 'STATE', 'NUMBER'}
-# The kinds of words that say a kind of clause, and those that say another one.
-GOING = frozenset({'VISIT', 'ENTER', 'THROUGH', 'INTO', 'TO', 'STOPBY', 'PASSBY', 'REQUIRED'})
-OTHERS = frozenset(
-    {'STAY', 'USE', 'END', 'PASS', 'CLOSE', 'ALONG', 'LEAVE', 'AROUND_VERB', LENGTH}
-)
 SAYING: dict[type[Clause], frozenset[str]] = {
-    Visit: GOING,
+    Visit: KINDS.going,
     StayIn: frozenset({'STAY'}),
     EndAt: frozenset({'END'}),
     Pass: frozenset({'PASS', 'AROUND_VERB'}),
@@ -154,7 +140,7 @@ def deal_out(clauses: Sequence[Clause], parts: Sequence[Part], reading: Reading)
         elif not isinstance(clause, EndAt) and clause not in known:
             homeless.append(clause)
     for clause in homeless:
-        strange = (part for part in parts if not part.clauses and UNKNOWN in part.kinds)
+        strange = (part for part in parts if not part.clauses and 'UNKNOWN' in part.kinds)
         home = next(strange, None)
         if home is not None and not names_read(clause, reading):
             home.clauses.append(clause)
@@ -250,19 +236,27 @@ def is_sure(clause: Clause, part: Part) -> bool:
     strange = any(lexeme.doubts for lexeme in lexemes) or not is_known(lexemes)
     several = any(len(names_of(lexeme)) > 1 for lexeme in lexemes)
     other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-    if strange or several or other or kinds & UNCLEAR or is_qualified(part.piece.piece):
+    if (
+        strange
+        or several
+        or other
+        or kinds & KINDS.unclear_parts
+        or is_qualified(part.piece.piece)
+    ):
         return False
     if missing(clause, part) or len(part.clauses) > 1 or is_about_more(clause):
         return False
-    if sum(lexeme.kind == LENGTH for lexeme in lexemes) > isinstance(clause, KeepDistance):
+    if sum(lexeme.kind == 'LENGTH' for lexeme in lexemes) > isinstance(clause, KeepDistance):
         return False
-    refusals = sum(lexeme.kind in REFUSALS for lexeme in lexemes)
+    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in lexemes)
     if isinstance(clause, Avoid):
-        return refusals == 1 and not kinds & OTHERS
+        return refusals == 1 and not kinds & KINDS.others
     says = SAYING.get(type(clause))
     if says is None or refusals:
         return False
-    return bool(kinds & says) and not kinds & (OTHERS - says - {LENGTH} | (VERBS - says - GOING))
+    return bool(kinds & says) and not kinds & (
+        KINDS.others - says - {'LENGTH'} | (KINDS.verbs - says - KINDS.going)
+    )
 
 
 def is_known(lexemes: Sequence[Lexeme]) -> bool:
@@ -271,10 +265,11 @@ def is_known(lexemes: Sequence[Lexeme]) -> bool:
     In 'never barge into A', 'bolt through A' the other words tell enough.
     """
     kinds = [lexeme.kind for lexeme in lexemes]
-    led = kinds[1:] if kinds[:1] == [NEG] else kinds
-    ways = WAYS_IN | {'IN'} if led is not kinds else WAYS_IN
-    is_verb = led[:1] == [UNKNOWN] and bool(ways & set(led[1:2]))
-    return UNKNOWN not in (led[1:] if is_verb else kinds)
+    led = kinds[1:] if kinds[:1] == ['NEG'] else kinds
+    # What leads on from an unknown verb.
+    ways = {'THROUGH', 'INTO', *(('IN',) if led is not kinds else ())}
+    is_verb = led[:1] == ['UNKNOWN'] and bool(ways & set(led[1:2]))
+    return 'UNKNOWN' not in (led[1:] if is_verb else kinds)
 
 
 def is_qualified(piece: Piece) -> bool:
@@ -304,7 +299,7 @@ def not_refused(clause: Clause, part: Part) -> Clause:
 
     It stays a question; but a robot sent where it must not go is worse than one kept out.
     """
-    refusals = sum(lexeme.kind in REFUSALS for lexeme in part.lexemes)
+    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in part.lexemes)
     if isinstance(clause, Visit) and refusals == 1 and 'MISS' not in part.kinds:
         return Avoid(clause.strength, region=clause.regions[0])
     return clause
@@ -339,7 +334,7 @@ def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Sp
 
 def in_order(part: Part) -> list[Clause]:
     """Return the clauses of a part as they stand in it; the model's where a word says one."""
-    if part.kinds & LIMITING:
+    if part.kinds & KINDS.limiting:
         return part.clauses
     return sorted(part.clauses, key=part.where)
 

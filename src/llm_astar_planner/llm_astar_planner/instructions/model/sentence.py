@@ -12,15 +12,7 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 
 from llm_astar_planner.instructions.fields import FAR
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
-from llm_astar_planner.instructions.grammar.lexemes import (
-    AXISLINE,
-    LENGTH,
-    NUMBER,
-    POINT,
-    RANGE,
-    UNKNOWN,
-    Lexeme,
-)
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexicon import Group
 from llm_astar_planner.instructions.grammar.words import read_words
 from llm_astar_planner.instructions.regions import SIDES, Box
@@ -54,7 +46,7 @@ class Sentence:
     @property
     def has_strange_words(self) -> bool:
         """Whether a word is not known, or may mean several places: maybe a name."""
-        return any(one.kind == UNKNOWN or len(names_of(one)) > 1 for one in self.lexemes)
+        return any(one.kind == 'UNKNOWN' or len(names_of(one)) > 1 for one in self.lexemes)
 
     def has(self, *kinds: str) -> bool:
         """Return whether a word of one of some kinds is in it."""
@@ -80,12 +72,12 @@ def names_of(lexeme: Lexeme) -> tuple[str, ...]:
 
 def numbers_of(lexeme: Lexeme) -> Iterator[float]:
     """Yield the numbers of a lexeme, lengths in metres."""
-    if lexeme.kind in (LENGTH, NUMBER):
+    if lexeme.kind in ('LENGTH', 'NUMBER'):
         yield lexeme.number
-    elif lexeme.kind == POINT:
+    elif lexeme.kind == 'POINT':
         yield from lexeme.value
-    elif lexeme.kind == AXISLINE:
+    elif lexeme.kind == 'AXISLINE':
         yield lexeme.line[1]
-    elif lexeme.kind == RANGE:
+    elif lexeme.kind == 'RANGE':
         boxes: Sequence[Box] = lexeme.value
         yield from (side for box in boxes for side in (box.x0, box.y0, box.x1, box.y1))

@@ -20,7 +20,6 @@ from llm_astar_planner.instructions.fields import (
     SpecificationError,
 )
 from llm_astar_planner.instructions.grammar.interpreter import asked
-from llm_astar_planner.instructions.grammar.lexemes import UNSUPPORTED
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
 from llm_astar_planner.instructions.interpretation import (
@@ -133,7 +132,7 @@ def read(text: str, places: Places) -> Interpretation:
     about = {
         str(lexeme.value): text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
         for lexeme in one.lexemes
-        if lexeme.kind == UNSUPPORTED
+        if lexeme.kind == 'UNSUPPORTED'
     }
     writer = Writer(one.slots, {'': text[:MAX_NAME_CHARS], **about})
     found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in best.clauses]})
