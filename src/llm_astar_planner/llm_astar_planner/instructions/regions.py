@@ -15,17 +15,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
 
-from llm_astar_planner.instructions.fields import (
-    FAR,
-    MAX_METRES,
-    SpecificationError,
-    as_choice,
-    as_list,
-    as_mapping,
-    as_number,
-    as_numbers,
-    as_text,
-)
+from llm_astar_planner.instructions import fields
 
 COMPASS = ('north', 'south', 'east', 'west')
 # Of the direct way from start to goal; everything that shows them says so.
@@ -312,66 +302,70 @@ def region_from_json(value: object, where: str, nested: int = 0) -> Region:
     A text is the name of a place and a list of two numbers a point, as models write them.
     """
     if isinstance(value, str):
-        return NamedPlace(as_text(value, where))
-    fields = {'point': value} if isinstance(value, list) else as_mapping(value, where)
-    form = next((form for form in (*JOINS, *FORMS) if form in fields), '')
+        return NamedPlace(fields.as_text(value, where))
+    values = {'point': value} if isinstance(value, list) else fields.as_mapping(value, where)
+    form = next((form for form in (*JOINS, *FORMS) if form in values), '')
     if form in JOINS and nested == MAX_NESTED:
-        raise SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
-    own, here = fields.get(form), f'{where}: {form}'
+        raise fields.SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
+    own, here = values.get(form), f'{where}: {form}'
     match form:
         case 'any_of':
             return AnyOf(joined_from_json(own, here, nested + 1))
         case 'all_of':
             return AllOf(joined_from_json(own, here, nested + 1))
         case 'except':
-            inner = region_from_json(fields.get('region'), f'{where}: region', nested + 1)
+            inner = region_from_json(values.get('region'), f'{where}: region', nested + 1)
             return Except(inner, joined_from_json(own, here, nested + 1))
         case 'place':
-            return NamedPlace(as_text(own, here))
+            return NamedPlace(fields.as_text(own, here))
         case 'tag':
-            return Tagged(as_text(own, here))
+            return Tagged(fields.as_text(own, here))
         case 'point':
-            x, y = as_numbers(own, here, 2)
-            radius = as_number(fields.get('radius', 0.0), f'{where}: radius', 0.0, MAX_METRES)
-            return Disc(x, y, radius)
+            x, y = fields.as_numbers(own, here, 2)
+            return Disc(x, y, metres_in(values, 'radius', 0.0, where))
         case 'box':
             return box_from_json(own, here)
         case 'half':
-            of = as_text(fields['of'], f'{where}: of') if fields.get('of') else ''
-            return Half(as_choice(own, here, COMPASS if of else SIDES), of)
+            of = fields.as_text(values['of'], f'{where}: of') if values.get('of') else ''
+            return Half(fields.as_choice(own, here, COMPASS if of else SIDES), of)
         case 'between':
             if not isinstance(own, list) or len(own) != 2:
-                raise SpecificationError(f'{here}: is not a list of two places')
-            return Between(*(as_text(name, here) for name in own))
+                raise fields.SpecificationError(f'{here}: is not a list of two places')
+            return Between(*(fields.as_text(name, here) for name in own))
         case 'along':
-            width = as_number(fields.get('width', ALONG_WIDTH), f'{where}: width', 0.0, MAX_METRES)
-            return Along(as_text(own, here), width)
+            width = metres_in(values, 'width', ALONG_WIDTH, where)
+            return Along(fields.as_text(own, here), width)
         case 'end':
-            return End(as_choice(own, here, ENDS))
-    raise SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
+            return End(fields.as_choice(own, here, ENDS))
+    raise fields.SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
+
+
+def metres_in(values: fields.Fields, name: str, default: float, where: str) -> float:
+    """Read a length. Raises SpecificationError."""
+    return fields.as_number(values.get(name, default), f'{where}: {name}', 0.0, fields.MAX_METRES)
 
 
 def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ...]:
     """Read a list of regions. Raises SpecificationError."""
-    parts = as_list(value, where)
+    parts = fields.as_list(value, where)
     if len(parts) > MAX_JOINED:
-        raise SpecificationError(f'{where}: {len(parts)} regions are over {MAX_JOINED}')
+        raise fields.SpecificationError(f'{where}: {len(parts)} regions are over {MAX_JOINED}')
     return tuple(region_from_json(part, where, nested) for part in parts)
 
 
 def box_from_json(value: object, where: str) -> Box:
     """Read a box, whose open sides are null. Raises SpecificationError where it is empty."""
     if not isinstance(value, list) or len(value) != 4:
-        raise SpecificationError(f'{where}: is not a list of four numbers')
+        raise fields.SpecificationError(f'{where}: is not a list of four numbers')
     box = Box(
         *(
-            limit if side is None else as_number(side, where, -FAR, FAR)
+            limit if side is None else fields.as_number(side, where, -fields.FAR, fields.FAR)
             for side, limit in zip(value, OPEN_SIDES)
         )
     )
     if not (box.x0 < box.x1 and box.y0 < box.y1):
-        shown = short_repr(value)
-        raise SpecificationError(f'{where}: {shown} is empty; give [x0, y0, x1, y1] in order')
+        empty = f'{short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
+        raise fields.SpecificationError(f'{where}: {empty}')
     return box
 
 

@@ -47,7 +47,7 @@ class Clause:
 
         Raises SpecificationError.
         """
-        names = (field.name for field in fields(cls) if field.type == 'Region')
+        names = (field.name for field in fields(cls) if isinstance(field.default, Region))
         return {name: region_from_json(values.get(name), f'{where}: {name}') for name in names}
 
     def phrase(self) -> str:

@@ -8,18 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.asks import Ask, Rule
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.fields import Fields, as_choice
-from llm_astar_planner.instructions.regions import (
-    NOWHERE,
-    ROUTE_SIDES,
-    SIDES,
-    Along,
-    Region,
-    Tagged,
-    bracketed,
-)
 from llm_astar_planner.search import automata
 
 if TYPE_CHECKING:
@@ -34,23 +26,23 @@ class Pass(Clause):
     """
 
     kind: ClassVar[str] = 'pass'
-    region: Region = NOWHERE
+    region: regions.Region = regions.NOWHERE
     side: str = 'north'
 
     @classmethod
     def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        side = as_choice(values.get('side'), f'{where}: side', SIDES)
+        side = as_choice(values.get('side'), f'{where}: side', regions.SIDES)
         region = values.get('region', values.get('object'))
         return {'side': side, **super().read({'region': region}, where)}
 
     def phrase(self) -> str:
         """Return 'pass the rack on the north side'."""
-        of_way = self.side in ROUTE_SIDES
+        of_way = self.side in regions.ROUTE_SIDES
         where = f'{self.side} of the direct way' if of_way else f'{self.side} side'
         # 'all blue places on the north side' would be those that lie there, walls likewise.
-        how = 'by' if isinstance(self.region, (Tagged, Along)) else 'on'
-        return f'pass {bracketed(self.region)} {how} the {where}'
+        how = 'by' if isinstance(self.region, (regions.Tagged, regions.Along)) else 'on'
+        return f'pass {regions.bracketed(self.region)} {how} the {where}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the object and the ray to the wrong side; cross the ray to the right side."""

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
@@ -40,19 +41,7 @@ from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
 from llm_astar_planner.instructions.model.sentence import names_of, numbers_of
-from llm_astar_planner.instructions.regions import (
-    ROUTE_SIDES,
-    Along,
-    Between,
-    Box,
-    Disc,
-    End,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-    leaves,
-)
+from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 TOLERANCE = 1e-3
@@ -114,10 +103,10 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
 def usual_form(clause: Clause, places: Places) -> Clause:
     """Return a clause as the grammar says it: a distance from a point is a disc."""
     match clause:
-        case KeepDistance(metres=metres, region=Disc(x, y, radius)):
-            return Avoid(clause.strength, clause.unsure, Disc(x, y, metres + radius))
-        case Avoid(region=Disc(x, y, radius), margin=margin) if margin:
-            return Avoid(clause.strength, clause.unsure, Disc(x, y, radius + margin))
+        case KeepDistance(metres=metres, region=regions.Disc(x, y, radius)):
+            return Avoid(clause.strength, clause.unsure, regions.Disc(x, y, metres + radius))
+        case Avoid(region=regions.Disc(x, y, radius), margin=margin) if margin:
+            return Avoid(clause.strength, clause.unsure, regions.Disc(x, y, radius + margin))
         case Avoid(region=NamedPlace(name), margin=0.0):
             place = places.get(name)
             if place is not None and place.is_object:
@@ -155,7 +144,7 @@ def names_read(clause: Clause, reading: Reading) -> bool:
 
 def parts_of(clause: Clause) -> list[Region]:
     """Return the simple regions of a clause."""
-    return [leaf for region in clause.regions for leaf in leaves(region)]
+    return [leaf for region in clause.regions for leaf in regions.leaves(region)]
 
 
 def missing(clause: Clause, part: Part) -> str:
@@ -181,20 +170,20 @@ def names_region(region: Region, part: Part) -> bool:
     match region:
         case NamedPlace(name):
             names = {name}
-        case Tagged(tag):
+        case regions.Tagged(tag):
             is_said = tag in tags_of(part)
-        case Disc(x, y, radius):
+        case regions.Disc(x, y, radius):
             limits = [radius] if radius else []
             is_said = any(one.kind == 'POINT' and one.value == (x, y) for one in part.lexemes)
-        case Box(x0, y0, x1, y1):
+        case regions.Box(x0, y0, x1, y1):
             limits = [side for side in (x0, y0, x1, y1) if math.isfinite(side)]
-        case Half(side, of):
+        case regions.Half(side, of):
             names, sides = {of} - {''}, {side}
-        case Between(first, second):
+        case regions.Between(first, second):
             names = {first, second}
-        case Along(place, _):
+        case regions.Along(place, _):
             is_said = place in part.names or 'wall' in nouns_of(part)
-        case End(end):
+        case regions.End(end):
             is_said = any(one.kind == 'ENDPOINT' and one.value == end for one in part.lexemes)
     has_limits = all(has_number(limit, part.lexemes) for limit in limits)
     return is_said and has_limits and names <= part.names and sides <= sides_of(part)
@@ -203,7 +192,7 @@ def names_region(region: Region, part: Part) -> bool:
 def sides_of(part: Part) -> set[str]:
     """Return the directions that a part names, and left for right: 'leave it on your left'."""
     found = {str(one.value) for one in part.lexemes if one.kind == 'SIDE'}
-    return found | set(ROUTE_SIDES) if found & set(ROUTE_SIDES) else found
+    return found | set(regions.ROUTE_SIDES) if found & set(regions.ROUTE_SIDES) else found
 
 
 def tags_of(part: Part) -> set[str]:
@@ -290,7 +279,7 @@ def is_qualified(piece: Piece) -> bool:
 
 def is_about_more(clause: Clause) -> bool:
     """Whether a clause is about more than places by their names, or a side of the way."""
-    of_way = getattr(clause, 'side', '') in ROUTE_SIDES
+    of_way = getattr(clause, 'side', '') in regions.ROUTE_SIDES
     return of_way or not all(isinstance(leaf, NamedPlace) for leaf in parts_of(clause))
 
 
