@@ -77,7 +77,7 @@ def numbers_of(lexeme: Lexeme) -> Iterator[float]:
     elif lexeme.kind == 'POINT':
         yield from lexeme.value
     elif lexeme.kind == 'AXISLINE':
-        yield lexeme.line[1]
+        yield lexeme.value[1]
     elif lexeme.kind == 'RANGE':
         boxes: Sequence[Box] = lexeme.value
         yield from (side for box in boxes for side in (box.x0, box.y0, box.x1, box.y1))
