@@ -126,10 +126,14 @@ class Box(Region):
     x1: float
     y1: float
 
+    @property
+    def sides(self) -> tuple[float, float, float, float]:
+        """All four."""
+        return self.x0, self.y0, self.x1, self.y1
+
     def to_json(self) -> dict[str, Any]:
         """Return the JSON form."""
-        sides = (self.x0, self.y0, self.x1, self.y1)
-        return {'box': [side if math.isfinite(side) else None for side in sides]}
+        return {'box': [side if math.isfinite(side) else None for side in self.sides]}
 
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return 'the area with x from 2 to 5 and y above 3'."""

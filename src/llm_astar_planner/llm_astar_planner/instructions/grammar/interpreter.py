@@ -31,8 +31,12 @@ from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_C
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
-from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
-from llm_astar_planner.instructions.grammar.parser import parse_clause
+from llm_astar_planner.instructions.grammar.meaning import (
+    ParsedClause,
+    Things,
+    parse_clause,
+    visit_of,
+)
 from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear

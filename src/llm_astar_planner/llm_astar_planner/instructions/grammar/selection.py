@@ -16,6 +16,7 @@ from llm_astar_msgs_adapter.maps.places import Place
 from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
 from llm_astar_planner.instructions.regions import (
+    OPEN_SIDES,
     ROUTE_SIDES,
     AnyOf,
     Box,
@@ -53,18 +54,15 @@ def extreme(places: Sequence[Place], sides: Sequence[str]) -> tuple[Place, ...]:
 
     For a corner, ('north', 'west'), the distances are in shares of the extent.
     """
-    spans = {side: span(places, side) for side in sides}
-    sides = [side for side in sides if spans[side] > LEAST_SPAN]
-    if not sides:
+    spans = {side: span(places, side) for side in sides if span(places, side) > LEAST_SPAN}
+    if not spans:
         return tuple(places)
-
-    def score(place: Place) -> float:
-        return sum(towards(place, side) / spans[side] for side in sides)
-
-    best = clearly_first(places, score)
-    if len(best) == 1 and not all(is_beyond_the_middle(best[0], places, side) for side in sides):
-        return tuple(places)
-    return best
+    best = clearly_first(
+        places, lambda place: sum(towards(place, side) / spans[side] for side in spans)
+    )
+    if len(best) > 1 or all(towards(best[0], side) > middle(places, side) for side in spans):
+        return best
+    return tuple(places)
 
 
 def span(places: Sequence[Place], side: str) -> float:
@@ -73,9 +71,10 @@ def span(places: Sequence[Place], side: str) -> float:
     return max(values, default=0.0) - min(values, default=0.0)
 
 
-def is_beyond_the_middle(place: Place, places: Sequence[Place], side: str) -> bool:
-    """Whether a place lies in the half of all of them that is on a side."""
-    return towards(place, side) > sum(extremes(places, side)) / 2
+def middle(places: Sequence[Place], side: str) -> float:
+    """Return the middle of the places' middles along an axis."""
+    values = [towards(place, side) for place in places]
+    return sum((min(values), max(values))) / 2
 
 
 def clearly_first(places: Sequence[Place], score: Callable[[Place], float]) -> tuple[Place, ...]:
@@ -90,26 +89,16 @@ def central(places: Sequence[Place]) -> tuple[Place, ...]:
     # Of places in a row the middle one has as many on one side as on the other.
     least = max(LEAST_SPAN, ROW * max(spans.values()))
     sides = [side for side in spans if spans[side] > least]
-    if len(sides) == 1 and len(places) > 2:
-        return (
-            counted(places, len(places) // 2 + 1, sides[0]) if len(places) % 2 else tuple(places)
-        )
-    if len(places) < 3 or not sides:
+    if len(places) < 3 or not sides or (len(sides) == 1 and len(places) % 2 == 0):
         return tuple(places)
-    middles = {side: sum(extremes(places, side)) / 2 for side in sides}
+    if len(sides) == 1:
+        return counted(places, len(places) // 2 + 1, sides[0])
+    middles = {side: middle(places, side) for side in sides}
 
     def nearness(place: Place) -> float:
-        return -max(
-            abs(towards(place, side) - middles[side]) / span(places, side) for side in sides
-        )
+        return -max(abs(towards(place, side) - middles[side]) / spans[side] for side in sides)
 
     return clearly_first(places, nearness)
-
-
-def extremes(places: Sequence[Place], side: str) -> tuple[float, float]:
-    """Return the least and the most of the places' middles along an axis."""
-    values = [towards(place, side) for place in places]
-    return min(values), max(values)
 
 
 def counted(places: Sequence[Place], number: int, side: str) -> tuple[Place, ...]:
@@ -128,10 +117,8 @@ def counted(places: Sequence[Place], number: int, side: str) -> tuple[Place, ...
 def is_oriented(place: Place, orientation: str) -> bool:
     """Whether a place is long in the direction 'vertical' (along y) or 'horizontal'."""
     x0, y0, x1, y1 = place.geometry.bounds
-    width, height = x1 - x0, y1 - y0
-    if orientation == 'vertical':
-        return bool(height >= ELONGATED * width and height > 0.0)
-    return bool(width >= ELONGATED * height and width > 0.0)
+    along, across = (y1 - y0, x1 - x0) if orientation == 'vertical' else (x1 - x0, y1 - y0)
+    return bool(along >= ELONGATED * across and along > 0.0)
 
 
 class Unclear(LlmAstarError):  # noqa: N818 (no error of the program: the sentence is unclear)
@@ -208,7 +195,12 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
         raise Unclear('every second one')
     tags = [str(part.value) for part in parts if part.kind == 'TAG']
     narrowing = [part for part in parts if part.kind not in ('ALL', 'ANY', 'TAG')]
-    found = [place for place in group.places if all(has_tag(place, tag) for tag in tags)]
+    wanted = {tag.casefold() for tag in tags}
+    found = [
+        place
+        for place in group.places
+        if wanted <= {one.casefold() for one in (place.kind, *place.tags)}
+    ]
     is_bare = not (tags or narrowing or where)
     if group.noun == WALL and is_bare and (group.plural or quantity.kind or not found):
         return Selection(is_walls=True, places=group.places)
@@ -229,11 +221,6 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
         is_group=not is_one,
         is_all=quantity.kind == 'ALL',
     )
-
-
-def has_tag(place: Place, tag: str) -> bool:
-    """Whether a place is of a kind or has a tag."""
-    return tag.casefold() in {one.casefold() for one in (place.kind, *place.tags)}
 
 
 def narrowed(
@@ -311,12 +298,8 @@ def axis_half(side: str, axis: str, value: float) -> Box:
 
 def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    box = Box(
-        max((box.x0 for box in boxes), default=-math.inf),
-        max((box.y0 for box in boxes), default=-math.inf),
-        min((box.x1 for box in boxes), default=math.inf),
-        min((box.y1 for box in boxes), default=math.inf),
-    )
+    x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
+    box = Box(max(x0), max(y0), min(x1), min(y1))
     if not (box.x0 < box.x1 and box.y0 < box.y1):
         raise Unclear('an empty area')
     return box
@@ -336,14 +319,9 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
 
 def outside(box: Box) -> Box | None:
     """Return everything outside of a box that is open on three sides, None of other boxes."""
-    limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
-    if len(limits) != 1:
+    finite = [number for number, side in enumerate(box.sides) if math.isfinite(side)]
+    if len(finite) != 1:
         return None
-    if math.isfinite(box.x0) or math.isfinite(box.y0):
-        return Box(-math.inf, -math.inf, limit_or(box.x0, math.inf), limit_or(box.y0, math.inf))
-    return Box(limit_or(box.x1, -math.inf), limit_or(box.y1, -math.inf), math.inf, math.inf)
-
-
-def limit_or(side: float, otherwise: float) -> float:
-    """Return a side of a box, or what takes the place of an open one."""
-    return side if math.isfinite(side) else otherwise
+    beyond = [*OPEN_SIDES]
+    beyond[finite[0] - 2] = box.sides[finite[0]]
+    return Box(*beyond)

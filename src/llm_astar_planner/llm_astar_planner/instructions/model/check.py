@@ -175,8 +175,8 @@ def names_region(region: Region, part: Part) -> bool:
         case regions.Disc(x, y, radius):
             limits = [radius] if radius else []
             is_said = any(one.kind == 'POINT' and one.value == (x, y) for one in part.lexemes)
-        case regions.Box(x0, y0, x1, y1):
-            limits = [side for side in (x0, y0, x1, y1) if math.isfinite(side)]
+        case regions.Box():
+            limits = [side for side in region.sides if math.isfinite(side)]
         case regions.Half(side, of):
             names, sides = {of} - {''}, {side}
         case regions.Between(first, second):

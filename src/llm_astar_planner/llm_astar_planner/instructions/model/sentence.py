@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
@@ -15,7 +15,7 @@ from llm_astar_planner.instructions.grammar.interpreter import languages_of, lex
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexicon import Group
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.regions import SIDES, Box
+from llm_astar_planner.instructions.regions import SIDES
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,5 +79,4 @@ def numbers_of(lexeme: Lexeme) -> Iterator[float]:
     elif lexeme.kind == 'AXISLINE':
         yield lexeme.value[1]
     elif lexeme.kind == 'RANGE':
-        boxes: Sequence[Box] = lexeme.value
-        yield from (side for box in boxes for side in (box.x0, box.y0, box.x1, box.y1))
+        yield from (side for box in lexeme.value for side in box.sides)

@@ -222,7 +222,7 @@ class Regions:
 
     def box_polygon(self, box: regions.Box) -> BaseGeometry:
         """Return a box with its open sides beyond the map; empty if its sides are in no order."""
-        sides = np.array([box.x0, box.y0, box.x1, box.y1])
+        sides = np.array(box.sides)
         ends = [*shapely.bounds(self.map_outline), *sides[np.isfinite(sides)]]
         x0, y0, x1, y1 = np.clip(sides, min(ends) - BEYOND, max(ends) + BEYOND)
         return shapely.box(x0, y0, x1, y1) if x0 < x1 and y0 < y1 else geometry.NOTHING
