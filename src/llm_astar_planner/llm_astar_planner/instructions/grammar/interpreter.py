@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise, takewhile
 
-from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
@@ -30,7 +30,7 @@ from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexer import Lexer
-from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
+from llm_astar_planner.instructions.grammar.lexicon import lexicon
 from llm_astar_planner.instructions.grammar.meaning import (
     ParsedClause,
     Things,
@@ -194,9 +194,9 @@ class Assembler:
         piece = part.piece
         for lexeme, named in named_by(piece):
             for said, meant in lexeme.doubts:
-                name = 'word' if meant else 'name'
-                about = self.clauses_about(part, lexeme, named)
-                part.ask(self.question(name, said, meant or places_in(lexeme)), about)
+                found = meant or some_of(lexeme.names or [str(lexeme.value)])
+                question = self.question('word' if meant else 'name', said, found)
+                part.ask(question, self.clauses_about(part, lexeme, named))
         objects = self.driven_through(piece)
         for clause in part.clauses if objects else ():
             entered = entered_in(clause, self.lexer.lexicon.places)
@@ -224,7 +224,7 @@ class Assembler:
             first = next((n for n, one in enumerate(behind) if one in named), len(behind))
             run = takewhile(lambda one: one.kind in KINDS.listed, behind[first:])
             found += [one for one in run if one in named] or named
-        meant = [place for one in found for place in places_of(one)]
+        meant = [place for one in found for place in one.places]
         return list(dict.fromkeys(place.name for place in meant if place.is_object))
 
     def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
@@ -232,7 +232,8 @@ class Assembler:
         if lexeme.kind == 'UNSUPPORTED':
             return [one for one in part.clauses if isinstance(one, Unsupported)]
         places = self.lexer.lexicon.places
-        names = names_in(named, places)
+        tagged = places.with_tag(str(named.value)) if named.kind == 'TAG' else named.places
+        names = {place.name for place in tagged}
         found = [one for one in part.clauses if names & names_of(one.to_json(), places)]
         return found or list(part.clauses)
 
@@ -348,7 +349,13 @@ class Assembler:
         parsed = parse_clause(piece.lexemes)
         clauses = self.in_flow(piece, parsed)
         self.refuse_times(piece, clauses)
-        refuse_but_not(piece, clauses)
+        # Of visits 'but not' is to avoid it; of what is avoided it is an exception.
+        if 'EXCEPTNOT' in piece.kinds and not {*map(type, clauses)} <= {
+            Visit,
+            Avoid,
+            KeepDistance,
+        }:
+            raise Unclear('but not what')
         if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
             visits = [clause for clause in clauses if isinstance(clause, Visit)]
             clauses += befores_of(*visits) if len(visits) == 2 else ()
@@ -415,7 +422,10 @@ class Assembler:
         clauses = reading.clauses
         in_turn = piece.link == 'THEN' or piece.is_first
         before = next((one for _, one in self.clauses[::-1] if isinstance(one, Visit)), None)
-        if self.is_through_after_other(piece):
+        is_other = self.previous is not None and not isinstance(self.previous, Visit)
+        is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
+        if is_bare and is_other and piece.link in ('AND', 'COMMA'):
+            # The end of 'avoid A and through B'.
             raise Unclear('not through it, or through it')
         if reading.things:
             clauses = self.bare_visits(piece, reading.things)
@@ -424,7 +434,8 @@ class Assembler:
         ):
             raise Unclear('a place without a verb')
         is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
-        if piece.order != 'ANYORDER' and any(map(has_repetition, clauses)):
+        visited = [one.regions for one in clauses if isinstance(one, Visit)]
+        if piece.order != 'ANYORDER' and any(len(set(one)) < len(one) for one in visited):
             raise Unclear('the same place twice')
         is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
         is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
@@ -449,20 +460,13 @@ class Assembler:
 
     def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
-        is_led = isinstance(self.previous, (Visit, Before))
         in_turn = piece.link == 'THEN' or piece.is_last
-        if not (piece.is_first or (in_turn and is_led)):
+        if not (piece.is_first or (in_turn and isinstance(self.previous, (Visit, Before)))):
             raise Unclear('a place without a verb')
         visit = visit_of(things)
         if piece.is_last and set(visit.regions) & known_visits(self.parts):
             raise Unclear('the same place twice')
         return (visit,)
-
-    def is_through_after_other(self, piece: Piece) -> bool:
-        """Whether it is the end of 'avoid A and through B'."""
-        is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
-        is_other = self.previous is not None and not isinstance(self.previous, Visit)
-        return is_bare and is_other and piece.link in ('AND', 'COMMA')
 
     def has_room_for(self, clauses: Sequence[Clause]) -> bool:
         """Whether a specification may hold so many clauses and visits."""
@@ -491,47 +495,20 @@ PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
 STRAIGHT = 'straight'
 
 
-def refuse_but_not(piece: Piece, clauses: Sequence[Clause]) -> None:
-    """Raise Unclear for 'but not' where nobody knows what it refuses: 'after all rooms but not A'.
-
-    Of visits it is to avoid it; of what is avoided it is an exception.
-    """
-    if 'EXCEPTNOT' in piece.kinds:
-        kinds = {type(clause) for clause in clauses}
-        if not kinds <= {Visit, Avoid, KeepDistance}:
-            raise Unclear('but not what')
-
-
 def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
     """Return visits with the last of 'A, B last' as one of its own. Raises Unclear for others."""
     if not all(isinstance(clause, Visit) for clause in clauses):
         raise Unclear('the last of what')
-    regions = [
-        region for clause in clauses if isinstance(clause, Visit) for region in clause.regions
-    ]
+    *others, last = (region for clause in clauses for region in clause.regions)
     joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == 'AND']
-    if len(clauses) == 1 and len(regions) > 1 and joints[-1:] == ['COMMA']:
-        return Visit(regions=tuple(regions[:-1])), Visit(regions=(regions[-1],))
+    if len(clauses) == 1 and others and joints[-1:] == ['COMMA']:
+        return Visit(regions=tuple(others)), Visit(regions=(last,))
     return clauses
 
 
 def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
     """Return the regions that parts ask to visit."""
     return {region for part in parts for visit in part.visits for region in visit.regions}
-
-
-def places_of(lexeme: Lexeme) -> tuple[Place, ...]:
-    """Return the places that a lexeme means."""
-    if isinstance(lexeme.value, Group):
-        return lexeme.value.places
-    return (lexeme.value,) if isinstance(lexeme.value, Place) else ()
-
-
-def places_in(lexeme: Lexeme) -> str:
-    """Return the names of the places that a lexeme means, some of them where they are many."""
-    found = lexeme.value.places if isinstance(lexeme.value, Group) else (lexeme.value,)
-    names = [place.name if isinstance(place, Place) else str(place) for place in found]
-    return some_of(names)
 
 
 def some_of(names: Sequence[str]) -> str:
@@ -558,12 +535,6 @@ def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
             after = (one for one in lexemes[at:] if one.kind not in KINDS.adjectives)
             noun = next(after, lexeme)
         yield lexeme, noun if noun.kind in ('PLACE', 'NOUN') else lexeme
-
-
-def names_in(lexeme: Lexeme, places: Places) -> set[str]:
-    """Return the names of the places that a word means, none for other words."""
-    found = places.with_tag(str(lexeme.value)) if lexeme.kind == 'TAG' else places_of(lexeme)
-    return {place.name for place in found}
 
 
 def names_of(value: object, places: Places) -> set[str]:
@@ -610,18 +581,12 @@ def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
     # What is left out here takes its questions to where it is said.
     for one in (early, late):
         for visit in known:
-            if one and visit.unsure and (not part.clauses or visit.regions in at_of(one)):
+            if (
+                one
+                and visit.unsure
+                and (not part.clauses or visit.regions in [other.regions for other in one.visits])
+            ):
                 one.ask(visit.unsure)
-
-
-def at_of(part: ReadPiece) -> set[tuple[Region, ...]]:
-    """Return the regions that each visit of a part asks for."""
-    return {visit.regions for visit in part.visits}
-
-
-def has_repetition(clause: Clause) -> bool:
-    """Whether it is a visit of the same region twice."""
-    return isinstance(clause, Visit) and len(set(clause.regions)) < len(clause.regions)
 
 
 def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
@@ -641,52 +606,44 @@ def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
 def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
     """Drop 'visit all rooms, not the lab': a set, and one of it that is treated otherwise."""
     for kind, other in ((Visit, Avoid), (Avoid, Visit)):
+        sets = [part for part in parts if 'NOUN' in part.piece.kinds]
         singles = {
             name: part
             for part in parts
-            if 'NOUN' not in part.piece.kinds
+            if part not in sets
             for name in place_names(part, other, places)
         }
-        for part in parts:
-            if 'NOUN' in part.piece.kinds:
-                for name in place_names(part, kind, places) & set(singles):
-                    singles[name].drop()
-                    part.drop()
+        for part in sets:
+            for name in place_names(part, kind, places) & set(singles):
+                singles[name].drop()
+                part.drop()
 
 
 def place_names(part: ReadPiece, kind: type[Clause], places: Places) -> set[str]:
-    """Return the places that clauses of a kind, avoid or visit, name."""
-    found: set[str] = set()
-    for clause in part.clauses:
-        if isinstance(clause, Visit) and kind is Visit:
-            found |= {region.place for region in clause.regions if isinstance(region, NamedPlace)}
-        elif isinstance(clause, Avoid) and kind is Avoid:
-            if isinstance(clause.region, NamedPlace):
-                found.add(clause.region.place)
-            elif isinstance(clause.region, Tagged):
-                found |= {place.name for place in places.with_tag(clause.region.tag)}
+    """Return the places that clauses of a kind, avoid or visit, name; of avoid those of tags."""
+    regions = [one for clause in part.clauses if type(clause) is kind for one in clause.regions]
+    found = {region.place for region in regions if isinstance(region, NamedPlace)}
+    if kind is Avoid:
+        tags = [region.tag for region in regions if isinstance(region, Tagged)]
+        found |= {place.name for tag in tags for place in places.with_tag(tag)}
     return found
 
 
 def drop_withdrawn(parts: Sequence[ReadPiece]) -> None:
     """Drop the sentence before 'no, wait', and before 'Not the lab', which is an exception."""
+    withdrawn = {one.segment - 1 for one in parts if not one.is_read and one.piece.withdraws}
     for part in parts:
-        if not part.is_read and part.piece.withdraws:
-            for other in parts:
-                if other.segment == part.segment - 1:
-                    other.drop()
+        if part.segment in withdrawn:
+            part.drop()
 
 
 def drop_timed(parts: Sequence[ReadPiece]) -> None:
     """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
+    ended, goes_on = (StayIn, EndAt), (Visit, Before, Then, Unsupported)
     for part, after in pairwise(parts):
-        ended = (StayIn, EndAt)
-        goes_on = (Visit, Before, Then, Unsupported)
         is_ended = any(
-            isinstance(clause, ended)
-            if after.piece.ends_route
-            else not isinstance(clause, goes_on)
-            for clause in part.clauses
+            isinstance(one, ended) if after.piece.ends_route else not isinstance(one, goes_on)
+            for one in part.clauses
         )
         if after.piece.link == 'THEN' and is_ended:
             part.drop()
@@ -722,26 +679,24 @@ def understand(text: str, lexer: Lexer) -> Reading:
     language = lexer.vocabulary.language
     pieces = without_remarks(Splitter(lexer.lexemes(words), language).split())
     assembler = Assembler(text, lexer, words, notes)
-    segment: list[Piece] = []
-    for piece in [*pieces, Piece('HARD')]:
-        if piece.link == 'HARD' and segment:
-            assembler.take(segment)
-            segment = []
-        segment.append(piece)
+    begins = [n for n, piece in enumerate(pieces) if n and piece.link == 'HARD']
+    for begin, end in pairwise([0, *begins, len(pieces)]):
+        assembler.take(pieces[begin:end])
     assembler.settle()
-    interpretation, share = result_of(assembler, quoted)
-    return Reading(interpretation, share, tuple(assembler.parts))
+    return Reading(*result_of(assembler, quoted), tuple(assembler.parts))
 
 
 def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
     """Return a text without what a canonical sentence quotes, and its clauses with their place."""
-    found: list[tuple[int, Clause]] = []
-    for match in CANONICAL.finditer(text):
-        about = match['about']
-        clause = (
-            Unsupported(text=match['words'], about=about) if about else Unknown(text=match['text'])
+    found: list[tuple[int, Clause]] = [
+        (
+            match.start(),
+            Unsupported(text=match['words'], about=match['about'])
+            if match['about']
+            else Unknown(text=match['text']),
         )
-        found.append((match.start(), clause))
+        for match in CANONICAL.finditer(text)
+    ]
     return CANONICAL.sub(lambda match: ';' * len(match[0]), text), found
 
 
@@ -754,22 +709,13 @@ def result_of(
     room = MAX_CLAUSES - len(assembler.clauses) - len(quoted)
     if len(unknown) > room:
         unknown = [*unknown[: room - 1], (unknown[room - 1][0], unknown[-1][1])]
-    parts = [
-        *assembler.clauses,
-        *quoted,
-        *((start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown),
-    ]
-    parts.sort(key=lambda part: part[0])
+    unread = [(start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown]
+    parts = sorted([*assembler.clauses, *quoted, *unread], key=lambda part: part[0])
     specification = Specification(tuple(clause for _, clause in parts))
     missed = sum(end - start for start, end in unknown)
     missed += sum(len(one.text) for _, one in quoted if isinstance(one, Unknown))
-    interpretation = Interpretation(
-        text,
-        specification,
-        NAME,
-        status_of(specification),
-        '; '.join(dict.fromkeys(assembler.notes))[:300],
-    )
+    notes = '; '.join(dict.fromkeys(assembler.notes))[:300]
+    interpretation = Interpretation(text, specification, NAME, status_of(specification), notes)
     return interpretation, 1.0 - missed / max(1, len(text))
 
 

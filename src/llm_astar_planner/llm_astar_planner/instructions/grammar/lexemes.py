@@ -12,6 +12,9 @@ from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from typing import Any
 
+from llm_astar_msgs_adapter.maps.places import Place
+
+from llm_astar_planner.instructions.grammar.lexicon import Group
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.regions import Box
 
@@ -54,6 +57,18 @@ class Lexeme:
     def number(self) -> float:
         """The value as a number."""
         return float(str(self.value))
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The places that it may mean."""
+        if isinstance(self.value, Group):
+            return self.value.places
+        return (self.value,) if isinstance(self.value, Place) else ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(place.name for place in self.places)
 
 
 def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:

@@ -29,8 +29,7 @@ from llm_astar_planner.instructions.grammar.vocabulary import (
     Vocabulary,
     nouns,
 )
-from llm_astar_planner.instructions.grammar.words import Word, squeezed
-from llm_astar_planner.instructions.spelling import errors_between
+from llm_astar_planner.instructions.grammar.words import Word, errors_between, squeezed
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
 # added, changed or exchanged) from this length on. In shorter words another word is too near:

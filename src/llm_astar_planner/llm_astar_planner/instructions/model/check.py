@@ -40,7 +40,7 @@ from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.model.sentence import names_of, numbers_of
+from llm_astar_planner.instructions.model.sentence import numbers_of
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
@@ -74,12 +74,12 @@ class Part:
     @property
     def names(self) -> set[str]:
         """The places that it may name."""
-        return {name for lexeme in self.lexemes for name in names_of(lexeme)}
+        return {name for lexeme in self.lexemes for name in lexeme.names}
 
     def where(self, clause: Clause) -> int:
         """Return where it names the first place of a clause, else its end."""
         names = {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-        at = (n for n, lexeme in enumerate(self.lexemes) if names & set(names_of(lexeme)))
+        at = (n for n, lexeme in enumerate(self.lexemes) if names & set(lexeme.names))
         return next(at, len(self.lexemes))
 
 
@@ -223,7 +223,7 @@ def is_sure(clause: Clause, part: Part) -> bool:
     """
     kinds, lexemes = part.kinds, part.lexemes
     strange = any(lexeme.doubts for lexeme in lexemes) or not is_known(lexemes)
-    several = any(len(names_of(lexeme)) > 1 for lexeme in lexemes)
+    several = any(len(lexeme.names) > 1 for lexeme in lexemes)
     other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
     if (
         strange
