@@ -159,7 +159,7 @@ class Assembler:
         for piece in segment:
             if not self.is_irrelevant(piece):
                 is_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
-                if piece.is_instead and is_visit:
+                if 'INSTEAD' in piece.said and is_visit:
                     piece.is_broken = piece.takes_back = is_broken = True
                 is_conditional = is_conditional and piece.link != 'BUT'
                 clauses = () if is_broken or is_conditional else self.read(piece)
@@ -256,7 +256,7 @@ class Assembler:
                 and self.may_lead(before, part)
             ):
                 part.ask(self.question('order', meant=f'{before.clauses[0].phrase()}, {{meant}}'))
-            if part.piece.is_last and part.visits:
+            if 'LAST' in part.piece.said and part.visits:
                 if any(one.visits and one.at > part.at for one in others):
                     part.drop()
                 elif not any(one.visits for one in others) and len(part.visits) == 1:
@@ -448,7 +448,7 @@ class Assembler:
             raise Unclear('to go on with what')
         if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
             clauses += befores_of(*clauses)  # type: ignore[arg-type]
-        if piece.is_last:
+        if 'LAST' in piece.said:
             clauses = last_of(piece, clauses)
         if piece.is_strict and before is not None and isinstance(clauses[0], Visit):
             clauses += befores_of(before, clauses[0])
@@ -460,11 +460,11 @@ class Assembler:
 
     def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
-        in_turn = piece.link == 'THEN' or piece.is_last
+        in_turn = piece.link == 'THEN' or 'LAST' in piece.said
         if not (piece.is_first or (in_turn and isinstance(self.previous, (Visit, Before)))):
             raise Unclear('a place without a verb')
         visit = visit_of(things)
-        if piece.is_last and set(visit.regions) & known_visits(self.parts):
+        if 'LAST' in piece.said and set(visit.regions) & known_visits(self.parts):
             raise Unclear('the same place twice')
         return (visit,)
 

@@ -9,9 +9,9 @@ anything else it begins a new piece. Each piece is then put into the order that 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
+from itertools import accumulate, takewhile
 
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
@@ -69,7 +69,8 @@ def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
         verb_first([one for one in without_negations(part) if one.kind != 'PART'])
         for part in (head, tail)
     )
-    word = with_you(word)
+    if (word.kind, word.value) == ('AFTER', YOU):
+        word = replace(word, kind='AFTERYOU')  # a condition, too
     inner = [*head, word, *tail] if is_inner else [word, *head, *tail]
     unread = [] if is_scope_clear else [replace(word, kind='UNREAD')]
     return with_visits([*negations, *inner, *unread])
@@ -81,12 +82,6 @@ def with_times_last(lexemes: list[Lexeme]) -> list[Lexeme]:
     if len(times) != 1 or (lexemes[0].kind == 'TIMES' and len(lexemes) > 1):
         return lexemes
     return [*(lexeme for lexeme in lexemes if lexeme.kind != 'TIMES'), *times]
-
-
-def with_you(word: Lexeme) -> Lexeme:
-    """Return 'after you', which is a condition too, as a kind of its own."""
-    is_condition = word.kind == 'AFTER' and word.value == YOU
-    return replace(word, kind='AFTERYOU') if is_condition else word
 
 
 def negations_in(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -104,10 +99,9 @@ def with_only_after(lexemes: list[Lexeme]) -> list[Lexeme]:
     kinds = [lexeme.kind for lexeme in lexemes]
     if kinds.count('ONLY') != 1 or not {'AFTER', 'ONCE'} & set(kinds):
         return lexemes
+    later = {'AFTER': 'ONLYAFTER', 'ONCE': 'ONLYAFTER'}
     return [
-        replace(lexeme, kind='ONLYAFTER') if lexeme.kind in ('AFTER', 'ONCE') else lexeme
-        for lexeme in lexemes
-        if lexeme.kind != 'ONLY'
+        replace(one, kind=later.get(one.kind, one.kind)) for one in lexemes if one.kind != 'ONLY'
     ]
 
 
@@ -132,17 +126,12 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return lexemes with 'drive' and 'to' as one, but not in 'drive to the north of A'."""
     result: list[Lexeme] = []
     for at, lexeme in enumerate(lexemes):
-        before = result[-1].kind if result else ''
-        after = [one.kind for one in lexemes[at + 1 : at + 3]]
-        if (
-            before == 'MOVE'
-            and lexeme.kind in ('THROUGH', 'TO', 'INTO')
-            and after != ['SIDE', 'OF']
-        ):
+        moves = bool(result) and result[-1].kind == 'MOVE'
+        is_side = [one.kind for one in lexemes[at + 1 : at + 3]] == ['SIDE', 'OF']
+        is_way = lexeme.kind in KINDS.ways and not is_side
+        if moves and (is_way or lexeme.kind == 'PRONOUN'):
             result[-1] = replace(result[-1], kind='VISIT')
-        elif before == 'MOVE' and lexeme.kind == 'PRONOUN':
-            result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
-        else:
+        if not (moves and is_way):
             result.append(lexeme)
     return result
 
@@ -162,8 +151,8 @@ class Piece:
     - `first`: its first lexeme as it was said.
     - `is_question`: a question mark ends it. `takes_back`: it holds 'no, wait' or the like.
     - `is_strict`: it begins with 'only then'. `goes_on`: with 'continue to'.
-    - `is_last`: it holds 'last'. `is_either`: 'either'.
-      `is_instead`: 'instead', which takes back a visit before it.
+    - `said`: kinds of words that it holds besides: LAST, EITHER, and INSTEAD, which takes back a
+      visit before it.
     - `soon`: the words for at once. `unsupported`: the words for what a path does not have.
     - `remarks`: where words stand that were left out beside it although they are not known.
     """
@@ -185,9 +174,7 @@ class Piece:
     takes_back: bool = False
     is_strict: bool = False
     goes_on: bool = False
-    is_last: bool = False
-    is_either: bool = False
-    is_instead: bool = False
+    said: set[str] = field(default_factory=set)
     soon: Lexeme | None = None
     unsupported: list[Lexeme] = field(default_factory=list)
     remarks: list[tuple[int, int]] = field(default_factory=list)
@@ -287,7 +274,12 @@ class Splitter:
             if self.is_unclear(piece):
                 piece.lexemes = [*piece.lexemes, Lexeme('UNREAD', '', piece.end, piece.end)]
             elif 'NEG' in piece.kinds or piece.is_question or is_limited(piece):
-                piece.lexemes = [lexeme for lexeme in piece.lexemes if not is_leave(lexeme)]
+                # 'You may', 'can' give leave.
+                piece.lexemes = [
+                    one
+                    for one in piece.lexemes
+                    if one.kind != 'MAY' and (one.kind, one.value) != ('POISON', BACK)
+                ]
             piece.lexemes = in_reading_order(chosen(piece.lexemes))
         return filled
 
@@ -298,7 +290,7 @@ class Splitter:
         ends_negated = bool(kinds) and kinds[-1] == 'NEG'
         if ends_negated and (self.language != 'de' or 'COMMA' in lists[-1:]):
             return True
-        if piece.is_either and not piece.kinds & {'OR', 'NEG'}:
+        if 'EITHER' in piece.said and not piece.kinds & {'OR', 'NEG'}:
             return True
         has_past = any(
             lexeme.value == PAST and lexeme.kind in KINDS.verbs for lexeme in piece.lexemes
@@ -318,6 +310,11 @@ class Splitter:
         """Return the kind of the lexeme after one, some kinds skipped, '' at the end."""
         kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
         return next((kind for kind in kinds if kind not in skipped), '')
+
+    def kinds_until(self, at: int, ends: Collection[str]) -> list[str]:
+        """Return the kinds of the lexemes after one, up to one of some kinds."""
+        kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
+        return list(takewhile(lambda kind: kind not in ends, kinds))
 
     def begin(self, link: str) -> None:
         """Begin a new piece; a stronger link before it stays."""
@@ -370,7 +367,11 @@ class Splitter:
             return True
         if kind == 'COMMA':
             kinds = self.piece.kinds
-            if following == 'ONLYAFTER' and piece_visits(kinds):
+            if (
+                following == 'ONLYAFTER'
+                and kinds & {'VISIT', 'THROUGH', 'STOPBY'}
+                and not kinds & {'NEG', 'ONLY'}
+            ):
                 self.extend(Lexeme('UNREAD', '', self.piece.end, self.piece.end))
             is_governing = bool(kinds) and kinds <= KINDS.governing
             if self.leads_an_order():
@@ -381,26 +382,24 @@ class Splitter:
                 return True
         if self.goes_on(at, following):
             return True
-        return following == 'SHOULD' and kind == 'COMMA' and not self.ends_before(at)
+        if following != 'SHOULD' or kind != 'COMMA':
+            return False
+        # What follows an 'if possible' may be a clause of its own.
+        behind = self.kind_after(at, 'COMMA', 'SHOULD')
+        return behind in KINDS.separators | {''} or not self.piece.is_complete
 
     def is_statement(self, at: int) -> bool:
         """Whether what follows says how things are: 'while the lab is being cleaned'."""
-        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
-        end = next((n for n, kind in enumerate(kinds) if kind in KINDS.separators), len(kinds))
-        return bool({'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'} & set(kinds[:end]))
+        kinds = self.kinds_until(at, KINDS.separators)
+        return bool({'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'} & set(kinds))
 
     def is_exception(self, at: int) -> bool:
         """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""
-        piece = self.piece
-        if not (piece.is_complete and {'ALL', 'NOUN'} <= piece.kinds):
+        if not (self.piece.is_complete and {'ALL', 'NOUN'} <= self.piece.kinds):
             return False
-        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
-        end = next(
-            (n for n, kind in enumerate(kinds) if kind in KINDS.separators - {'AND'}),
-            len(kinds),
-        )
-        first = next((kind for kind in kinds if kind != 'NEG'), '')
-        return first in KINDS.region_starts and not KINDS.verbs & set(kinds[:end])
+        kinds = self.kinds_until(at, KINDS.separators - {'AND'})
+        first = self.kind_after(at, 'NEG')
+        return first in KINDS.region_starts and not KINDS.verbs & set(kinds)
 
     def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
@@ -469,11 +468,6 @@ class Splitter:
         kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
         return next((kind for kind in kinds if kind in KINDS.subject_ends), '') in KINDS.stated
 
-    def ends_before(self, at: int) -> bool:
-        """Whether what follows an 'if possible' after a comma is a clause of its own."""
-        following = self.kind_after(at, 'COMMA', 'SHOULD')
-        return bool(following) and following not in KINDS.separators and self.piece.is_complete
-
     def choose(self, at: int, lexeme: Lexeme) -> None:
         """Take an 'or': between regions a choice, after a refusal an 'and', else a condition."""
         following = self.kind_after(at, 'COMMA', 'AND')
@@ -490,7 +484,7 @@ class Splitter:
             self.begin('AND')
             self.extend(Lexeme('AVOID', '', lexeme.start, lexeme.end))
             return
-        if piece.is_complete and (piece.is_either or not is_order):
+        if piece.is_complete and ('EITHER' in piece.said or not is_order):
             kind = 'AND' if is_refused else 'OR'
             if following in KINDS.region_starts:
                 self.extend(replace(lexeme, kind=kind))
@@ -557,14 +551,10 @@ class Splitter:
             piece.unsupported.append(lexeme)
         elif lexeme.kind == 'SOON':
             piece.soon = lexeme
-        elif lexeme.kind == 'LAST':
-            piece.is_last = True
-        elif lexeme.kind == 'EITHER':
-            piece.is_either = True
-        elif lexeme.kind == 'INSTEAD':
-            piece.is_instead = True
         elif lexeme.kind in ('ANYORDER', 'INORDER'):
             piece.order = lexeme.kind
+        elif lexeme.kind in KINDS.noted:
+            piece.said.add(lexeme.kind)
         return lexeme.kind in KINDS.noted
 
     def add_none(self, lexeme: Lexeme) -> None:
@@ -576,7 +566,10 @@ class Splitter:
     def begins_clause(self, at: int, lexeme: Lexeme) -> bool:
         """Whether a verb or a 'not' begins a clause although no separator stands before it."""
         piece = self.piece
-        if not piece.is_complete or any(kind in KINDS.order_words for kind in waiting(piece)):
+        # Order words that no region follows yet, and one that leads.
+        tail = takewhile(lambda one: one.kind not in KINDS.region_ends, reversed(piece.lexemes))
+        is_waiting = any(one.kind in KINDS.order_words for one in (*piece.lexemes[:1], *tail))
+        if not piece.is_complete or is_waiting:
             return False
         following = self.kind_after(at)
         at_end = not following or following in KINDS.separators
@@ -595,11 +588,6 @@ def is_limited(piece: Piece) -> bool:
     return any(one.kind == 'TIMES' and one.value[1] is not None for one in piece.lexemes)
 
 
-def is_leave(lexeme: Lexeme) -> bool:
-    """Whether a word gives leave: 'you may', 'can'."""
-    return lexeme.kind == 'MAY' or (lexeme.kind == 'POISON' and lexeme.value == BACK)
-
-
 def chosen(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return lexemes with the commas of 'A, B or C' as an 'or'; 'A and B or C' stays."""
     depths = list(
@@ -611,18 +599,3 @@ def chosen(lexemes: list[Lexeme]) -> list[Lexeme]:
         replace(one, kind='OR') if (one.kind, one.value, depth) == ('AND', 'COMMA', 0) else one
         for one, depth in zip(lexemes, depths)
     ]
-
-
-def piece_visits(kinds: set[str]) -> bool:
-    """Whether a piece asks for a visit."""
-    return bool(kinds & {'VISIT', 'THROUGH', 'STOPBY'}) and not kinds & {'NEG', 'ONLY'}
-
-
-def waiting(piece: Piece) -> Iterable[str]:
-    """Yield the order words of a piece that no region follows yet, and one that leads it."""
-    if piece.lexemes and piece.lexemes[0].kind in KINDS.order_words:
-        yield piece.lexemes[0].kind
-    for lexeme in reversed(piece.lexemes):
-        if lexeme.kind in KINDS.region_ends:
-            return
-        yield lexeme.kind

@@ -267,7 +267,7 @@ def is_qualified(piece: Piece) -> bool:
         piece.is_broken
         or piece.is_question
         or piece.takes_back
-        or piece.is_last
+        or 'LAST' in piece.said
         or piece.is_first
         or piece.is_strict
         or piece.order
