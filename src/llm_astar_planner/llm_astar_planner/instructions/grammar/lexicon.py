@@ -55,7 +55,6 @@ class Group:
     own: str = KIND
 
 
-@dataclass(frozen=True, eq=False)
 class Lexicon:
     """The words for the places of a map.
 
@@ -68,15 +67,36 @@ class Lexicon:
     - `starts`: the words that any of the phrases begin with.
     """
 
-    places: Places
-    names: Phrases[Place]
-    near_names: Phrases[tuple[Place, bool]]
-    tags: Phrases[str]
-    tag_groups: Phrases[str]
-    members: dict[str, Members]
-    partial: frozenset[str]
-    spellings: frozenset[str]
-    starts: frozenset[str]
+    def __init__(self, places: Places) -> None:
+        """Find the words for some places."""
+        self.places = places
+        self.names: Phrases[Place] = Phrases(articles())
+        self.near_names: Phrases[tuple[Place, bool]] = Phrases(articles())
+        self.tags: Phrases[str] = Phrases()
+        self.tag_groups: Phrases[str] = Phrases()
+        for place in places:
+            for words in map(phrase_words, (place.name, *place.aliases)):
+                # The last word of 'rack A' is no article.
+                inner = [word for word in words[:-1] if word not in articles()]
+                self.names.add(words, place)
+                self.names.add((*inner, *words[-1:]), place)
+                for variant, is_sure in variants(words):
+                    self.near_names.add(variant, (place, is_sure))
+        for tag in places.tags:
+            add_tag(tag, self.tags, self.tag_groups)
+        languages = name_languages(places)
+        nouns_of = {place.name: own_nouns(place, languages) for place in places}
+        called = frozenset().union(*nouns_of.values())
+        # What only ends an alias counts where the map has nothing else of it.
+        ends_of = {place.name: alias_nouns(place, languages) - called for place in places}
+        self.partial = frozenset().union(*ends_of.values())
+        self.members = members_of(
+            places, {name: nouns_of[name] | ends_of[name] for name in nouns_of}
+        )
+        known = (self.names, self.near_names, self.tags, self.tag_groups)
+        self.starts = frozenset().union(*(phrases.starts for phrases in known))
+        spelt = self.names.words | self.near_names.words | self.tags.words
+        self.spellings = frozenset(word for word in spelt if word.isalpha())
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
@@ -118,30 +138,7 @@ def members_of(places: Places, nouns_of: Mapping[str, frozenset[str]]) -> dict[s
 @lru_cache(maxsize=16)
 def lexicon(places: Places) -> Lexicon:
     """Return the words for a map's places, made once for each `Places`."""
-    names: Phrases[Place] = Phrases(articles())
-    near: Phrases[tuple[Place, bool]] = Phrases(articles())
-    tags: Phrases[str] = Phrases()
-    groups: Phrases[str] = Phrases()
-    for place in places:
-        for name in (place.name, *place.aliases):
-            words = phrase_words(name)
-            names.add(words, place)
-            names.add(without_articles(words), place)
-            for variant, is_sure in variants(words):
-                near.add(variant, (place, is_sure))
-    for tag in places.tags:
-        add_tag(tag, tags, groups)
-    languages = name_languages(places)
-    nouns_of = {place.name: own_nouns(place, languages) for place in places}
-    called = frozenset().union(*nouns_of.values())
-    # What only ends an alias counts where the map has nothing else of it.
-    ends_of = {place.name: alias_nouns(place, languages) - called for place in places}
-    partial = frozenset().union(*ends_of.values())
-    nouns_of = {name: nouns_of[name] | ends_of[name] for name in nouns_of}
-    starts = frozenset().union(*(phrases.starts for phrases in (names, near, tags, groups)))
-    letters = frozenset(word for word in names.words | near.words | tags.words if word.isalpha())
-    members = members_of(places, nouns_of)
-    return Lexicon(places, names, near, tags, groups, members, partial, letters, starts)
+    return Lexicon(places)
 
 
 @lru_cache(maxsize=1)
@@ -149,12 +146,6 @@ def articles() -> frozenset[str]:
     """Return the articles of all languages, which may stand within a name."""
     tables = [vocabulary(language) for language in LANGUAGES]
     return frozenset().union(*(table.articles | table.any_articles for table in tables))
-
-
-def without_articles(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a phrase without the articles within it; the last word of 'rack A' is none."""
-    kept = tuple(word for word in words[:-1] if word not in articles())
-    return (*kept, words[-1]) if words else words
 
 
 def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
