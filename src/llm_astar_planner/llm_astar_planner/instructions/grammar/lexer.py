@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions.grammar.lexemes import (
     MOST,
     Lexeme,
     combined,
-    doubts_of,
+    joined,
     kinds_after,
     settled,
     told_apart,
@@ -40,18 +40,13 @@ LENGTHS = ((6, 1), (9, 2))
 LONGER = 5
 # No more than on the way, but not after a 'not'.
 BEFORE_GOAL = 'before the goal'
-SIGNS = {',': 'COMMA', ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
-SIGNS |= {
-    '&': 'AND',
-    '<': 'BELOW',
-    '>': 'ABOVE',
-    '\u2014': 'COMMA',
-    '\u2013': 'COMMA',
-    '-': 'COMMA',
-}
+SIGNS = {
+    ',': 'COMMA', '-': 'COMMA', '\u2013': 'COMMA', '\u2014': 'COMMA', ':': 'COLON', '&': 'AND',
+    ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', '<': 'BELOW', '>': 'ABOVE',
+}  # fmt: skip
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
-WALL, ANY_PLACE = 'wall', 'place'
+WALL = 'wall'
 # How many words a phrase takes, what it may mean (kinds and values), and whether it may mean
 # something else: a synonym, or a word for a category.
 Phrase = tuple[int, list[tuple[str, object]], bool]
@@ -76,17 +71,14 @@ def corrections(word: str, known: Iterable[str]) -> list[str]:
 
 def is_misspelt(word: str, other: str, distance: int) -> bool:
     """Whether a word may be another one with so many errors."""
-    if word[0] != other[0]:
-        return False
+    is_doubled = squeezed(word) == squeezed(other)
     if word.startswith(other) or other.startswith(word):
-        is_long = min(len(word), len(other)) >= LONGER
-        return squeezed(word) == squeezed(other) or (distance == 1 and is_long)
+        return is_doubled or (distance == 1 and min(len(word), len(other)) >= LONGER)
     allowed = max((errors for length, errors in LENGTHS if len(other) >= length), default=0)
     # Two errors at the end are another word: 'pharmacist' is no pharmacy.
     if distance <= allowed and (distance == 1 or word[-1] == other[-1]):
         return True
-    is_exchange = sorted(word) == sorted(other) and distance == 1
-    return is_exchange or squeezed(word) == squeezed(other)
+    return is_doubled or (distance == 1 and sorted(word) == sorted(other))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +110,7 @@ class Lexer:
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
         if count:
-            place = place_lexeme(words[at : at + count], values, self.lexicon.places, is_doubtful)
+            place = self.place(words[at : at + count], values, is_doubtful)
             return count, [*self.preposition(words, at, count), place]
         return 1, self.compound(words[at]) or [self.single(words[at])]
 
@@ -126,7 +118,10 @@ class Lexer:
         """Whether a phrase for the map, 'of the hall', ends with a place of this map."""
         for first in range(at + 1, at + count):
             taken, values, _ = max(self.place_phrases(words, first), key=lambda one: one[0])
-            if taken >= at + count - first and not is_any_place(values):
+            value = values[0][1] if values else None
+            # Every place is a 'place'.
+            is_any = isinstance(value, Group) and value.noun == 'place'
+            if taken >= at + count - first and not is_any:
                 return True
         return False
 
@@ -163,7 +158,7 @@ class Lexer:
         for language in (self.vocabulary.language, 'en'):
             count, meant = nouns().by_language[language].longest(words, at)
             if count:
-                text = ' '.join(word.text for word in words[at : at + count])
+                text = spoken(words[at : at + count])
                 group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
                 found += [] if group is None else [(count, [('NOUN', group)], not group.own)]
         return found
@@ -179,8 +174,20 @@ class Lexer:
             if found and meanings and meanings[0][0][0] in ('SIDE', 'CENTER'):
                 _, values, is_doubtful = found[0]
                 side = phrase_lexemes([word], meanings)
-                return [*side, place_lexeme([word], values, self.lexicon.places, is_doubtful)]
+                return [*side, self.place([word], values, is_doubtful)]
         return []
+
+    def place(
+        self, words: Sequence[Word], values: Sequence[tuple[str, object]], is_doubtful: bool
+    ) -> Lexeme:
+        """Return the lexeme of a phrase for places; several with one name are a group."""
+        kind, value = values[0]
+        if len(values) > 1:
+            named = tuple(place for _, place in values if isinstance(place, Place))
+            kind, value = 'NOUN', Group(spoken(words), self.lexicon.places, named, plural=False)
+        is_asked = is_doubtful or any(word.is_corrected for word in words)
+        doubts = ((said(words), ''),) if is_asked else ()
+        return Lexeme(kind, value, words[0].start, words[-1].end, doubts=doubts)
 
     def tag_group(self, tag: str) -> Group:
         """Return the places of a kind or with a tag."""
@@ -190,69 +197,58 @@ class Lexer:
 
     def single(self, word: Word) -> Lexeme:
         """Return the lexeme of a word that is in no table of phrases."""
-        kind, value = 'UNKNOWN', word.text
         doubts = ((word.said, word.text),) if word.is_corrected else ()
-        if word.is_number:
-            is_number = abs(float(word.text)) <= MOST and not self.may_be_thousands(word.text)
-            kind = 'NUMBER' if is_number else 'UNKNOWN'
-        elif word.text in SIGNS:
-            kind = SIGNS[word.text]
-        elif not word.is_letters:
-            kind = 'SIGN'
-        elif word.text in self.vocabulary.demonstratives:
-            kind = 'THIS'
-        elif word.text in self.vocabulary.any_articles:
-            kind = 'ANY_ARTICLE'
-        elif word.text in self.vocabulary.articles:
-            kind = 'ARTICLE'
-        return Lexeme(kind, value, word.start, word.end, doubts=doubts)
+        return Lexeme(self.kind_of(word), word.text, word.start, word.end, doubts=doubts)
 
-    def may_be_thousands(self, number: str) -> bool:
-        """Whether a point in a number may part thousands: '1.500', but not in English."""
-        units, _, decimals = number.lstrip('-').partition('.')
-        return self.vocabulary.language != 'en' and len(decimals) == 3 and units != '0'
+    def kind_of(self, word: Word) -> str:
+        """Return the kind of a word that is in no table of phrases."""
+        if word.is_number:
+            # A point in a number may part thousands: '1.500', but not in English.
+            units, _, decimals = word.text.lstrip('-').partition('.')
+            may_be_thousands = len(decimals) == 3 and units != '0'
+            is_clear = self.vocabulary.language == 'en' or not may_be_thousands
+            return 'NUMBER' if is_clear and abs(float(word.text)) <= MOST else 'UNKNOWN'
+        if word.text in SIGNS or not word.is_letters:
+            return SIGNS.get(word.text, 'SIGN')
+        articles = {
+            'THIS': self.vocabulary.demonstratives,
+            'ANY_ARTICLE': self.vocabulary.any_articles,
+            'ARTICLE': self.vocabulary.articles,
+        }
+        return next((kind for kind, words in articles.items() if word.text in words), 'UNKNOWN')
 
     def knows(self, word: str) -> bool:
         """Whether a word is in any of the tables."""
         lexicon, by_language = self.lexicon, nouns().by_language
-        tables = (lexicon.names, lexicon.near_names, lexicon.tags, lexicon.tag_groups)
-        nouns_of = (by_language[self.vocabulary.language], by_language['en'])
-        is_in_table = any(word in table.words for table in (*tables, *nouns_of))
+        tables = (
+            lexicon.names, lexicon.near_names, lexicon.tags, lexicon.tag_groups,
+            by_language[self.vocabulary.language], by_language['en'],
+        )  # fmt: skip
+        is_in_table = any(word in table.words for table in tables)
         return self.vocabulary.knows(word) or is_in_table or bool(self.compound(Word(word, 0, 0)))
 
     def corrected(self, words: Sequence[Word]) -> tuple[list[Word], list[str]]:
         """Return the words with misspelt ones corrected, and what to say of unclear ones."""
-        result: list[Word] = []
         notes: list[str] = []
-        left = MOST_CORRECTIONS
-        for word in words:
-            if not word.is_letters or self.knows(word.text) or not left:
-                result.append(word)
-                continue
-            left -= 1
+        strange = [one for one in words if one.is_letters and not self.knows(one.text)]
+        meant = {}
+        for word in strange[:MOST_CORRECTIONS]:
             near = self.near(word.text)
             if len(near) > 1:
                 notes.append(f'"{word.text}" may be {" or ".join(near)}')
-            result.append(replace(word, text=near[0]) if len(near) == 1 else word)
-        return result, notes
+            meant[word] = replace(word, text=near[0]) if len(near) == 1 else word
+        return [meant.get(word, word) for word in words], notes
 
     def near(self, word: str) -> list[str]:
         """Return the words that a misspelt word may stand for; several are equally possible."""
         plain = word.replace('ae', 'a').replace('oe', 'o').replace('ue', 'u')
         if self.knows(plain):
             return [plain]
-        spellings = self.lexicon.spellings
-        called = nouns().by_language[self.vocabulary.language].words
-        tables = (spellings, called, self.vocabulary.phrases.words)
+        called = nouns().by_language[self.vocabulary.language]
+        tables = (self.lexicon.spellings, called.words, self.vocabulary.phrases.words)
         found = next(filter(None, (corrections(word, table) for table in tables)), [])
         stems = {other.removesuffix('s').removesuffix('e') for other in found}
         return found[:1] if len(stems) == 1 else found
-
-
-def is_any_place(values: Sequence[tuple[str, object]]) -> bool:
-    """Whether a phrase is the noun 'place', which every place is."""
-    _, value = values[0]
-    return isinstance(value, Group) and value.noun == ANY_PLACE
 
 
 def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
@@ -265,32 +261,13 @@ def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
     # A word that is the same in both numbers ('Zimmer') counts as singular.
     plural = all(group.plural for group in groups)
     noun = WALL if is_wall else groups[0].noun
-    return Group(
-        groups[0].words,
-        groups[0].all_places,
-        places,
-        plural,
-        '',
-        noun,
-        own or (KIND if is_wall else ''),
-    )
+    own = own or (KIND if is_wall else '')
+    return Group(groups[0].words, groups[0].all_places, places, plural, '', noun, own)
 
 
-def place_lexeme(
-    words: Sequence[Word],
-    values: Sequence[tuple[str, object]],
-    places: Places,
-    is_doubtful: bool,
-) -> Lexeme:
-    """Return the lexeme of a phrase for places; several with one name are a group."""
-    kind, value = values[0]
-    if len(values) > 1:
-        text = ' '.join(word.text for word in words)
-        named = tuple(place for _, place in values if isinstance(place, Place))
-        kind, value = 'NOUN', Group(text, places, named, plural=False)
-    is_asked = is_doubtful or any(word.is_corrected for word in words)
-    doubts = ((said(words), ''),) if is_asked else ()
-    return Lexeme(kind, value, words[0].start, words[-1].end, doubts=doubts)
+def spoken(words: Sequence[Word]) -> str:
+    """Return words as they are compared."""
+    return ' '.join(word.text for word in words)
 
 
 def said(words: Sequence[Word]) -> str:
@@ -303,8 +280,8 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     start, end = words[0].start, words[-1].end
     other = meanings[1][0] if len(meanings) > 1 else ('', '')
     wrong = [word for word in words if word.is_corrected]
-    doubts = ((said(wrong), ' '.join(word.text for word in wrong)),) if wrong else ()
-    text = ' '.join(word.text for word in words)
+    doubts = ((said(wrong), spoken(wrong)),) if wrong else ()
+    text = spoken(words)
     return [
         Lexeme(kind, value or (text if kind in KINDS.left_out else ''), start, end, *other, doubts)
         for kind, value in meanings[0]
@@ -374,9 +351,10 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
                 result.append(replace(lexeme, kind='UNKNOWN'))
             continue
         before = result[-1] if result else Lexeme('', '', 0, 0)
-        is_told = any(tells_all(other, lexeme) for other in (before, after))
-        noun = replace(lexeme, doubts=told_doubts(lexeme)) if is_told else lexeme
-        result.append(noun if before.kind in KINDS.adjectives else as_place(noun))
+        if any(tells_all(other, lexeme) for other in (before, after)):
+            # What is left are the doubts of other words than the noun itself.
+            lexeme = replace(lexeme, doubts=tuple(one for one in lexeme.doubts if one[1]))  # noqa: PLW2901
+        result.append(lexeme if before.kind in KINDS.adjectives else as_place(lexeme))
     return result
 
 
@@ -385,11 +363,6 @@ def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
     if tag is None or tag.kind != 'TAG' or tag.doubts or not isinstance(noun.value, Group):
         return False
     return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
-
-
-def told_doubts(noun: Lexeme) -> tuple[tuple[str, str], ...]:
-    """Return the doubts of a noun that a tag tells: of other words than itself."""
-    return tuple(doubt for doubt in noun.doubts if doubt[1])
 
 
 def as_place(lexeme: Lexeme) -> Lexeme:
@@ -413,17 +386,10 @@ def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             begin = len(result) + 1
         result.append(lexeme)
         if lexeme.kind == 'NOUN' and isinstance(lexeme.value, Group) and begin < len(result) - 1:
-            place = described_place(result[begin:])
+            run = result[begin:]
+            place = described_place(run)
             if place is not None:
-                result[begin:] = [
-                    replace(
-                        lexeme,
-                        kind='PLACE',
-                        value=place,
-                        start=result[begin].start,
-                        doubts=doubts_of(result[begin:]),
-                    )
-                ]
+                result[begin:] = [joined(run, 'PLACE', place)]
             begin = len(result)
     return result
 
