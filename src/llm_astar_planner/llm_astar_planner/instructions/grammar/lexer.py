@@ -147,7 +147,7 @@ class Lexer:
 
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
         """Return 'through' before a name that begins with 'between': one drives between, too."""
-        _, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
+        meanings = self.vocabulary.phrases.exactly([words[at].text])
         if count < 2 or not meanings or meanings[0][0][0] != 'BETWEEN':
             return []
         return [Lexeme('THROUGH', '', words[at].start, words[at].end)]
@@ -168,9 +168,8 @@ class Lexer:
         if self.vocabulary.language != 'de' or not word.is_letters:
             return []
         for cut in range(3, min(len(word.text) - 2, LONGEST_SIDE)):
-            head, tail = replace(word, text=word.text[:cut]), replace(word, text=word.text[cut:])
-            _, meanings = self.vocabulary.phrases.longest([head], 0)
-            found = self.noun([tail], 0)
+            meanings = self.vocabulary.phrases.exactly([word.text[:cut]])
+            found = self.noun([replace(word, text=word.text[cut:])], 0)
             if found and meanings and meanings[0][0][0] in ('SIDE', 'CENTER'):
                 _, values, is_doubtful = found[0]
                 side = phrase_lexemes([word], meanings)

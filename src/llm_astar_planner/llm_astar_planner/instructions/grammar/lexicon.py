@@ -181,13 +181,11 @@ def head_nouns(
     The last word of a longer name is read in the languages of the map's names alone: 'fuel
     station' is no ward, which is 'Station' in German.
     """
-    head = [Word(word, 0, 0) for word in head_of(words)]
+    head = head_of(words)
     for start in range(1 if is_whole else len(head)):
-        count, found = nouns().everywhere.longest(head, start)
-        if count == len(head) - start:
-            return frozenset(
-                noun.name for noun in found if start == 0 or noun.language in languages
-            )
+        found = nouns().everywhere.exactly(head[start:])
+        if found:
+            return frozenset(one.name for one in found if start == 0 or one.language in languages)
     return frozenset()
 
 
@@ -203,11 +201,11 @@ def name_languages(places: Places) -> tuple[str, ...]:
     """Return the languages that most names of a map are in."""
     counts = dict.fromkeys(LANGUAGES, 0)
     for place in places:
-        head = [Word(word, 0, 0) for word in head_of(phrase_words(place.name))]
+        head = head_of(phrase_words(place.name))
         for language, phrases in nouns().by_language.items():
-            ends = (phrases.longest(head, at)[0] == len(head) - at for at in range(len(head)))
+            ends = (at for at in range(len(head)) if phrases.exactly(head[at:]))
             # A noun that is the whole name tells more than one that ends it.
-            counts[language] += next((1 if at else 2 for at, ended in enumerate(ends) if ended), 0)
+            counts[language] += next((1 if at else 2 for at in ends), 0)
     return tuple(language for language in LANGUAGES if counts[language] == max(counts.values()))
 
 
@@ -233,15 +231,13 @@ def alias_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozens
 @lru_cache(maxsize=1024)
 def sides_in(*names: str) -> frozenset[str]:
     """Return the sides that names hold: 'north' of 'north aisle'."""
-    found = set()
-    for name in names:
-        for word in phrase_words(name):
-            for language in LANGUAGES:
-                _, meanings = vocabulary(language).phrases.longest([Word(word, 0, 0)], 0)
-                for meaning in meanings:
-                    if meaning[0][0] in ('SIDE', 'CENTER'):
-                        found.add(meaning[0][1] or 'center')
-    return frozenset(found)
+    words = {word for name in names for word in phrase_words(name)}
+    return frozenset(
+        value or 'center'
+        for word, language in itertools.product(words, LANGUAGES)
+        for (kind, value), *_ in vocabulary(language).phrases.exactly([word])
+        if kind in ('SIDE', 'CENTER')
+    )
 
 
 def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str], is_told: bool) -> str:
@@ -249,12 +245,8 @@ def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str], is_t
 
     One of the `wanted` or one that is the group's noun; any other unless `is_told`.
     """
-    names = {place.name for place in found}
-    exact = [
-        tag
-        for tag in group.all_places.tags
-        if {place.name for place in group.all_places.with_tag(tag)} == names
-    ]
+    places, names = group.all_places, {place.name for place in found}
+    exact = [tag for tag in places.tags if {one.name for one in places.with_tag(tag)} == names]
     said = [tag for tag in exact if tag in wanted or group.noun in head_nouns(phrase_words(tag))]
     return (said or ([] if is_told else exact) or [''])[0]
 
@@ -272,10 +264,8 @@ def own_word(place: Place, noun: Noun) -> str:
 
 def says(words: tuple[str, ...], noun: Noun) -> bool:
     """Whether words, all of them, are a noun itself or its usual translation, in any number."""
-    count, found = nouns().everywhere.longest([Word(word, 0, 0) for word in words], 0)
-    return count == len(words) and any(
-        one.name == noun.name and is_same(one, noun) for one in found
-    )
+    found = nouns().everywhere.exactly(words)
+    return any(one.name == noun.name and is_same(one, noun) for one in found)
 
 
 def is_same(one: Noun, other: Noun) -> bool:

@@ -20,7 +20,6 @@ from llm_astar_planner.instructions.grammar.words import (
     Phrases,
     comparable,
     phrase_words,
-    read_words,
 )
 
 FOLDER = Path(__file__).with_name('vocabulary')
@@ -201,11 +200,10 @@ def means_otherwise(name: str) -> bool:
 
     One letter is a name: 'A' may be a gate.
     """
-    words = read_words(name) if len(name) > 1 else []
+    words = phrase_words(name) if len(name) > 1 else ()
     for known in map(vocabulary, LANGUAGES):
-        count, meanings = known.phrases.longest(words, 0)
-        kinds = {meaning[0][0] for meaning in meanings if count == len(words)}
-        is_article = len(words) == 1 and words[0].text in known.articles | known.any_articles
+        kinds = {meaning[0][0] for meaning in known.phrases.exactly(words)}
+        is_article = len(words) == 1 and words[0] in known.articles | known.any_articles
         if is_article or kinds & KINDS.no_names:
             return True
     return False

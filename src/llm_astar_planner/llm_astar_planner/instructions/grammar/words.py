@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 # Each alternative starts with another kind of character, so that reading takes linear time.
 WORD = re.compile(r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|[^\W\d_]+|\S')
@@ -177,14 +177,6 @@ def errors_between(word: str, other: str) -> int:
     return rows[-1][-1]
 
 
-class Spoken(Protocol):
-    """What has a comparable text: a word."""
-
-    @property
-    def text(self) -> str:
-        """The comparable form."""
-
-
 class Phrases(Generic[Value]):
     """Phrases (tuples of comparable words), each with the values that were added under it.
 
@@ -213,7 +205,7 @@ class Phrases(Generic[Value]):
         """The first words of all phrases."""
         return frozenset(self._root)
 
-    def longest(self, words: Sequence[Spoken], start: int) -> tuple[int, list[Value]]:
+    def longest(self, words: Sequence[Word], start: int) -> tuple[int, list[Value]]:
         """Return how many words the longest phrase at `start` takes, and its values."""
         node, best, values = self._root, 0, []
         for index in range(start, len(words)):
@@ -225,3 +217,8 @@ class Phrases(Generic[Value]):
             elif index == start or text not in self.skipped:
                 break
         return best, values
+
+    def exactly(self, words: Sequence[str]) -> list[Value]:
+        """Return the values of the phrase that words are, all of them."""
+        count, values = self.longest([Word(word, 0, 0) for word in words], 0)
+        return values if count == len(words) else []
