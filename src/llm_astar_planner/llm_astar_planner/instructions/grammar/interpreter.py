@@ -10,7 +10,8 @@ from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise, takewhile
+from itertools import dropwhile, groupby, pairwise, takewhile
+from operator import attrgetter
 
 from llm_astar_msgs_adapter.maps.places import Places
 
@@ -40,7 +41,12 @@ from llm_astar_planner.instructions.grammar.meaning import (
 from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS, LANGUAGES, vocabulary
+from llm_astar_planner.instructions.grammar.vocabulary import (
+    KINDS,
+    LANGUAGES,
+    read_table,
+    vocabulary,
+)
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -212,17 +218,14 @@ class Assembler:
         """Return the objects, which nobody enters, that a piece says to go through or into."""
         named = [one for one in piece.lexemes if one.kind in ('PLACE', 'NOUN')]
         found: list[Lexeme] = []
-        for match in ENTERING.finditer(self.text, piece.start, piece.end):
+        for match in SAID['entering'].finditer(self.text, piece.start, piece.end):
             # Canonical sentences say 'enter' of limits: 'enter the lathe at most 2 times'.
             is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {'TIMES', 'NEG'})
             if is_limit or any(one.start <= match.start() < one.end for one in named):
                 continue
-            behind = sorted(
-                (one for one in piece.lexemes if one.start >= match.start()),
-                key=lambda one: one.start,
-            )
-            first = next((n for n, one in enumerate(behind) if one in named), len(behind))
-            run = takewhile(lambda one: one.kind in KINDS.listed, behind[first:])
+            behind = (one for one in piece.lexemes if one.start >= match.start())
+            rest = dropwhile(lambda one: one not in named, sorted(behind, key=attrgetter('start')))
+            run = takewhile(lambda one: one.kind in KINDS.listed, rest)
             found += [one for one in run if one in named] or named
         meant = [place for one in found for place in one.places]
         return list(dict.fromkeys(place.name for place in meant if place.is_object))
@@ -248,13 +251,9 @@ class Assembler:
                 order_again(part, others)
             elif part.visits and part.piece.is_first and part.piece.link == 'BUT':
                 part.at = min([one.at for one in others if one.visits], default=part.at) - 0.5
-            before = self.parts[max(0, self.parts.index(part) - 1)]
-            if (
-                part.visits
-                and before.visits
-                and before is not part
-                and self.may_lead(before, part)
-            ):
+            at = self.parts.index(part)
+            before = self.parts[at - 1] if at else None
+            if part.visits and before and before.visits and self.may_lead(before, part):
                 part.ask(self.question('order', meant=f'{before.clauses[0].phrase()}, {{meant}}'))
             if 'LAST' in part.piece.said and part.visits:
                 if any(one.visits and one.at > part.at for one in others):
@@ -264,35 +263,31 @@ class Assembler:
 
     def may_lead(self, before: ReadPiece, part: ReadPiece) -> bool:
         """Whether a place may be on the way to the one before: 'go to A and go through B'."""
-        leads = bool(THROUGH_WORDS.search(self.words_of(part.piece)))
-        goes_to = not THROUGH_WORDS.search(self.words_of(before.piece))
-        is_ending = bool(TO_WORDS.search(self.words_of(before.piece)))
+        words, first = self.words_of(part.piece), self.words_of(before.piece)
         is_added = part.piece.link in ('AND', 'BUT') and before.segment == part.segment
-        return is_added and leads and goes_to and is_ending
+        is_end = bool(SAID['to'].search(first)) and not SAID['through'].search(first)
+        return is_added and is_end and bool(SAID['through'].search(words))
 
     def weigh_unread(self) -> None:
         """Drop what an unread piece may change the meaning of, and ask about what it perhaps does.
 
         Also of the clause before 'and visit B if you enter A' nobody knows whether it hangs on A.
         """
-        unread = [(n, part) for n, part in enumerate(self.parts) if not part.is_read]
-        for n, part in unread:
-            near = self.parts[max(0, n - 1) : n] + self.parts[n + 1 : n + 2]
-            after = self.parts[n + 1 : n + 2]
-            reach = part.piece.reach
-            said = self.text[part.piece.start : part.piece.end]
-            for other in self.parts if reach == ALL else near:
-                if other.segment != part.segment:
+        around = zip([None, *self.parts], self.parts, [*self.parts[1:], None])
+        unread = [one for one in around if not one[1].is_read]
+        for before, part, after in unread:
+            reach, said = part.piece.reach, self.said(part.piece)
+            for other in self.parts if reach == ALL else (before, after):
+                if other is None or other.segment != part.segment:
                     continue
-                if reach in (ALL, NEAR) or (other in after and other.piece.link == 'COLON'):
+                if reach in (ALL, NEAR) or (other is after and other.piece.link == 'COLON'):
                     other.drop()
                 elif reach == DOUBT:
                     other.ask(self.question('rest', said))
         for part, other in pairwise(self.parts):
             is_trailing = 'ONCE' in other.piece.kinds and not other.piece.leads_a_condition
             if is_trailing and part.segment == other.segment:
-                said = self.text[other.piece.start : other.piece.end]
-                part.ask(self.question('rest', said))
+                part.ask(self.question('rest', self.said(other.piece)))
 
     @property
     def clauses(self) -> list[tuple[float, Clause]]:
@@ -302,15 +297,9 @@ class Assembler:
     @property
     def unknown(self) -> list[tuple[int, int]]:
         """Where the parts stand that were not understood; neighbours are one."""
-        found: list[tuple[int, int]] = []
-        last: ReadPiece | None = None
-        for part in self.parts:
-            if not part.is_read:
-                is_same = last and not last.is_read and last.segment == part.segment
-                start = found.pop()[0] if is_same else part.piece.start
-                found.append((start, part.piece.end))
-            last = part
-        return found
+        runs = groupby(self.parts, lambda part: (part.is_read, part.segment))
+        unread = [list(run) for (is_read, _), run in runs if not is_read]
+        return [(run[0].piece.start, run[-1].piece.end) for run in unread]
 
     def is_irrelevant(self, piece: Piece) -> bool:
         """Whether all words of a piece are of phrases that say nothing about the route."""
@@ -356,7 +345,7 @@ class Assembler:
             KeepDistance,
         }:
             raise Unclear('but not what')
-        if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
+        if 'AFTERYOU' in piece.kinds and SAID['perfect'].search(self.words_of(piece)):
             visits = [clause for clause in clauses if isinstance(clause, Visit)]
             clauses += befores_of(*visits) if len(visits) == 2 else ()
         if piece.soon is not None:
@@ -376,9 +365,13 @@ class Assembler:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
         return clauses + tuple(unsupported)
 
-    def words_of(self, piece: Piece) -> str:
+    def said(self, one: Piece | Lexeme) -> str:
         """Return the words of a piece as they were said."""
-        return self.text[piece.start : piece.end][:MAX_NAME_CHARS]
+        return self.text[one.start : one.end]
+
+    def words_of(self, one: Piece | Lexeme) -> str:
+        """Return the words of a piece, as many as a clause holds."""
+        return self.said(one)[:MAX_NAME_CHARS]
 
     def unsupported(self, piece: Piece) -> list[Unsupported]:
         """Return what a piece asks that a path does not have, also what is fetched or done."""
@@ -390,10 +383,7 @@ class Assembler:
                 raise Unclear('a thing or a place')
         found = [(lexeme, lexeme.value) for lexeme in piece.unsupported]
         found += [(lexeme, 'action') for lexeme in errands]
-        return [
-            Unsupported(text=self.text[one.start : one.end][:MAX_NAME_CHARS], about=about)
-            for one, about in found
-        ]
+        return [Unsupported(text=self.words_of(one), about=about) for one, about in found]
 
     def refuse_times(self, piece: Piece, clauses: Sequence[Clause]) -> None:
         """Raise Unclear for a time at what is not only visited: 'avoid the lab before noon'."""
@@ -408,7 +398,7 @@ class Assembler:
         self, piece: Piece, soon: Lexeme, clauses: tuple[Clause, ...]
     ) -> tuple[tuple[Clause, ...], list[Unsupported]]:
         """Return clauses with 'immediately': of an order a question, else it is about time."""
-        said = self.text[soon.start : soon.end]
+        said = self.said(soon)
         is_order = piece.link == 'THEN' or bool(piece.kinds & (KINDS.order_words | {'AFTERYOU'}))
         if not is_order and soon.value != STRAIGHT:
             return clauses, [Unsupported(text=said, about='time')]
@@ -479,19 +469,8 @@ class Assembler:
         return False
 
 
-# What says that a place is on the way, and that one is where the way leads.
-THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
-# That one is to drive through or into something; what it is follows, or stands before a verb.
-ENTERING = re.compile(
-    r'\b(through|thru|into|inside|across|over|enter|enters|entering|cross|crosses|crossing|'
-    r'traverse|traversing|durch|hinein|durchquere\w*|durchfahre?\w*|betritt|betrete\w*|'
-    r'überquere\w*|à travers|dans|traverse[rz]?|entre[rz]? (dans|en)|a través|atravie[sz]\w*|'
-    r'atravesar|cruz\w+)\b',
-    re.IGNORECASE,
-)
-TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
-# 'After you have visited A' is not before.
-PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
+# Words in the text as it was said.
+SAID = {name: re.compile(pattern) for name, pattern in read_table('patterns').items()}
 STRAIGHT = 'straight'
 
 

@@ -16,11 +16,7 @@ from typing import Any
 import yaml
 from llm_astar_msgs_adapter.maps.places import Places, PlacesError
 
-from llm_astar_planner.instructions.grammar.words import (
-    Phrases,
-    comparable,
-    phrase_words,
-)
+from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
 
 FOLDER = Path(__file__).with_name('vocabulary')
 LANGUAGES = ('en', 'de', 'fr', 'es')
