@@ -11,22 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from itertools import takewhile
 
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
-from llm_astar_planner.instructions.grammar.words import word_set
 
 # Pronouns: 'it' stands for one place, 'there' and 'them' for all that were named together.
 ONE = 'one'
-# A remark with one of these after a refusal may take it back: 'avoid A, it is fine'.
-TAKING_BACK = word_set(
-    'fine wrong joke joking kidding free open again allowed false changed mistake finished over '
-    'cancelled possible safe clear better preferable permitted passable ok okay usable available '
-    'accessible good great nice perfect welcome right correct opposite enough necessary optional '
-    'unnecessary shorter shortest needed required done gone frei offen wieder erlaubt falsch '
-    'libre ouvert ouverte permis faux encore libres abierto abierta otra permitido broma mentira'
-)
 
 
 def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
@@ -47,10 +39,7 @@ def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
         note_remark(piece, [*[one for one in spoken if one.start < piece.start][-1:], *spoken][0])
     kept: list[Piece] = []
     for piece in spoken:
-        if 'PRONOUN' in piece.kinds:
-            kept = with_antecedent(kept, piece)
-        else:
-            kept.append(piece)
+        kept = with_antecedent(kept, piece) if 'PRONOUN' in piece.kinds else [*kept, piece]
     for piece in kept:
         piece.is_broken = piece.is_broken or piece.link == 'BECAUSE'
     return kept
@@ -65,26 +54,33 @@ def shorten(piece: Piece) -> None:
     if kinds[first] == 'FETCH':
         to = next((n for n, kind in enumerate(kinds) if n > first and kind in KINDS.towards), 0)
         if to and set(kinds[first + 1 : to]) <= KINDS.objects and kinds[to + 1 : to + 2]:
-            note_unknown(piece, piece.lexemes[first + 1 : to])
+            fetched = piece.lexemes[first + 1 : to]
+            note(piece, fetched, piece.lexemes[first + 1].start, piece.lexemes[to - 1].end)
             del piece.lexemes[first + 1 : to + 1]
-    ends = [n for n, lexeme in enumerate(piece.lexemes) if is_purpose(lexeme)]
+    # 'Closed for cleaning', 'blocked by boxes'.
+    ends = [n for n, one in enumerate(piece.lexemes) if one.kind in ('PURPOSE', 'BY')]
     after = piece.lexemes[ends[-1] + 1 :] if ends else []
     if after and {lexeme.kind for lexeme in after} <= KINDS.objects and not names_place(after):
-        note_unknown(piece, after)
+        note(piece, after, after[0].start, after[-1].end)
         del piece.lexemes[ends[-1] :]
 
 
-def note_unknown(piece: Piece, lexemes: Sequence[Lexeme]) -> None:
-    """Note words that are left out of a piece, if one of them is not known: it may be a place."""
-    if any(lexeme.kind == 'UNKNOWN' or lexeme.doubts for lexeme in lexemes):
-        piece.remarks.append((lexemes[0].start, lexemes[-1].end))
-
-
-def note_remark(remark: Piece, piece: Piece) -> None:
-    """Note a remark that is left out beside a piece, if a word of it is not known."""
-    words = (*remark.lexemes, *remark.unsupported)
+def note(piece: Piece, words: Sequence[Lexeme], start: int, end: int) -> None:
+    """Note words that are left out beside a piece, if one is not known: it may be a place."""
     if any(lexeme.kind == 'UNKNOWN' or lexeme.doubts for lexeme in words):
-        piece.remarks.append((remark.start, remark.end))
+        piece.remarks.append((start, end))
+
+
+def note_remark(one: Piece, piece: Piece) -> None:
+    """Note a remark that is left out beside a piece, if a word of it is not known."""
+    note(piece, (*one.lexemes, *one.unsupported), one.start, one.end)
+
+
+def forbid(piece: Piece) -> None:
+    """Read a 'not' as to avoid."""
+    piece.lexemes = [
+        replace(one, kind='AVOID') if one.kind == 'NEG' else one for one in piece.lexemes
+    ]
 
 
 def forbid_first(pieces: Sequence[Piece]) -> None:
@@ -97,14 +93,7 @@ def forbid_first(pieces: Sequence[Piece]) -> None:
         follows = after is not None and after.link != 'HARD'
         if after and follows and not after.kinds & (KINDS.verbs | {'NEG', 'REQUIRED', 'STATE'}):
             return
-        piece.lexemes = [
-            replace(one, kind='AVOID') if one.kind == 'NEG' else one for one in piece.lexemes
-        ]
-
-
-def is_purpose(lexeme: Lexeme) -> bool:
-    """Whether a word leads to a purpose or cause: 'closed for cleaning', 'blocked by boxes'."""
-    return lexeme.kind in ('PURPOSE', 'BY')
+        forbid(piece)
 
 
 def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
@@ -117,10 +106,8 @@ def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
     said = before[len(before) - number :]
     runs = [run for one in said for run in runs_of(one)]
     pronoun = next(lexeme for lexeme in piece.lexemes if lexeme.kind == 'PRONOUN')
-    is_clear = len(runs) == number and not any(
-        one.is_broken or 'POISON' in one.kinds for one in said
-    )
-    is_clear = is_clear and all(one.link in ('AND', 'COMMA') for one in said[1:])
+    is_clear = len(runs) == number and all(one.link in ('AND', 'COMMA') for one in said[1:])
+    is_clear = is_clear and not any(one.is_broken or 'POISON' in one.kinds for one in said)
     lexemes = [lexeme for run in runs for lexeme in (*run, Lexeme('AND', '', 0, 0))][:-1]
     is_single = sum(lexeme.kind in KINDS.region_ends for lexeme in lexemes) == 1
     if not lexemes or not is_clear or (pronoun.value == ONE and not is_single):
@@ -130,9 +117,7 @@ def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
         replace(lexeme, start=pronoun.start, end=pronoun.end) for lexeme in lexemes
     ]
     if piece.kinds <= KINDS.naming | {'NEG', 'AND'}:
-        piece.lexemes = [
-            replace(one, kind='AVOID') if one.kind == 'NEG' else one for one in piece.lexemes
-        ]
+        forbid(piece)
     if not {'NEG', 'AVOID'} & piece.kinds and any('FORBIDDEN' in one.kinds for one in said):
         # 'It is closed, but go through it': nobody knows which of the two holds.
         for one in (*said, piece):
@@ -145,12 +130,11 @@ def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
 
 def named_in(before: Sequence[Piece]) -> int:
     """Return how many of the last pieces name what a pronoun after them stands for."""
-    number = min(1, len(before))
-    while 0 < number < len(before) and before[-number].link not in ('', 'HARD'):
-        if 'STATE' not in before[-number - 1].kinds:
-            break
-        number += 1
-    return number
+    pairs = zip(before[-2::-1], before[::-1])
+    joined = takewhile(
+        lambda pair: pair[1].link not in ('', 'HARD') and 'STATE' in pair[0].kinds, pairs
+    )
+    return min(len(before), 1 + len(list(joined)))
 
 
 def runs_of(piece: Piece) -> list[list[Lexeme]]:
@@ -186,14 +170,13 @@ def is_remark(piece: Piece) -> bool:
 
 def gives_reason(piece: Piece, before: Piece) -> bool:
     """Whether it says why a place is to be avoided: 'keep out of A, they are working there'."""
-    is_asked = bool(
-        {'NEG', 'AVOID'} & before.kinds and before.kinds & KINDS.region_ends - {'PRONOUN'}
-    )
+    named = before.kinds & KINDS.region_ends - {'PRONOUN'}
+    is_asked = bool({'NEG', 'AVOID'} & before.kinds and named)
     if not is_asked or before.is_broken or piece.is_broken or piece.link not in ('COMMA', 'COLON'):
         return False
     if 'STATE' not in piece.kinds or not piece.kinds <= KINDS.of_reasons | {'PRONOUN'}:
         return False
-    is_taken_back = any(lexeme.value in TAKING_BACK for lexeme in piece.lexemes)
+    is_taken_back = any(lexeme.value in KINDS.taking_back for lexeme in piece.lexemes)
     return not is_taken_back and not names_place(piece.lexemes)
 
 

@@ -13,7 +13,7 @@ not known. What no clause accounts for is `Unknown`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from llm_astar_msgs_adapter.maps.places import Places
@@ -30,7 +30,6 @@ from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar.interpreter import (
     Reading,
-    ReadPiece,
     best_reading,
     known_visits,
     languages_of,
@@ -58,29 +57,20 @@ SAYING: dict[type[Clause], frozenset[str]] = {
 class Part:
     """A part of the sentence that the grammar did not read, with the clauses that are about it."""
 
-    piece: ReadPiece
+    at: float
+    piece: Piece
     clauses: list[Clause]
-
-    @property
-    def lexemes(self) -> list[Lexeme]:
-        """Its words."""
-        return self.piece.piece.lexemes
-
-    @property
-    def kinds(self) -> set[str]:
-        """The kinds of its words."""
-        return self.piece.piece.kinds
 
     @property
     def names(self) -> set[str]:
         """The places that it may name."""
-        return {name for lexeme in self.lexemes for name in lexeme.names}
+        return {name for lexeme in self.piece.lexemes for name in lexeme.names}
 
     def where(self, clause: Clause) -> int:
         """Return where it names the first place of a clause, else its end."""
         names = {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-        at = (n for n, lexeme in enumerate(self.lexemes) if names & set(lexeme.names))
-        return next(at, len(self.lexemes))
+        at = (n for n, lexeme in enumerate(self.piece.lexemes) if names & set(lexeme.names))
+        return next(at, len(self.piece.lexemes))
 
 
 def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
@@ -89,13 +79,13 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     if reading.interpretation.is_read:
         return reading.interpretation.specification, reading.interpretation.detail
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
-    parts = [Part(one, []) for one in reading.parts if not one.is_read]
+    parts = [Part(one.at, one.piece, []) for one in reading.parts if not one.is_read]
     said = known_visits(reading.parts)
-    left = [
-        clause
-        for clause in dict.fromkeys(wanted)
-        if not (isinstance(clause, Visit) and set(clause.regions) <= said)
-    ]
+    left = (
+        one
+        for one in dict.fromkeys(wanted)
+        if not (isinstance(one, Visit) and set(one.regions) <= said)
+    )
     deal_out(left, parts, reading)
     return put_together(reading, parts, text)
 
@@ -114,7 +104,7 @@ def usual_form(clause: Clause, places: Places) -> Clause:
     return clause
 
 
-def deal_out(clauses: Sequence[Clause], parts: Sequence[Part], reading: Reading) -> None:
+def deal_out(clauses: Iterable[Clause], parts: Sequence[Part], reading: Reading) -> None:
     """Give each clause to the part that names its regions, in the order of the sentence.
 
     One of which nothing is named goes to a part with an unknown word and no clause, if there is
@@ -129,7 +119,7 @@ def deal_out(clauses: Sequence[Clause], parts: Sequence[Part], reading: Reading)
         elif not isinstance(clause, EndAt) and clause not in known:
             homeless.append(clause)
     for clause in homeless:
-        strange = (part for part in parts if not part.clauses and 'UNKNOWN' in part.kinds)
+        strange = (part for part in parts if not part.clauses and 'UNKNOWN' in part.piece.kinds)
         home = next(strange, None)
         if home is not None and not names_read(clause, reading):
             home.clauses.append(clause)
@@ -154,7 +144,7 @@ def missing(clause: Clause, part: Part) -> str:
             return region.phrase()
     numbers = {KeepDistance: 'metres', Avoid: 'margin'}.get(type(clause))
     wanted = getattr(clause, numbers) if numbers else 0.0
-    if wanted and wanted != CLEAR and not has_number(wanted, part.lexemes):
+    if wanted and wanted != CLEAR and not has_number(wanted, part.piece.lexemes):
         return f'{wanted:g} m'
     side = getattr(clause, 'side', '')
     if side and side not in sides_of(part):
@@ -174,7 +164,9 @@ def names_region(region: Region, part: Part) -> bool:
             is_said = tag in tags_of(part)
         case regions.Disc(x, y, radius):
             limits = [radius] if radius else []
-            is_said = any(one.kind == 'POINT' and one.value == (x, y) for one in part.lexemes)
+            is_said = any(
+                one.kind == 'POINT' and one.value == (x, y) for one in part.piece.lexemes
+            )
         case regions.Box():
             limits = [side for side in region.sides if math.isfinite(side)]
         case regions.Half(side, of):
@@ -184,21 +176,23 @@ def names_region(region: Region, part: Part) -> bool:
         case regions.Along(place, _):
             is_said = place in part.names or 'wall' in nouns_of(part)
         case regions.End(end):
-            is_said = any(one.kind == 'ENDPOINT' and one.value == end for one in part.lexemes)
-    has_limits = all(has_number(limit, part.lexemes) for limit in limits)
+            is_said = any(
+                one.kind == 'ENDPOINT' and one.value == end for one in part.piece.lexemes
+            )
+    has_limits = all(has_number(limit, part.piece.lexemes) for limit in limits)
     return is_said and has_limits and names <= part.names and sides <= sides_of(part)
 
 
 def sides_of(part: Part) -> set[str]:
     """Return the directions that a part names, and left for right: 'leave it on your left'."""
-    found = {str(one.value) for one in part.lexemes if one.kind == 'SIDE'}
+    found = {str(one.value) for one in part.piece.lexemes if one.kind == 'SIDE'}
     return found | set(regions.ROUTE_SIDES) if found & set(regions.ROUTE_SIDES) else found
 
 
 def tags_of(part: Part) -> set[str]:
     """Return the kinds and tags that a part names."""
-    groups = [lexeme.value for lexeme in part.lexemes if lexeme.kind == 'NOUN']
-    tags = {str(lexeme.value) for lexeme in part.lexemes if lexeme.kind == 'TAG'}
+    groups = [lexeme.value for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN']
+    tags = {str(lexeme.value) for lexeme in part.piece.lexemes if lexeme.kind == 'TAG'}
     for group in groups:
         places = set(group.places)
         tags |= {t for t in group.all_places.tags if set(group.all_places.with_tag(t)) == places}
@@ -207,7 +201,7 @@ def tags_of(part: Part) -> set[str]:
 
 def nouns_of(part: Part) -> set[str]:
     """Return the nouns of a part for several places."""
-    return {lexeme.value.noun for lexeme in part.lexemes if lexeme.kind == 'NOUN'}
+    return {lexeme.value.noun for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'}
 
 
 def has_number(value: float, lexemes: Sequence[Lexeme]) -> bool:
@@ -221,17 +215,10 @@ def is_sure(clause: Clause, part: Part) -> bool:
 
     It is the only one of its part, about places that are named for certain.
     """
-    kinds, lexemes = part.kinds, part.lexemes
-    strange = any(lexeme.doubts for lexeme in lexemes) or not is_known(lexemes)
-    several = any(len(lexeme.names) > 1 for lexeme in lexemes)
+    kinds, lexemes = part.piece.kinds, part.piece.lexemes
+    strange = any(one.doubts or len(one.names) > 1 for one in lexemes) or not is_known(lexemes)
     other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-    if (
-        strange
-        or several
-        or other
-        or kinds & KINDS.unclear_parts
-        or is_qualified(part.piece.piece)
-    ):
+    if strange or other or kinds & KINDS.unclear_parts or is_qualified(part.piece):
         return False
     if missing(clause, part) or len(part.clauses) > 1 or is_about_more(clause):
         return False
@@ -243,9 +230,8 @@ def is_sure(clause: Clause, part: Part) -> bool:
     says = SAYING.get(type(clause))
     if says is None or refusals:
         return False
-    return bool(kinds & says) and not kinds & (
-        KINDS.others - says - {'LENGTH'} | (KINDS.verbs - says - KINDS.going)
-    )
+    others = KINDS.others - {'LENGTH'} | (KINDS.verbs - KINDS.going)
+    return bool(kinds & says) and not kinds & (others - says)
 
 
 def is_known(lexemes: Sequence[Lexeme]) -> bool:
@@ -263,18 +249,9 @@ def is_known(lexemes: Sequence[Lexeme]) -> bool:
 
 def is_qualified(piece: Piece) -> bool:
     """Whether a part says more than its words: a condition, a question, 'last', 'slowly'."""
-    return bool(
-        piece.is_broken
-        or piece.is_question
-        or piece.takes_back
-        or 'LAST' in piece.said
-        or piece.is_first
-        or piece.is_strict
-        or piece.order
-        or piece.soon
-        or piece.unsupported
-        or piece.remarks
-    )
+    is_told = piece.is_broken or piece.is_question or piece.takes_back or piece.is_first
+    is_noted = piece.order or piece.soon or piece.unsupported or piece.remarks
+    return bool(is_told or is_noted or piece.is_strict or 'LAST' in piece.said)
 
 
 def is_about_more(clause: Clause) -> bool:
@@ -288,8 +265,8 @@ def not_refused(clause: Clause, part: Part) -> Clause:
 
     It stays a question; but a robot sent where it must not go is worse than one kept out.
     """
-    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in part.lexemes)
-    if isinstance(clause, Visit) and refusals == 1 and 'MISS' not in part.kinds:
+    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in part.piece.lexemes)
+    if isinstance(clause, Visit) and refusals == 1 and 'MISS' not in part.piece.kinds:
         return Avoid(clause.strength, region=clause.regions[0])
     return clause
 
@@ -298,14 +275,11 @@ def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Sp
     """Return the specification: what the grammar read, what the model said, and what is left."""
     language = next(languages_of(read_words(text)))
     question = vocabulary(language).questions['model']
-    found: list[tuple[float, Clause]] = [
-        (one.at, clause) for one in reading.parts for clause in one.clauses
-    ]
+    found = [(one.at, clause) for one in reading.parts for clause in one.clauses]
     notes = []
     for part in parts:
-        piece = part.piece.piece
+        piece = part.piece
         words = text[piece.start : piece.end]
-        at = part.piece.at
         for clause in in_order(part):
             strength = SHOULD if piece.is_preference else clause.strength
             turned = replace(not_refused(clause, part), strength=strength)
@@ -314,16 +288,16 @@ def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Sp
                 turned = replace(turned, unsure=asked[:MAX_QUESTION_CHARS])
                 lacks = missing(clause, part)
                 notes += [f'the sentence does not say {lacks}'] if lacks else []
-            found.append((at, turned))
+            found.append((part.at, turned))
         if not part.clauses and words:
-            found.append((at, Unknown(text=words[:MAX_NAME_CHARS])))
+            found.append((part.at, Unknown(text=words[:MAX_NAME_CHARS])))
     found.sort(key=lambda one: one[0])
     return within_limits([clause for _, clause in found]), '; '.join(dict.fromkeys(notes))
 
 
 def in_order(part: Part) -> list[Clause]:
     """Return the clauses of a part as they stand in it; the model's where a word says one."""
-    if part.kinds & KINDS.limiting:
+    if part.piece.kinds & KINDS.limiting:
         return part.clauses
     return sorted(part.clauses, key=part.where)
 
