@@ -91,16 +91,13 @@ class CachedInterpreter:
         except Exception as error:  # noqa: BLE001 - no sentence may ever stop a plan
             _LOG.exception('the interpreter %s failed', self.name)
             answer = not_understood(text, f'{type(error).__name__} in {self.name}')
+        # A missing answer is not remembered for long, an answer for ever.
+        seconds = FAILED_S if answer.status is Understanding.PENDING else math.inf
         with self._lock:
-            self._known[key] = answer, time.monotonic() + remembered_for(answer)
+            self._known[key] = answer, time.monotonic() + seconds
             del self._running[key]
         mine.set_result(answer)
         return answer
-
-
-def remembered_for(answer: Interpretation) -> float:
-    """Return for how many seconds: a missing answer not for long, an answer for ever."""
-    return FAILED_S if answer.status is Understanding.PENDING else math.inf
 
 
 def as_remembered(interpretation: Interpretation) -> Interpretation:
@@ -113,10 +110,8 @@ def wait_for(running: Future[Interpretation], text: str, time_limit: float) -> I
     try:
         return as_remembered(running.result(min(time_limit, threading.TIMEOUT_MAX)))
     except FutureTimeoutError:
-        return replace(
-            not_understood(text, f'no answer within {time_limit:.1f} s'),
-            status=Understanding.PENDING,
-        )
+        detail = f'no answer within {time_limit:.1f} s'
+        return not_understood(text, detail, status=Understanding.PENDING)
 
 
 class ChainInterpreter:

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
 from llm_astar_planner.instructions import polygons, regions
-from llm_astar_planner.instructions.asks import Mask, Zone
+from llm_astar_planner.instructions.clauses.clause import Mask, Zone
 from llm_astar_planner.instructions.regions import VISIT_RADIUS, Region
 from llm_astar_planner.instructions.route import PlaceGoalError, Route
 from llm_astar_planner.lazy import ndimage

@@ -172,7 +172,9 @@ def status_of(specification: Specification) -> Understanding:
     return Understanding.WHOLE if clauses else Understanding.IRRELEVANT
 
 
-def not_understood(text: str, detail: str, understood_by: str = '') -> Interpretation:
+def not_understood(
+    text: str, detail: str, understood_by: str = '', status: Understanding = Understanding.NONE
+) -> Interpretation:
     """Return the interpretation of a text of which nothing was understood."""
-    clauses = (Unknown(text=text[:80]),) if text else ()
-    return Interpretation(text, Specification(clauses), understood_by, detail=detail)
+    specification = Specification((Unknown(text=text[:80]),) if text else ())
+    return Interpretation(text, specification, understood_by, status, detail)

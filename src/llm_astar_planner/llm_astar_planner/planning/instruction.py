@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
-from llm_astar_planner.instructions.asks import Ask, Zone
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause, Zone
 from llm_astar_planner.instructions.enforcement import (
     Demand,
     Enforced,

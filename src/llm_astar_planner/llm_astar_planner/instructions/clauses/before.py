@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
 from llm_astar_planner.instructions.regions import NOWHERE, Region, refused_phrase
 from llm_astar_planner.search import automata
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
 from llm_astar_planner.instructions.fields import Fields, SpecificationError, as_count
 from llm_astar_planner.instructions.regions import NOWHERE, Region
 from llm_astar_planner.search import automata

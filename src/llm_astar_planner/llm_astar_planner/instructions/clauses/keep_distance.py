@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause
 from llm_astar_planner.instructions.fields import MAX_METRES, Fields, SpecificationError, as_number
 from llm_astar_planner.instructions.regions import WALLS, Region, metres, region_from_json
 

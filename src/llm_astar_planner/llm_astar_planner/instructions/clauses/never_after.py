@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
 from llm_astar_planner.instructions.clauses.before import OfTwo
+from llm_astar_planner.instructions.clauses.clause import Ask, Rule
 from llm_astar_planner.instructions.regions import refused_phrase
 from llm_astar_planner.search import automata
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from llm_astar_planner.instructions import regions
-from llm_astar_planner.instructions.asks import Ask, Rule
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
 from llm_astar_planner.instructions.fields import Fields, as_choice
 from llm_astar_planner.search import automata
 
