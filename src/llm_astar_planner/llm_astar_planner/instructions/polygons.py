@@ -84,7 +84,10 @@ def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list
         case regions.NamedPlace(name):
             return [place_part(find_place(name, route))]
         case regions.Tagged(tag):
-            return [place_part(place) for place in tagged(tag, route)]
+            places = route.places.with_tag(tag)
+            if not places:
+                raise RegionError(f'no place is tagged {tag!r}')
+            return [place_part(place) for place in places]
         case regions.AnyOf(members):
             return [part for one in members for part in parts_of(one, route, radius)]
         case regions.AllOf(members):
@@ -100,7 +103,17 @@ def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list
         case regions.End(end):
             point = route.begin if end == 'start' else route.position(route.goal)
             return [disc(shapely.Point(point), VISIT_RADIUS)]
-    return [Part(simple_polygon(region, route))]
+        case regions.Box():
+            return [Part(box_polygon(region, route))]
+        case regions.Half(side, of):
+            return [Part(half_polygon(side, of, route))]
+        case regions.Between(first, second):
+            both = shapely.union_all([find_polygon(name, route) for name in (first, second)])
+            return [Part(shapely.convex_hull(both).difference(both))]
+        case regions.Along(place, width) if place != regions.WALLS:
+            polygon = find_polygon(place, route)
+            return [Part(grown(polygon, width).difference(polygon))]
+    raise RegionError('the strip along all walls is no polygon')
 
 
 def disc(point: BaseGeometry, radius: float) -> Part:
@@ -116,24 +129,6 @@ def cut(operation: Cut, parts: list[Part], others: list[Part]) -> list[Part]:
         part if polygon.equals(part.polygon) else Part(polygon, part.reach)
         for part, polygon in left
     ]
-
-
-def simple_polygon(region: Region, route: Route) -> BaseGeometry:
-    """Return a box, a half, a gap or a strip."""
-    match region:
-        case regions.Box():
-            return box_polygon(region, route)
-        case regions.Half(side, of):
-            return half_polygon(side, of, route)
-        case regions.Between(first, second):
-            both = shapely.union_all(
-                [place_polygon(find_place(name, route)) for name in (first, second)]
-            )
-            return shapely.convex_hull(both).difference(both)
-        case regions.Along(place, width) if place != regions.WALLS:
-            polygon = place_polygon(find_place(place, route))
-            return grown(polygon, width).difference(polygon)
-    raise RegionError('the strip along all walls is no polygon')
 
 
 def place_part(place: Place) -> Part:
@@ -167,12 +162,9 @@ def find_place(name: str, route: Route) -> Place:
     return place
 
 
-def tagged(tag: str, route: Route) -> tuple[Place, ...]:
-    """Return the places with a tag. Raises RegionError where there is none."""
-    places = route.places.with_tag(tag)
-    if not places:
-        raise RegionError(f'no place is tagged {tag!r}')
-    return places
+def find_polygon(name: str, route: Route) -> BaseGeometry:
+    """Return the polygon of the place of a name. Raises RegionError where there is none."""
+    return place_polygon(find_place(name, route))
 
 
 def place_polygon(place: Place) -> BaseGeometry:
@@ -192,27 +184,18 @@ def map_polygon(route: Route) -> BaseGeometry:
 
 def box_polygon(box: regions.Box, route: Route) -> BaseGeometry:
     """Return a box whose open sides end beyond the map."""
-    x0, y0, x1, y1 = map_polygon(route).bounds
-    bounds = (
-        max(box.x0, x0 - 1.0),
-        max(box.y0, y0 - 1.0),
-        min(box.x1, x1 + 1),
-        min(box.y1, y1 + 1),
-    )
-    if bounds[0] >= bounds[2] or bounds[1] >= bounds[3]:
-        return shapely.Polygon()
-    return shapely.box(*bounds)
+    bounds = np.array(map_polygon(route).bounds)
+    low = np.maximum(box.sides[:2], bounds[:2] - 1.0)
+    high = np.minimum(box.sides[2:], bounds[2:] + 1.0)
+    return shapely.box(*low, *high) if (low < high).all() else shapely.Polygon()
 
 
 def half_polygon(side: str, of: str, route: Route) -> BaseGeometry:
     """Return the half of the map, or of the place `of`, on a side."""
-    whole = place_polygon(find_place(of, route)) if of else map_polygon(route)
-    if side in regions.ROUTE_SIDES:
-        here = route.begin
-        return whole.intersection(half_plane(here, side_direction(side, route), whole))
+    whole = find_polygon(of, route) if of else map_polygon(route)
     x0, y0, x1, y1 = whole.bounds
-    middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-    return whole.intersection(half_plane(middle, DIRECTIONS[side], whole))
+    here = route.begin if side in regions.ROUTE_SIDES else ((x0 + x1) / 2, (y0 + y1) / 2)
+    return whole.intersection(half_plane(here, side_direction(side, route), whole))
 
 
 def half_plane(

@@ -132,10 +132,11 @@ def axis_line(run: Sequence[Lexeme]) -> Lexeme:
 
 def axis_range(run: Sequence[Lexeme]) -> Lexeme | None:
     """'x below 10', 'y > 3', 'x from 2 to 5' and 'between y = 5 and y = 20' as a Box."""
-    limits, axes = numbers_in(run), set(axes_in(run))
+    limits, (axis, *others) = numbers_in(run), axes_in(run)
     if len(limits) == 1:
         limits = [*limits, math.inf] if run[1].kind == 'ABOVE' else [-math.inf, *limits]
-    return None if len(axes) > 1 else joined(run, 'RANGE', (axis_box(*axes, *limits),))
+    low, high = limits
+    return None if {*others} - {axis} else joined(run, 'RANGE', (axis_box(axis, low, high),))
 
 
 def axis_box(axis: str, low: float, high: float) -> Box:
