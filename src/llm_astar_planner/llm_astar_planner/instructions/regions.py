@@ -47,7 +47,7 @@ class Region:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON form."""
-        raise NotImplementedError
+        return dict(vars(self))
 
     def phrase(self, any_one: bool = False) -> str:
         """Return the words for it; with `any_one`, one of the places of a tag is meant."""
@@ -64,10 +64,6 @@ class NamedPlace(Region):
 
     place: str
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {'place': self.place}
-
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return its name."""
         return f'the {self.place}'
@@ -81,10 +77,6 @@ class Tagged(Region):
     """All places of a kind or with a tag, together: `{"tag": TAG}`. A visit takes one of them."""
 
     tag: str
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {'tag': self.tag}
 
     def phrase(self, any_one: bool = False) -> str:
         """Return 'all blue places', or one of them."""
@@ -269,10 +261,6 @@ class End(Region):
     """The start or the goal of the request: `{"end": "start"}`."""
 
     end: str
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {'end': self.end}
 
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return 'the start'."""

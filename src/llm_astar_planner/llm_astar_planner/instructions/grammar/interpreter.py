@@ -610,7 +610,10 @@ def place_names(part: ReadPiece, kind: type[Clause], places: Places) -> set[str]
 
 def drop_withdrawn(parts: Sequence[ReadPiece]) -> None:
     """Drop the sentence before 'no, wait', and before 'Not the lab', which is an exception."""
-    withdrawn = {one.segment - 1 for one in parts if not one.is_read and one.piece.withdraws}
+    withdrawn = set()
+    for piece, segment in ((one.piece, one.segment) for one in parts if not one.is_read):
+        is_bare_not = 'NEG' in piece.kinds and not piece.kinds & KINDS.verbs
+        withdrawn |= {segment - 1} if piece.takes_back or is_bare_not else set()
     for part in parts:
         if part.segment in withdrawn:
             part.drop()
@@ -621,7 +624,7 @@ def drop_timed(parts: Sequence[ReadPiece]) -> None:
     ended, goes_on = (StayIn, EndAt), (Visit, Before, Then, Unsupported)
     for part, after in pairwise(parts):
         is_ended = any(
-            isinstance(one, ended) if after.piece.ends_route else not isinstance(one, goes_on)
+            isinstance(one, ended) if 'END' in after.piece.kinds else not isinstance(one, goes_on)
             for one in part.clauses
         )
         if after.piece.link == 'THEN' and is_ended:

@@ -218,31 +218,11 @@ class Piece:
         return self.first is not None and self.first.kind == 'ONCE'
 
     @property
-    def withdraws(self) -> bool:
-        """Whether it takes back or limits what was said before: 'no, wait', 'Not the lab'."""
-        is_bare_not = 'NEG' in self.kinds and not self.kinds & KINDS.verbs
-        return self.takes_back or is_bare_not
-
-    @property
-    def ends_route(self) -> bool:
-        """Whether it says where to end."""
-        return 'END' in self.kinds
-
-    @property
     def awaits_verb(self) -> bool:
         """Whether the next verb belongs to it: there is none yet, or an order word waits."""
         if self.lexemes and self.lexemes[0].kind in KINDS.order_words:
             return True
         return not (self.kinds & KINDS.verbs or 'THROUGH' in self.kinds)
-
-    @property
-    def closes_an_order(self) -> bool:
-        """Whether no verb followed its last order word yet: 'bevor du A | betrittst'."""
-        kinds = (lexeme.kind for lexeme in reversed(self.lexemes))
-        return (
-            next((kind for kind in kinds if kind in KINDS.order_words | KINDS.verbs), '')
-            in KINDS.order_words
-        )
 
 
 class Splitter:
@@ -258,9 +238,11 @@ class Splitter:
     def split(self) -> list[Piece]:
         """Return the pieces, each in the order that the grammar reads."""
         for at, lexeme in enumerate(self.lexemes):
+            # The 'no' of 'avoid A, no, B'.
+            is_no = lexeme.other == 'CONDITION' and self.kind_after(at) in ('COMMA', 'HARD')
             if self.skipped:
                 self.skipped -= 1
-            elif lexeme.kind in KINDS.separators or self.takes_back(at, lexeme):
+            elif lexeme.kind in KINDS.separators or is_no:
                 self.separate(at, lexeme)
             elif lexeme.kind == 'OR':
                 self.choose(at, lexeme)
@@ -296,10 +278,6 @@ class Splitter:
             lexeme.value == PAST and lexeme.kind in KINDS.verbs for lexeme in piece.lexemes
         )
         return has_past and not piece.kinds & KINDS.order_words and 'HAVING' not in piece.kinds
-
-    def takes_back(self, at: int, lexeme: Lexeme) -> bool:
-        """Whether it is the 'no' of 'avoid A, no, B'."""
-        return lexeme.other == 'CONDITION' and self.kind_after(at) in ('COMMA', 'HARD')
 
     @property
     def piece(self) -> Piece:
@@ -576,7 +554,10 @@ class Splitter:
         if lexeme.kind == 'NEG':
             waits = piece.awaits_verb and following in KINDS.verbs
             return not ('NEG' in piece.kinds or at_end or waits)
-        if at_end and (piece.closes_an_order or piece.kinds & KINDS.verbs <= KINDS.governing):
+        kinds = [one.kind for one in piece.lexemes if one.kind in KINDS.order_words | KINDS.verbs]
+        # No verb followed its last order word yet: 'bevor du A | betrittst'.
+        closes_an_order = bool(kinds) and kinds[-1] in KINDS.order_words
+        if at_end and (closes_an_order or piece.kinds & KINDS.verbs <= KINDS.governing):
             return False
         if lexeme.kind == 'ALONG' and piece.last == 'LENGTH':
             return False

@@ -164,7 +164,7 @@ def is_remark(piece: Piece) -> bool:
     if piece.is_broken or piece.order or not piece.lexemes or names_place(piece.lexemes):
         return False
     if piece.link == 'BECAUSE':
-        return piece.kinds <= KINDS.of_reasons
+        return bool(piece.kinds <= KINDS.of_reasons)
     return piece.kinds <= KINDS.harmless and {'STATE', 'REMARK'} <= piece.kinds
 
 
