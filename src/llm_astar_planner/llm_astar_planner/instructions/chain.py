@@ -47,6 +47,7 @@ MAX_WAITING = 8
 MAX_CALLBACKS = 32
 DROPPED = 'dropped, since newer questions came'
 Callback = Callable[[Interpretation], None]
+Waiting = tuple[Interpretation, Places, list[Callback]]
 
 
 class CachedInterpreter:
@@ -157,13 +158,12 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
     pending = not best.is_read and any(part.status is Understanding.PENDING for part in readings)
+    cost = ('seconds', 'prompt_tokens', 'output_tokens')
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
         detail='; '.join(filter(None, dict.fromkeys(reasons))),
-        seconds=sum(reading.seconds for reading in readings),
-        prompt_tokens=sum(reading.prompt_tokens for reading in readings),
-        output_tokens=sum(reading.output_tokens for reading in readings),
+        **{name: sum(getattr(one, name) for one in readings) for name in cost},
     )
 
 
@@ -196,12 +196,8 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
     # The form is that of prompts for waypoints.
-    asked = replace(
-        settings,
-        response_format='json_schema',
-        max_output_tokens=tokens,
-        prompt_form=MESSAGE,
-    )
+    form = {'response_format': 'json_schema', 'prompt_form': MESSAGE}
+    asked = replace(settings, max_output_tokens=tokens, **form)
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)
@@ -222,9 +218,7 @@ class BackgroundInterpreter:
         self._slow = CachedInterpreter(slow)
         self._time_limit = time_limit
         self._changed = threading.Condition()
-        self._waiting: OrderedDict[Key, tuple[Interpretation, Places, list[Callback]]] = (
-            OrderedDict()
-        )
+        self._waiting: OrderedDict[Key, Waiting] = OrderedDict()
         self._closed = False
         self._worker = threading.Thread(target=self._work, name='instructions', daemon=True)
         self._worker.start()
@@ -250,10 +244,8 @@ class BackgroundInterpreter:
             _, _, callbacks = self._waiting.pop(key, (reading, places, []))
             callbacks += [on_answer] if on_answer else []
             dropped = [(reading, callback) for callback in callbacks[:-MAX_CALLBACKS]]
-            del callbacks[:-MAX_CALLBACKS]
-            self._waiting[key] = reading, places, callbacks
-            if len(self._waiting) > MAX_WAITING:
-                dropped += self._drop_oldest()
+            self._waiting[key] = reading, places, callbacks[-MAX_CALLBACKS:]
+            dropped += self._drop_oldest() if len(self._waiting) > MAX_WAITING else []
             self._changed.notify()
         self._tell_dropped(dropped)
         return replace(reading, status=Understanding.PENDING)
@@ -272,8 +264,8 @@ class BackgroundInterpreter:
 
     def _tell_dropped(self, dropped: list[tuple[Interpretation, Callback]]) -> None:
         for reading, callback in dropped:
-            status = Understanding.PENDING
-            self._tell(callback, replace(reading, status=status, detail=DROPPED))
+            pending = replace(reading, status=Understanding.PENDING, detail=DROPPED)
+            self._tell(callback, pending)
 
     def _work(self) -> None:
         while True:

@@ -99,10 +99,8 @@ class Enforcer:
         priced = []
         for demand in self.demands:
             barred, rest = self.barred(demand)
-            if barred is not None:
-                closed |= barred
-            if rest is not None:
-                priced.append((demand.price, rest))
+            closed |= False if barred is None else barred
+            priced += [] if rest is None else [(demand.price, rest)]
         reached = self.reached(~self.route.costmap.blocked & ~closed)
         if not self.is_end_reached(reached, self.goals) or not all(
             (zone.cells & reached).any()
@@ -113,10 +111,8 @@ class Enforcer:
             return None
         rules: list[Automaton] = []
         for demand in self.demands:
-            made = [
-                rule.automaton(math.inf if demand.is_must else demand.price)
-                for rule in demand.ask.rules
-            ]
+            price = math.inf if demand.is_must else demand.price
+            made = [rule.automaton(price) for rule in demand.ask.rules]
             rules += made if demand.is_must or owes_wishes else map(without_duties, made)
         product = self.product(reached, self.goals, priced, rules)
         return Enforced(closed if closed.any() else None, product)
@@ -137,9 +133,8 @@ class Enforcer:
         rules = [
             rule.automaton(demand.price) for demand in self.demands for rule in demand.ask.rules
         ]
-        if not owes:
-            rules = [without_duties(rule) for rule in rules]
-        return Enforced(product=self.product(reached, goals, priced, rules))
+        owed = rules if owes else [without_duties(rule) for rule in rules]
+        return Enforced(product=self.product(reached, goals, priced, owed))
 
     @cached_property
     def goals(self) -> Mask | None:
@@ -164,9 +159,7 @@ class Enforcer:
         cells = demand.ask.ends_within / self.route.costmap.grid_map.resolution
         height, width = forbidden.touched.shape
         y, x = np.ogrid[:height, :width]
-        near = np.logical_or.reduce(
-            [np.hypot(x - end_x, y - end_y) <= cells for end_x, end_y in inside]
-        )
+        near = np.any([np.hypot(x - ex, y - ey) <= cells for ex, ey in inside], axis=0)
         return forbidden.touched & ~near, Cover(*(part & near for part in forbidden))
 
     def reached(self, free: Mask) -> Mask:
@@ -197,11 +190,8 @@ class Enforcer:
         zones: list[Zone] = []
         groups = []
         for demand in self.demands:
-            due = [
-                zone
-                for zone in demand.ask.visits
-                if zone.driven.any() or (zone.cells & reached).any()
-            ]
+            visited = demand.ask.visits
+            due = [one for one in visited if one.driven.any() or (one.cells & reached).any()]
             if due:
                 groups.append(tuple(range(len(zones), len(zones) + len(due))))
                 zones += due
@@ -270,11 +260,8 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
 def excludes(one: Ask, other: Ask) -> bool:
     """Tell whether one clause forbids all of a region that the other has to visit or end in."""
     if one.forbidden is None:
-        return (
-            one.goals is not None
-            and other.goals is not None
-            and not (one.goals & other.goals).any()
-        )
+        has_goals = one.goals is not None and other.goals is not None
+        return has_goals and not (one.goals & other.goals).any()  # type: ignore[operator]
     wanted = [zone.cells for zone in other.visits]
     wanted += [] if other.goals is None else [other.goals]
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)
