@@ -17,8 +17,12 @@ from llm_astar_planner.instructions.regions import Region, region_from_json
 
 if TYPE_CHECKING:  # clauses are read where no search is
     from llm_astar_planner.costmap.raster import Cover
-    from llm_astar_planner.instructions.ground import Ground
+    from llm_astar_planner.instructions import ground
     from llm_astar_planner.search.automata import Automaton
+
+    Ground = ground.Ground
+else:
+    Ground = object
 
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)

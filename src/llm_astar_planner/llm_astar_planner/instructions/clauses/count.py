@@ -6,15 +6,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
 from llm_astar_planner.instructions.fields import Fields, SpecificationError, as_count
 from llm_astar_planner.instructions.regions import NOWHERE, Region
 from llm_astar_planner.search import automata
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 MAX_ENTRIES = 8
 NUMERALS = {1: 'once', 2: 'twice'}

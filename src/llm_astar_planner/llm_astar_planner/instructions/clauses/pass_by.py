@@ -6,15 +6,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from llm_astar_planner.instructions import regions
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Rule
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
 from llm_astar_planner.instructions.fields import Fields, as_choice
 from llm_astar_planner.search import automata
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
 from llm_astar_planner.instructions.regions import NOWHERE, Region
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Clause, Ground
 from llm_astar_planner.instructions.fields import Fields, as_text
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
 from llm_astar_planner.instructions.fields import Fields, as_list
 from llm_astar_planner.instructions.regions import Region, bracketed, region_from_json
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)

@@ -167,17 +167,16 @@ def published(item: object) -> object:
     """Return the published form of a clause of an answer; what is no clause stays as it is."""
     if not isinstance(item, dict) or 'do' not in item:
         return item
-    fields = {name: value for name, value in item.items() if name not in ('do', 'where', 'text')}
+    own = {name: value for name, value in item.items() if name not in ('do', 'where', 'text')}
+    fields = {name: published_region(value) for name, value in own.items()}
     fields['kind'] = kind = item['do']
+    where = published_region(item.get('where'))
     if kind == 'visit':
-        fields['regions'] = [published_region(item.get('where'))]
+        fields['regions'] = [where]
     elif kind in _WHERE:
-        fields['region'] = published_region(item.get('where'))
+        fields['region'] = where
     elif kind == 'unknown':
         fields['text'] = UNKNOWN_PLACE
-    for name in ('first', 'second', 'from'):
-        if name in fields:
-            fields[name] = published_region(fields[name])
     return fields
 
 
