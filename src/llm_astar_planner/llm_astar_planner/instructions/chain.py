@@ -196,8 +196,8 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
     # The form is that of prompts for waypoints.
-    form = {'response_format': 'json_schema', 'prompt_form': MESSAGE}
-    asked = replace(settings, max_output_tokens=tokens, **form)
+    asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
+    asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)

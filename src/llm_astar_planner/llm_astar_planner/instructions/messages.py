@@ -143,8 +143,8 @@ def interpretation_from_json(value: object) -> Interpretation:
         status = status_of(specification)
     texts = {one: as_bounded_text(fields, one) for one in ('text', 'understood_by', 'detail')}
     tokens = {one: int(as_count(fields, one)) for one in ('prompt_tokens', 'output_tokens')}
-    numbers: dict[str, Any] = {'seconds': as_count(fields, 'seconds'), **tokens}
-    return Interpretation(specification=specification, status=status, **texts, **numbers)
+    values: dict[str, Any] = {**texts, 'seconds': as_count(fields, 'seconds'), **tokens}
+    return Interpretation(specification=specification, status=status, **values)
 
 
 def as_bounded_text(fields: Mapping[str, Any], name: str) -> str:
