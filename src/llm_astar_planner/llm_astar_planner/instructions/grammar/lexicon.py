@@ -189,12 +189,12 @@ def head_nouns(
     return frozenset()
 
 
-def generic_of(place: Place, called: Collection[str]) -> str:
-    """Return the generic word for a place that is called by some nouns."""
+def generic_of(place: Place, called: Collection[str] | None = None) -> str:
+    """Return the generic word for a place that is called by some nouns, else by its own."""
     if place.is_object:
         return OBJECT
-    known = [nouns().generic[name] for name in sorted(called)]
-    return known[0] if known else UNNAMED
+    called = place_nouns(place) if called is None else called
+    return nouns().generic[min(called)] if called else UNNAMED
 
 
 def name_languages(places: Places) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_METRES, SpecificationError
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
-from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of, place_nouns
+from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of
 from llm_astar_planner.instructions.grammar.selection import (
     OPPOSITE,
     Modifier,
@@ -469,7 +469,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'stay on the north side', 'stay on the bridge'; but where is 'stay at the desk'."""
         if isinstance(thing.one, (Half, Box)):
             return self.keep_to(thing)
-        if generic_of(thing.place, place_nouns(thing.place)) != PASSAGE:
+        if generic_of(thing.place) != PASSAGE:
             raise Unclear('to stay in it or to end there')
         return self.stay_in(thing)
 
@@ -498,7 +498,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             return self.keep_to(thing)
         if isinstance(thing.one, Between):
             return visits((thing,))
-        generic = generic_of(thing.place, place_nouns(thing.place))
+        generic = generic_of(thing.place)
         if generic == DOOR:
             return visits((thing,))
         if generic != PASSAGE:
@@ -511,10 +511,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         thing = single(things)
         if thing.is_walls or (thing.places and thing.place.is_object):
             return self.stay_close(things)
-        if thing.places and not isinstance(thing.one, Half):
-            generic = generic_of(thing.place, place_nouns(thing.place))
-            if generic != PASSAGE:
-                raise Unclear('along it or through it')
+        is_place = bool(thing.places) and not isinstance(thing.one, Half)
+        if is_place and generic_of(thing.place) != PASSAGE:
+            raise Unclear('along it or through it')
         return self.keep_to(thing)
 
     def drive_on(self, thing: Selection) -> Meant:
@@ -532,9 +531,8 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def stay_within(self, metres: Token, things: Things) -> Meant:
         """'stay within 2 m of the walls'."""
         thing = single(things)
-        if thing.is_point:
-            return StayIn(region=with_radius(thing, positive(value(metres))))
-        return StayIn(region=strip_along(thing, value(metres)))
+        around = with_radius if thing.is_point else strip_along
+        return StayIn(region=around(thing, positive(value(metres))))
 
     # ---- pass
 

@@ -27,25 +27,8 @@ NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?')
 # Between two numbers they make a range or something else that is no number: '2-3', '2 - 3'.
 DASHES = frozenset('-\u2010\u2011\u2013\u2014\u2212~')
 # What may be written at a number without a space and is no part of an identifier: '3m', '5pm'.
-SUFFIXES = frozenset(
-    [
-        'm',
-        'mm',
-        'cm',
-        'km',
-        'ft',
-        'yd',
-        'meter',
-        'metres',
-        'mal',
-        'min',
-        'mins',
-        'sec',
-        'am',
-        'pm',
-        'uhr',
-    ]
-)
+SUFFIXES = frozenset({'m', 'mm', 'cm', 'km', 'ft', 'yd', 'meter', 'metres', 'mal'})
+SUFFIXES |= {'min', 'mins', 'sec', 'am', 'pm', 'uhr'}
 # The longest letters before a number that make an identifier with it: 'B12', but not 'ward2'.
 LONGEST_PREFIX = 2
 NUMBER_SIGNS = frozenset('.,+/*')
