@@ -16,6 +16,7 @@ from lark import Lark, Token, Transformer, v_args
 from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer as LarkLexer
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
@@ -28,39 +29,12 @@ from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_METRES, SpecificationError
+from llm_astar_planner.instructions.grammar import selection
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of
-from llm_astar_planner.instructions.grammar.selection import (
-    OPPOSITE,
-    Modifier,
-    Selection,
-    Unclear,
-    axis_half,
-    common_box,
-    half_of,
-    joint_limits,
-    outside,
-    select_group,
-    select_place,
-)
+from llm_astar_planner.instructions.grammar.selection import Selection, Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
-from llm_astar_planner.instructions.regions import (
-    ALONG_WIDTH,
-    NEAR_WIDTH,
-    WALLS,
-    AllOf,
-    Along,
-    AnyOf,
-    Between,
-    Box,
-    Disc,
-    End,
-    Except,
-    Half,
-    NamedPlace,
-    Region,
-    region_from_json,
-)
+from llm_astar_planner.instructions.regions import Region
 
 # Typed differently by the versions of lark: 1.x, and lark-parser 0.12 of the ROS wheels.
 Callbacks: Any = Transformer
@@ -93,12 +67,12 @@ Meant = Clause | tuple[Clause, ...] | ParsedClause
 
 def visit_of(things: Things) -> Visit:
     """Return the visit of all things, in any order. Raises Unclear."""
-    regions: list[Region] = []
+    found: list[Region] = []
     for thing in things:
         if thing.is_walls:
             raise Unclear('walls cannot be visited')
-        regions += [thing.one] if thing.any_one else thing.regions
-    return Visit(regions=tuple(regions))
+        found += [thing.one] if thing.any_one else thing.regions
+    return Visit(regions=tuple(found))
 
 
 def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
@@ -125,8 +99,8 @@ def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
         if thing.is_point:
             clauses.append(Avoid(region=with_radius(thing, positive(metres))))
         else:
-            regions = (None,) if thing.is_walls else thing.each
-            clauses += [KeepDistance(metres=positive(metres), region=one) for one in regions]
+            apart = (None,) if thing.is_walls else thing.each
+            clauses += [KeepDistance(metres=positive(metres), region=one) for one in apart]
     return tuple(clauses)
 
 
@@ -160,12 +134,12 @@ def after_each(
     return tuple(kind(first=first, second=second) for first, second in pairs)
 
 
-def with_radius(thing: Selection, metres: float) -> Disc:
+def with_radius(thing: Selection, metres: float) -> regions.Disc:
     """Return a point as a disc."""
     point = thing.one
-    if not isinstance(point, Disc):
+    if not isinstance(point, regions.Disc):
         raise Unclear('no point')
-    return Disc(point.x, point.y, metres)
+    return regions.Disc(point.x, point.y, metres)
 
 
 def positive(metres: float) -> float:
@@ -175,9 +149,9 @@ def positive(metres: float) -> float:
     return metres
 
 
-def strip_along(thing: Selection, metres: float) -> Along:
+def strip_along(thing: Selection, metres: float) -> regions.Along:
     """Return the strip around a place or the walls."""
-    return Along(WALLS if thing.is_walls else thing.place.name, positive(metres))
+    return regions.Along(regions.WALLS if thing.is_walls else thing.place.name, positive(metres))
 
 
 def all_objects(thing: Selection) -> bool:
@@ -187,14 +161,14 @@ def all_objects(thing: Selection) -> bool:
 
 def refuse_half_of_object(thing: Selection) -> None:
     """Raise Unclear for 'the south side of the rack': nobody can drive in it."""
-    if isinstance(thing.one, Half) and all_objects(thing):
+    if isinstance(thing.one, regions.Half) and all_objects(thing):
         raise Unclear('the side of what nobody can enter')
 
 
 def joined(region: Region) -> Region:
     """Return a region put together of others. Raises Unclear where it is too deep or too large."""
     try:
-        return region_from_json(region.to_json(), '')
+        return regions.region_from_json(region.to_json(), '')
     except SpecificationError as error:
         raise Unclear(str(error)) from None
 
@@ -202,14 +176,14 @@ def joined(region: Region) -> Region:
 def without(thing: Selection, left_out: tuple[Region, ...]) -> Selection:
     """Return a selection without some regions. Raises Unclear where nothing is left of it."""
     is_one = len(thing.each) == 1 or bool(thing.any_one)
-    rest = joined(Except(thing.one, left_out)) if is_one else None
-    regions = tuple(region for region in thing.regions if region not in left_out)
-    if rest is None and not regions:
+    rest = joined(regions.Except(thing.one, left_out)) if is_one else None
+    kept = tuple(region for region in thing.regions if region not in left_out)
+    if rest is None and not kept:
         raise Unclear('nothing is left')
-    places = tuple(one for one in thing.places if NamedPlace(one.name) not in left_out)
+    places = tuple(one for one in thing.places if regions.NamedPlace(one.name) not in left_out)
     if not thing.is_group or (rest is not None and thing.any_one):
         return replace(thing, regions=(rest,), together=None, places=())  # type: ignore[arg-type]
-    return replace(thing, regions=regions, together=rest, places=places)
+    return replace(thing, regions=kept, together=rest, places=places)
 
 
 def count_of(things: Things, least: int, most: int | None) -> tuple[Clause, ...]:
@@ -250,7 +224,7 @@ def visits(*in_turn: Things) -> tuple[Clause, ...]:
 def beside(sides: tuple[str, str], line: Token) -> Selection:
     """Return what lies on a side of a line: on the first of two sides of one of y, else of x."""
     axis, at = value(line)
-    return Selection((axis_half(sides[axis == 'x'], axis, at),), is_limit=True)
+    return Selection((selection.axis_half(sides[axis == 'x'], axis, at),), is_limit=True)
 
 
 @v_args(inline=True)
@@ -307,7 +281,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
         To go around the west end of a wall is to pass it in the west.
         """
-        if any(isinstance(region, Half) for thing in things for region in thing.regions):
+        if any(isinstance(region, regions.Half) for thing in things for region in thing.regions):
             return self.pass_half(single(things))
         if any(thing.is_positioned for thing in things):
             raise Unclear('the side of the places or of the way')
@@ -321,7 +295,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def avoid_field(self, thing: Selection) -> Meant:
         """'do not go north of y = 10'."""
-        if not isinstance(thing.one, (Box, Half, Between)):
+        if not isinstance(thing.one, (regions.Box, regions.Half, regions.Between)):
             raise Unclear('no area')
         return avoid_of((thing,))
 
@@ -350,13 +324,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def visit_half(self, side: Token) -> Meant:
         """'by the east'."""
-        return Visit(regions=(Half(str(value(side))),))
+        return Visit(regions=(regions.Half(str(value(side))),))
 
     def go_near(self, things: Things) -> Meant:
         """'go near A', 'go past A'."""
-        if any(thing.is_point or isinstance(thing.one, End) for thing in things):
+        if any(thing.is_point or isinstance(thing.one, regions.End) for thing in things):
             raise Unclear('how near')
-        strips = tuple(strip_along(thing, NEAR_WIDTH) for thing in things)
+        strips = tuple(strip_along(thing, regions.NEAR_WIDTH) for thing in things)
         return ParsedClause((Visit(regions=strips),))
 
     def patrol(self, things: Things, rounds: Token | None = None) -> Meant:
@@ -369,7 +343,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def come_back(self) -> Meant:
         """'there and back', 'come back'."""
-        return Visit(regions=(End('goal'),)), EndAt(region=End('start'))
+        return Visit(regions=(regions.End('goal'),)), EndAt(region=regions.End('start'))
 
     def visit_between(self, gap: Selection) -> Meant:
         """'drive between A and B'."""
@@ -454,7 +428,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def move_in(self, thing: Selection) -> Meant:
         """'drive in the north half'."""
-        if not isinstance(thing.one, (Half, Box)):
+        if not isinstance(thing.one, (regions.Half, regions.Box)):
             raise Unclear('through it or within it')
         return StayIn(SHOULD, region=thing.one)
 
@@ -467,7 +441,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def stay_on(self, thing: Selection) -> Meant:
         """'stay on the north side', 'stay on the bridge'; but where is 'stay at the desk'."""
-        if isinstance(thing.one, (Half, Box)):
+        if isinstance(thing.one, (regions.Half, regions.Box)):
             return self.keep_to(thing)
         if generic_of(thing.place) != PASSAGE:
             raise Unclear('to stay in it or to end there')
@@ -476,27 +450,27 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def keep_to(self, thing: Selection) -> Meant:
         """'keep to the south side'."""
         refuse_half_of_object(thing)
-        if isinstance(thing.one, Box) and outside(thing.one) is not None:
+        if isinstance(thing.one, regions.Box) and selection.outside(thing.one) is not None:
             return self.stay_field(thing)
         return StayIn(SHOULD, region=thing.one)
 
     def keep_side(self, side: str) -> Meant:
         """'keep north', 'as far north as you can'."""
-        return StayIn(SHOULD, region=Half(side))
+        return StayIn(SHOULD, region=regions.Half(side))
 
     def stay_field(self, thing: Selection) -> Meant:
         """'stay south of y = 10'."""
         region = thing.one
-        if not isinstance(region, Box):
+        if not isinstance(region, regions.Box):
             raise Unclear('to stay in what')
-        beyond = outside(region)
+        beyond = selection.outside(region)
         return StayIn(region=region) if beyond is None else Avoid(region=beyond)
 
     def take(self, thing: Selection) -> Meant:
         """'take the middle aisle' is to drive along it, 'take the door' is to go through."""
-        if isinstance(thing.one, (Half, Box)):
+        if isinstance(thing.one, (regions.Half, regions.Box)):
             return self.keep_to(thing)
-        if isinstance(thing.one, Between):
+        if isinstance(thing.one, regions.Between):
             return visits((thing,))
         generic = generic_of(thing.place)
         if generic == DOOR:
@@ -511,7 +485,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         thing = single(things)
         if thing.is_walls or (thing.places and thing.place.is_object):
             return self.stay_close(things)
-        is_place = bool(thing.places) and not isinstance(thing.one, Half)
+        is_place = bool(thing.places) and not isinstance(thing.one, regions.Half)
         if is_place and generic_of(thing.place) != PASSAGE:
             raise Unclear('along it or through it')
         return self.keep_to(thing)
@@ -519,13 +493,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def drive_on(self, thing: Selection) -> Meant:
         """'drive on the north side', 'drive on the north side of the rack'."""
         region = thing.one
-        if not isinstance(region, Half):
+        if not isinstance(region, regions.Half):
             raise Unclear('to drive on what')
         return self.pass_half(thing) if region.of else self.keep_to(thing)
 
     def stay_close(self, things: Things) -> Meant:
         """'hug the walls'."""
-        strip = strip_along(single(things), ALONG_WIDTH)
+        strip = strip_along(single(things), regions.ALONG_WIDTH)
         return StayIn(SHOULD, region=strip)
 
     def stay_within(self, metres: Token, things: Things) -> Meant:
@@ -545,9 +519,11 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def go_past(self, things: Things) -> Meant:
         """'drive past A' is to come near it, if it is an object or a point."""
-        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, Half):
+        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, regions.Half):
             return self.pass_half(things[0])
-        if all(isinstance(region, Between) for thing in things for region in thing.regions):
+        if all(
+            isinstance(region, regions.Between) for thing in things for region in thing.regions
+        ):
             return visits(things)
         if any(thing.is_positioned for thing in things):
             raise Unclear('past it or through it')
@@ -576,13 +552,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def pass_half(self, thing: Selection) -> Meant:
         """'pass on the north side of A'."""
         region = thing.one
-        if not isinstance(region, Half) or not region.of or not thing.place.is_object:
+        if not isinstance(region, regions.Half) or not region.of or not thing.place.is_object:
             raise Unclear('past it or through it')
-        return Pass(region=NamedPlace(region.of), side=region.side)
+        return Pass(region=regions.NamedPlace(region.of), side=region.side)
 
     def leave_at(self, thing: Selection, side: str) -> Meant:
         """'keep A on your left' is to pass it on its right."""
-        return self.pass_at((thing,), OPPOSITE[side])
+        return self.pass_at((thing,), selection.OPPOSITE[side])
 
     def at_side(self, *tokens: Token) -> str:
         """'on the north side'."""
@@ -611,7 +587,10 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         if len(things) > 1 and any(thing.is_except for thing in things):
             raise Unclear('except from which of them')
         if len(limits) > 1:
-            return (*(thing for thing in things if not thing.is_limit), *joint_limits(limits))
+            return (
+                *(thing for thing in things if not thing.is_limit),
+                *selection.joint_limits(limits),
+            )
         return things
 
     def choice(self, *things: Selection) -> Things:
@@ -627,7 +606,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         )
         if len(set(parts)) < len(parts):
             raise Unclear('the same place twice')
-        return Selection((joined(AnyOf(parts)),), any_one='one')
+        return Selection((joined(regions.AnyOf(parts)),), any_one='one')
 
     def bracket(self, thing: Selection) -> Selection:
         """'(A except B)'."""
@@ -639,7 +618,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def overlap(self, things: Things) -> Selection:
         """'the overlap (A and B)'."""
-        return Selection((joined(AllOf(tuple(thing.one for thing in things))),))
+        return Selection((joined(regions.AllOf(tuple(thing.one for thing in things))),))
 
     def except_of(self, thing: Selection, others: Things) -> Selection:
         """'all rooms except A and B'."""
@@ -652,11 +631,11 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def endpoint(self, token: Token) -> Selection:
         """'the start'."""
-        return Selection((End(value(token)),))
+        return Selection((regions.End(value(token)),))
 
     def place(self, token: Token) -> Selection:
         """A name."""
-        return select_place(value(token))
+        return selection.select_place(value(token))
 
     def all_of(self, _: Token, place: Selection) -> Selection:
         """'all of A'."""
@@ -665,26 +644,28 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def point(self, token: Token) -> Selection:
         """'20, 12'."""
         x, y = value(token)
-        return Selection((Disc(x, y),), is_point=True)
+        return Selection((regions.Disc(x, y),), is_point=True)
 
-    def group(self, described: tuple[Group, list[Modifier]], *where: list[Modifier]) -> Selection:
+    def group(
+        self, described: tuple[Group, list[selection.Modifier]], *where: list[selection.Modifier]
+    ) -> Selection:
         """'the northern rooms', 'the room in the top left'."""
         noun, parts = described
-        return select_group(noun, parts, where[0] if where else [])
+        return selection.select_group(noun, parts, where[0] if where else [])
 
-    def described(self, *parts: Any) -> tuple[Group, list[Modifier]]:
+    def described(self, *parts: Any) -> tuple[Group, list[selection.Modifier]]:
         """'all blue rooms', 'la salle bleue': adjectives and the noun."""
         noun, *after = tokens_of(parts)
-        adjectives = [part for part in parts if isinstance(part, Modifier)]
+        adjectives = [part for part in parts if isinstance(part, selection.Modifier)]
         return value(noun), [*adjectives, *map(self.adjective, after)]
 
-    def adjective(self, token: Token) -> Modifier:
+    def adjective(self, token: Token) -> selection.Modifier:
         """'blue', 'northern', 'all'."""
-        return Modifier(token.type, value(token))
+        return selection.Modifier(token.type, value(token))
 
-    def where(self, *tokens: Token) -> list[Modifier]:
+    def where(self, *tokens: Token) -> list[selection.Modifier]:
         """'in the top left', 'in the middle'."""
-        return [Modifier(token.type, value(token)) for token in tokens]
+        return [selection.Modifier(token.type, value(token)) for token in tokens]
 
     def around(self, metres: Token, thing: Selection) -> Selection:
         """'the 3 m around 20, 12'."""
@@ -700,7 +681,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'the north half of the lab'."""
         tokens = tokens_of(parts)
         whole = next((part for part in parts if not isinstance(part, Token)), None)
-        return half_of(self.at_side(*tokens), 'HALFNOUN' in {one.type for one in tokens}, whole)
+        return selection.half_of(
+            self.at_side(*tokens), 'HALFNOUN' in {one.type for one in tokens}, whole
+        )
 
     def of_map(self) -> str:
         """'of the map'."""
@@ -728,33 +711,33 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def limits(self, box: Token) -> Selection:
         """'x below 10', 'between y = 5 and y = 20'."""
-        return Selection((common_box(value(box)),), is_limit=True)
+        return Selection((selection.common_box(value(box)),), is_limit=True)
 
     def ranges(self, box: Token) -> Selection:
         """'the area with x from 1 to 2 and y above 3'."""
-        return Selection((common_box(value(box)),))
+        return Selection((selection.common_box(value(box)),))
 
     def whole(self) -> Selection:
         """'the whole map'."""
-        return Selection((common_box(()),))
+        return Selection((selection.common_box(()),))
 
     def between(self, first: Selection, second: Selection) -> Selection:
         """'between A and B'."""
-        return Selection((Between(first.place.name, second.place.name),))
+        return Selection((regions.Between(first.place.name, second.place.name),))
 
     def between_two(self, pair: Selection) -> Selection:
         """'between the racks', if there are two."""
         if len(pair.places) != 2:
             raise Unclear('between which two')
         first, second = pair.places
-        return Selection((Between(first.name, second.name),))
+        return Selection((regions.Between(first.name, second.name),))
 
     def rectangle(self, corner: Token, other: Token) -> Selection:
         """'the rectangle from 1, 2 to 3, 4'."""
         (x0, y0), (x1, y1) = value(corner), value(other)
         if x0 == x1 or y0 == y1:
             raise Unclear('an empty area')
-        return Selection((Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
+        return Selection((regions.Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
 
     def strip(self, metres: Token, _: Token, thing: Selection) -> Selection:
         """'the 1 m along the lab'."""

@@ -123,17 +123,15 @@ def orientation(place: Place) -> str:
     """Return 'horizontal' or 'vertical' for a place that is long and narrow, else ''."""
     x0, y0, x1, y1 = place.geometry.bounds
     wide, high = x1 - x0, y1 - y0
-    if wide >= ELONGATED * high > 0:
-        return 'horizontal'
-    return 'vertical' if high >= ELONGATED * wide > 0 else ''
+    upright = 'vertical' if high >= ELONGATED * wide > 0 else ''
+    return 'horizontal' if wide >= ELONGATED * high > 0 else upright
 
 
 def compass_word(x: float, y: float, box: Sequence[float]) -> str:
     """Return in which ninth of a box a point lies: 'north-west', ..., 'middle'."""
-    column = third(x, box[0], box[2])
-    row = third(y, box[1], box[3])
-    words = [('south', '', 'north')[row], ('west', '', 'east')[column]]
-    return '-'.join(word for word in words if word) or 'middle'
+    row = ('south', '', 'north')[third(y, box[1], box[3])]
+    column = ('west', '', 'east')[third(x, box[0], box[2])]
+    return '-'.join(filter(None, (row, column))) or 'middle'
 
 
 def third(value: float, low: float, high: float) -> int:

@@ -30,7 +30,7 @@ def check(measurement: Measurement, clause: Avoid, _: int) -> ClauseOutcome:
     if metres <= NEGLIGIBLE and not ends_inside:
         off = '' if measurement.on_map(area) else ', the region lies off the map'
         return kept(clause, f'0.0 m inside{off}')
-    reference, where = measurement.reference, measurement.first_point(spans)
+    reference, where = measurement.reference, measurement.path.point(float(spans[0, 0]))
     impossible = ends_inside or (
         reference.small_enough and reference.separates(reference.inside(area))
     )

@@ -137,10 +137,6 @@ class Measurement:
             how = {'is_least': metres <= self.allowed(least)}
         return broken(clause, detail, metres, where, least, **how)
 
-    def first_point(self, spans: geometry.Spans) -> Point:
-        """Return the point of the path at which spans begin."""
-        return self.path.point(float(spans[0, 0]))
-
     def place_text(self, place: float) -> str:
         """Return a place of the drive as details show it: '4.1, 3.0', and if it was driven."""
         driven = ' on the way driven' if place < self.begin else ''
