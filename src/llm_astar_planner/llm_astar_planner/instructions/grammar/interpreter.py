@@ -40,7 +40,7 @@ from llm_astar_planner.instructions.grammar.meaning import (
 )
 from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
-from llm_astar_planner.instructions.grammar.selection import Unclear
+from llm_astar_planner.instructions.grammar.selection import Unclear, unclear_if
 from llm_astar_planner.instructions.grammar.vocabulary import (
     KINDS,
     LANGUAGES,
@@ -135,8 +135,7 @@ def both_asked(first: str, second: str) -> str:
     """Return two questions as one. Raises Unclear where it is too long."""
     if not first or not second or second in first:
         return first or second
-    if len(first) + len(second) >= MAX_QUESTION_CHARS:
-        raise Unclear('too many doubts')
+    unclear_if(len(first) + len(second) >= MAX_QUESTION_CHARS, 'too many doubts')
     return f'{first} {second}'
 
 
@@ -379,8 +378,7 @@ class Assembler:
         names = self.lexer.lexicon.names.words
         for one in errands:
             said = {word.text for word in self.words if one.start <= word.start < one.end}
-            if any(len(word) > 2 for word in said & names):
-                raise Unclear('a thing or a place')
+            unclear_if(any(len(word) > 2 for word in said & names), 'a thing or a place')
         found = [(lexeme, lexeme.value) for lexeme in piece.unsupported]
         found += [(lexeme, 'action') for lexeme in errands]
         return [Unsupported(text=self.words_of(one), about=about) for one, about in found]
@@ -389,10 +387,8 @@ class Assembler:
         """Raise Unclear for a time at what is not only visited: 'avoid the lab before noon'."""
         is_timed = any(one.value in ('time', 'waiting') for one in piece.unsupported)
         only_visits = all(isinstance(clause, (Visit, EndAt, Before)) for clause in clauses)
-        if is_timed and not only_visits:
-            raise Unclear('at a time, or always')
-        if piece.unsupported and 'NEG' in piece.kinds:
-            raise Unclear('not so, or not at all')
+        unclear_if(is_timed and not only_visits, 'at a time, or always')
+        unclear_if(piece.unsupported and 'NEG' in piece.kinds, 'not so, or not at all')
 
     def at_once(
         self, piece: Piece, soon: Lexeme, clauses: tuple[Clause, ...]
@@ -434,8 +430,7 @@ class Assembler:
             raise Unclear('which of them afterwards')
         if piece.is_first and is_after_visit and piece.link != 'BUT':
             raise Unclear('first, after another visit')
-        if piece.link == 'THEN' and piece.goes_on and not self.parts:
-            raise Unclear('to go on with what')
+        unclear_if(piece.link == 'THEN' and piece.goes_on and not self.parts, 'to go on with what')
         if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
             clauses += befores_of(*clauses)  # type: ignore[arg-type]
         if 'LAST' in piece.said:
@@ -476,8 +471,7 @@ STRAIGHT = 'straight'
 
 def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
     """Return visits with the last of 'A, B last' as one of its own. Raises Unclear for others."""
-    if not all(isinstance(clause, Visit) for clause in clauses):
-        raise Unclear('the last of what')
+    unclear_if(not all(isinstance(clause, Visit) for clause in clauses), 'the last of what')
     *others, last = (region for clause in clauses for region in clause.regions)
     joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == 'AND']
     if len(clauses) == 1 and others and joints[-1:] == ['COMMA']:

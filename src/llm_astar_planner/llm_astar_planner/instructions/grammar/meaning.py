@@ -32,7 +32,7 @@ from llm_astar_planner.instructions.fields import MAX_METRES, SpecificationError
 from llm_astar_planner.instructions.grammar import selection
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of
-from llm_astar_planner.instructions.grammar.selection import Selection, Unclear
+from llm_astar_planner.instructions.grammar.selection import Selection, Unclear, unclear_if
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.regions import Region
 
@@ -69,8 +69,7 @@ def visit_of(things: Things) -> Visit:
     """Return the visit of all things, in any order. Raises Unclear."""
     found: list[Region] = []
     for thing in things:
-        if thing.is_walls:
-            raise Unclear('walls cannot be visited')
+        unclear_if(thing.is_walls, 'walls cannot be visited')
         found += [thing.one] if thing.any_one else thing.regions
     return Visit(regions=tuple(found))
 
@@ -79,8 +78,7 @@ def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
     """Return what avoids all things. Raises Unclear."""
     clauses: list[Clause] = []
     for thing in things:
-        if thing.any_one == 'one':
-            raise Unclear('which one is to be avoided')
+        unclear_if(thing.any_one == 'one', 'which one is to be avoided')
         if thing.is_walls or (all_objects(thing) and not metres):
             clauses += distance_of((thing,), metres or CLEAR)
         elif thing.is_point and metres:
@@ -94,8 +92,7 @@ def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
     """Return what keeps a distance from all things. Raises Unclear."""
     clauses: list[Clause] = []
     for thing in things:
-        if thing.any_one == 'one':
-            raise Unclear('a distance from which one')
+        unclear_if(thing.any_one == 'one', 'a distance from which one')
         if thing.is_point:
             clauses.append(Avoid(region=with_radius(thing, positive(metres))))
         else:
@@ -106,8 +103,7 @@ def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
 
 def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
     """Return that each of the second things is entered after each of the first ones."""
-    if any(two.is_all for two in seconds):
-        raise Unclear('some of them or none')
+    unclear_if(any(two.is_all for two in seconds), 'some of them or none')
     return tuple(
         Before(first=first, second=two.one) for two in seconds for first in each_of(firsts)
     )
@@ -129,8 +125,7 @@ def after_each(
     if any(thing.is_walls or thing.is_all for thing in (*firsts, *seconds)):
         raise Unclear('some of them or none')
     pairs = list(product(each_of(firsts), each_of(seconds)))
-    if kind is Then and len(firsts) > 1:
-        raise Unclear('after both of them or after each')
+    unclear_if(kind is Then and len(firsts) > 1, 'after both of them or after each')
     return tuple(kind(first=first, second=second) for first, second in pairs)
 
 
@@ -144,8 +139,7 @@ def with_radius(thing: Selection, metres: float) -> regions.Disc:
 
 def positive(metres: float) -> float:
     """Return a distance. Raises Unclear where there is none."""
-    if not 0.0 < metres <= MAX_METRES:
-        raise Unclear('no distance that can be kept')
+    unclear_if(not 0.0 < metres <= MAX_METRES, 'no distance that can be kept')
     return metres
 
 
@@ -178,8 +172,7 @@ def without(thing: Selection, left_out: tuple[Region, ...]) -> Selection:
     is_one = len(thing.each) == 1 or bool(thing.any_one)
     rest = joined(regions.Except(thing.one, left_out)) if is_one else None
     kept = tuple(region for region in thing.regions if region not in left_out)
-    if rest is None and not kept:
-        raise Unclear('nothing is left')
+    unclear_if(rest is None and not kept, 'nothing is left')
     places = tuple(one for one in thing.places if regions.NamedPlace(one.name) not in left_out)
     if not thing.is_group or (rest is not None and thing.any_one):
         return replace(thing, regions=(rest,), together=None, places=())  # type: ignore[arg-type]
@@ -195,8 +188,7 @@ def count_of(things: Things, least: int, most: int | None) -> tuple[Clause, ...]
 
 def single(things: Things) -> Selection:
     """Return the only thing. Raises Unclear where there are several."""
-    if len(things) != 1:
-        raise Unclear('several things where one is expected')
+    unclear_if(len(things) != 1, 'several things where one is expected')
     return things[0]
 
 
@@ -266,14 +258,12 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def refuse(self, *parts: Any) -> Meant:
         """'do not enter A', but 'do not enter all of them' allows some."""
         *how, things = parts
-        if any(thing.is_all for thing in things):
-            raise Unclear('some of them or none')
+        unclear_if(any(thing.is_all for thing in things), 'some of them or none')
         return self.avoid_use(how[0] if how else '', things)
 
     def closed(self, things: Things) -> Meant:
         """'A is closed'."""
-        if any(thing.any_one for thing in things):
-            raise Unclear('which one is closed')
+        unclear_if(any(thing.any_one for thing in things), 'which one is closed')
         return avoid_of(things)
 
     def avoid_around(self, things: Things) -> Meant:
@@ -301,8 +291,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def not_bare(self, things: Things) -> Meant:
         """'not A', which means something only after a visit."""
-        if len(things) > 1 or any(thing.is_all for thing in things):
-            raise Unclear('not what')
+        unclear_if(len(things) > 1 or any(thing.is_all for thing in things), 'not what')
         return ParsedClause(avoid_of(things), is_negative=True)
 
     def by(self, metres: Token) -> float:
@@ -336,8 +325,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def patrol(self, things: Things, rounds: Token | None = None) -> Meant:
         """'patrol A, B and C twice': the round, twice; without a number one, to be confirmed."""
         least, most, _ = (1, 1, False) if rounds is None else value(rounds)
-        if least != most:
-            raise Unclear('how many rounds')
+        unclear_if(least != most, 'how many rounds')
         round_of = [Visit(regions=(region,)) for thing in things for region in each_of((thing,))]
         return ParsedClause(tuple(round_of * least), question='' if rounds else 'round')
 
@@ -406,8 +394,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'never go to A more than twice'."""
         (times,), (things,) = tokens_of(parts), two(parts)
         least, most, turns = value(times)
-        if not turns:
-            raise Unclear('not so often')
+        unclear_if(not turns, 'not so often')
         return count_of(things, 0, least - 1) if least else count_of(things, int(most) + 1, None)
 
     def before(self, *parts: Any) -> Meant:
@@ -443,8 +430,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'stay on the north side', 'stay on the bridge'; but where is 'stay at the desk'."""
         if isinstance(thing.one, (regions.Half, regions.Box)):
             return self.keep_to(thing)
-        if generic_of(thing.place) != PASSAGE:
-            raise Unclear('to stay in it or to end there')
+        unclear_if(generic_of(thing.place) != PASSAGE, 'to stay in it or to end there')
         return self.stay_in(thing)
 
     def keep_to(self, thing: Selection) -> Meant:
@@ -475,8 +461,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         generic = generic_of(thing.place)
         if generic == DOOR:
             return visits((thing,))
-        if generic != PASSAGE:
-            raise Unclear('to go through it or to stay in it')
+        unclear_if(generic != PASSAGE, 'to go through it or to stay in it')
         return self.keep_to(thing)
 
     def follow(self, *parts: Any) -> Meant:
@@ -486,8 +471,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         if thing.is_walls or (thing.places and thing.place.is_object):
             return self.stay_close(things)
         is_place = bool(thing.places) and not isinstance(thing.one, regions.Half)
-        if is_place and generic_of(thing.place) != PASSAGE:
-            raise Unclear('along it or through it')
+        unclear_if(is_place and generic_of(thing.place) != PASSAGE, 'along it or through it')
         return self.keep_to(thing)
 
     def drive_on(self, thing: Selection) -> Meant:
@@ -513,8 +497,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def pass_at(self, things: Things, side: str) -> Meant:
         """'pass A on the north side'."""
         thing = single(things)
-        if thing.is_positioned or thing.is_walls:
-            raise Unclear('the side of the places or of the way')
+        unclear_if(thing.is_positioned or thing.is_walls, 'the side of the places or of the way')
         return Pass(region=thing.one, side=side)
 
     def go_past(self, things: Things) -> Meant:
@@ -525,16 +508,14 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             isinstance(region, regions.Between) for thing in things for region in thing.regions
         ):
             return visits(things)
-        if any(thing.is_positioned for thing in things):
-            raise Unclear('past it or through it')
+        unclear_if(any(thing.is_positioned for thing in things), 'past it or through it')
         if all(thing.is_point or all_objects(thing) for thing in things):
             return visits(things)
         return self.go_near(things)
 
     def pass_by_at(self, how: str, things: Things, *tokens: Token) -> Meant:
         """'pass by A on the north side'."""
-        if how != 'PASSBY':
-            raise Unclear('a side for what is visited')
+        unclear_if(how != 'PASSBY', 'a side for what is visited')
         return self.pass_at(things, self.at_side(*tokens))
 
     def pass_of(self, side: Token, thing: Selection) -> Meant:
@@ -571,8 +552,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def end_at(self, things: Things) -> Meant:
         """'end in A'."""
         thing = single(things)
-        if thing.is_group and not thing.any_one:
-            raise Unclear('in which of them')
+        unclear_if(thing.is_group and not thing.any_one, 'in which of them')
         return EndAt(region=thing.one)
 
     def bare(self, things: Things) -> Meant:
@@ -604,8 +584,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             for thing in things
             for region in ((thing.one,) if thing.any_one else thing.each)
         )
-        if len(set(parts)) < len(parts):
-            raise Unclear('the same place twice')
+        unclear_if(len(set(parts)) < len(parts), 'the same place twice')
         return Selection((joined(regions.AnyOf(parts)),), any_one='one')
 
     def bracket(self, thing: Selection) -> Selection:
@@ -669,8 +648,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def around(self, metres: Token, thing: Selection) -> Selection:
         """'the 3 m around 20, 12'."""
-        if not thing.is_point:
-            raise Unclear('a strip around a place is said as avoid it by')
+        unclear_if(not thing.is_point, 'a strip around a place is said as avoid it by')
         return Selection((with_radius(thing, positive(value(metres))),))
 
     def surroundings(self, thing: Selection) -> Selection:
@@ -727,16 +705,14 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def between_two(self, pair: Selection) -> Selection:
         """'between the racks', if there are two."""
-        if len(pair.places) != 2:
-            raise Unclear('between which two')
+        unclear_if(len(pair.places) != 2, 'between which two')
         first, second = pair.places
         return Selection((regions.Between(first.name, second.name),))
 
     def rectangle(self, corner: Token, other: Token) -> Selection:
         """'the rectangle from 1, 2 to 3, 4'."""
         (x0, y0), (x1, y1) = value(corner), value(other)
-        if x0 == x1 or y0 == y1:
-            raise Unclear('an empty area')
+        unclear_if(x0 == x1 or y0 == y1, 'an empty area')
         return Selection((regions.Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
 
     def strip(self, metres: Token, _: Token, thing: Selection) -> Selection:

@@ -125,6 +125,12 @@ class Unclear(LlmAstarError):  # noqa: N818 (no error of the program: the senten
     """Words that may mean several things, or nothing that a clause can say."""
 
 
+def unclear_if(condition: object, why: str) -> None:
+    """Raise Unclear where a condition holds."""
+    if condition:
+        raise Unclear(why)
+
+
 @dataclass(frozen=True)
 class Selection:
     """What one noun phrase means.
@@ -163,15 +169,13 @@ class Selection:
         """The regions as one. Raises Unclear where there are several."""
         if len(self.each) != 1 and self.any_one:
             return AnyOf(self.each)
-        if len(self.each) != 1:
-            raise Unclear('several places where one is expected')
+        unclear_if(len(self.each) != 1, 'several places where one is expected')
         return self.each[0]
 
     @property
     def place(self) -> Place:
         """The one place that is meant. Raises Unclear."""
-        if len(self.places) != 1:
-            raise Unclear('no single place')
+        unclear_if(len(self.places) != 1, 'no single place')
         return self.places[0]
 
 
@@ -232,8 +236,7 @@ def narrowed(
         found = [place for place in found if is_oriented(place, kinds['ORIENT'])]
     sides = [str(part.value) for part in (*parts, *where) if part.kind == 'SIDE']
     if 'ORDINAL' in kinds:
-        if len(sides) != 1:
-            raise Unclear('counted from no side')
+        unclear_if(len(sides) != 1, 'counted from no side')
         side = DRAWN.get(sides[0], sides[0])
         return list(counted(found, int(float(kinds['ORDINAL'])), side))
     if 'MOST' in kinds:
@@ -242,8 +245,7 @@ def narrowed(
         return named_or(found, 'center', central(found))
     if not sides:
         return found
-    if group.noun == WALL and 'ORIENT' not in kinds:
-        raise Unclear('it may be an outer wall')
+    unclear_if(group.noun == WALL and 'ORIENT' not in kinds, 'it may be an outer wall')
     return on_sides(found, sides)
 
 
@@ -251,14 +253,12 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
     """Return the place on a side, or in a corner, of all that were found. Raises Unclear."""
     compass = [DRAWN.get(side, side) for side in sides]
     axes = {side in (NORTH, SOUTH) for side in compass}
-    if len(compass) > 2 or len(axes) != len(compass):
-        raise Unclear('no corner')
+    unclear_if(len(compass) > 2 or len(axes) != len(compass), 'no corner')
     if len(compass) == 1:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        if sides[0] in ROUTE_SIDES:
-            raise Unclear('left and right of what')
+        unclear_if(sides[0] in ROUTE_SIDES, 'left and right of what')
     return list(extreme(found, compass))
 
 
@@ -274,8 +274,7 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
     `whole` is a place, 'map', 'way' or None.
     """
     if isinstance(whole, Place):
-        if side in DRAWN and not is_half:
-            raise Unclear('the left or right side as drawn or as driven')
+        unclear_if(side in DRAWN and not is_half, 'the left or right side as drawn or as driven')
         return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
     if side in DRAWN and whole == 'map':
         side = DRAWN[side]
@@ -300,8 +299,7 @@ def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
     x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
     box = Box(max(x0), max(y0), min(x1), min(y1))
-    if not (box.x0 < box.x1 and box.y0 < box.y1):
-        raise Unclear('an empty area')
+    unclear_if(not (box.x0 < box.x1 and box.y0 < box.y1), 'an empty area')
     return box
 
 
