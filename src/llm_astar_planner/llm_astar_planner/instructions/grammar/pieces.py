@@ -274,9 +274,7 @@ class Splitter:
             return True
         if 'EITHER' in piece.said and not piece.kinds & {'OR', 'NEG'}:
             return True
-        has_past = any(
-            lexeme.value == PAST and lexeme.kind in KINDS.verbs for lexeme in piece.lexemes
-        )
+        has_past = any(one.value == PAST and one.kind in KINDS.verbs for one in piece.lexemes)
         return has_past and not piece.kinds & KINDS.order_words and 'HAVING' not in piece.kinds
 
     @property
@@ -345,11 +343,8 @@ class Splitter:
             return True
         if kind == 'COMMA':
             kinds = self.piece.kinds
-            if (
-                following == 'ONLYAFTER'
-                and kinds & {'VISIT', 'THROUGH', 'STOPBY'}
-                and not kinds & {'NEG', 'ONLY'}
-            ):
+            is_visit = bool(kinds & {'VISIT', 'THROUGH', 'STOPBY'}) and not kinds & {'NEG', 'ONLY'}
+            if following == 'ONLYAFTER' and is_visit:
                 self.extend(Lexeme('UNREAD', '', self.piece.end, self.piece.end))
             is_governing = bool(kinds) and kinds <= KINDS.governing
             if self.leads_an_order():
@@ -382,14 +377,10 @@ class Splitter:
     def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
         piece = self.piece
-        if (
-            not piece.lexemes
-            or 'PART' in piece.kinds
-            or piece.lexemes[0].kind not in KINDS.order_words
-        ):
-            return False
+        leads = bool(piece.lexemes) and piece.lexemes[0].kind in KINDS.order_words
         is_ended = piece.is_complete or piece.last in KINDS.verbs | {'VISITED'}
-        return is_ended and bool(piece.kinds & KINDS.region_ends)
+        is_named = bool(piece.kinds & KINDS.region_ends)
+        return leads and is_ended and is_named and 'PART' not in piece.kinds
 
     def goes_on(self, at: int, following: str) -> bool:
         """Whether a comma or 'and' goes on with a list; then its lexeme is added."""
@@ -404,22 +395,15 @@ class Splitter:
                 self.extend(Lexeme(kind, 'COMMA' if is_comma else '', lexeme.start, lexeme.end))
             self.skipped = int(lexeme.kind == 'COMMA' and nearest == 'AND')
             return True
-        repeated = (
-            nearest in KINDS.prepositions
-            and self.kind_after(at + 1, 'COMMA', 'AND') in KINDS.region_starts
-        )
-        if (
-            repeated
-            and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO')
-            and self.repeats(nearest)
-        ):
-            kind = 'UNREAD' if 'NEG' in piece.kinds and 'AVOID' not in piece.kinds else 'AND'
-            if nearest == 'INTO' and 'INTO' not in piece.kinds and kind == 'AND':
-                kind = nearest
-            self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
-            self.skipped = 1
-            return True
-        return False
+        is_way = nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO') and self.repeats(nearest)
+        if not is_way or self.kind_after(at + 1, 'COMMA', 'AND') not in KINDS.region_starts:
+            return False
+        is_refused = 'NEG' in piece.kinds and 'AVOID' not in piece.kinds
+        goes_in = nearest == 'INTO' and 'INTO' not in piece.kinds
+        kind = 'UNREAD' if is_refused else nearest if goes_in else 'AND'
+        self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
+        self.skipped = 1
+        return True
 
     def tells_distance(self, at: int) -> bool:
         """Whether a length after a comma is that of 'keep away from A, at least 2 m'."""
@@ -449,40 +433,31 @@ class Splitter:
     def choose(self, at: int, lexeme: Lexeme) -> None:
         """Take an 'or': between regions a choice, after a refusal an 'and', else a condition."""
         following = self.kind_after(at, 'COMMA', 'AND')
-        piece = self.piece
-        kinds = piece.kinds
+        piece, kinds = self.piece, self.piece.kinds
         opened = [one.kind for one in piece.lexemes]
+        is_order = bool(kinds & KINDS.order_words) and 'NEG' in kinds
+        is_refused = bool(kinds & {'NEG', 'AVOID', 'SKIP'}) and not is_order
+        is_choice = piece.is_complete and ('EITHER' in piece.said or not is_order)
+        is_region = following in KINDS.region_starts
+        may_repeat = KINDS.prepositions | (set() if is_refused else {'VISIT', 'ENTER'})
+        is_repeated = following in may_repeat and self.repeats(following)
+        is_repeated = is_repeated and self.kind_after(at + 1) in KINDS.region_starts
         if opened.count('BRACKET') > opened.count('ENDBRACKET'):
             self.extend(lexeme)
-            return
-        is_refused = bool(kinds & {'NEG', 'AVOID', 'SKIP'})
-        is_order = bool(kinds & KINDS.order_words) and 'NEG' in kinds
-        is_refused = is_refused and not is_order
-        if piece.last == 'FORBIDDEN' and following in KINDS.region_starts:
-            self.begin('AND')
-            self.extend(Lexeme('AVOID', '', lexeme.start, lexeme.end))
-            return
-        if piece.is_complete and ('EITHER' in piece.said or not is_order):
-            kind = 'AND' if is_refused else 'OR'
-            if following in KINDS.region_starts:
-                self.extend(replace(lexeme, kind=kind))
-                return
-            repeats = following in KINDS.prepositions or (
-                following in ('VISIT', 'ENTER') and not is_refused
-            )
-            if (
-                repeats
-                and self.repeats(following)
-                and self.kind_after(at + 1) in KINDS.region_starts
-            ):
-                self.extend(replace(lexeme, kind=kind))
-                self.skipped = 1
-                return
-            if 'NEG' in kinds and (following in KINDS.verbs or following == 'THROUGH'):
-                self.begin('AND')
-                self.extend(Lexeme('NEG', '', lexeme.start, lexeme.end))
-                return
-        self.separate(at, Lexeme('CONDITION', '', lexeme.start, lexeme.end))
+        elif piece.last == 'FORBIDDEN' and is_region:
+            self.refuse_too('AVOID', lexeme)
+        elif is_choice and (is_region or is_repeated):
+            self.extend(replace(lexeme, kind='AND' if is_refused else 'OR'))
+            self.skipped = int(not is_region)
+        elif is_choice and 'NEG' in kinds and following in KINDS.verbs | {'THROUGH'}:
+            self.refuse_too('NEG', lexeme)
+        else:
+            self.separate(at, Lexeme('CONDITION', '', lexeme.start, lexeme.end))
+
+    def refuse_too(self, kind: str, lexeme: Lexeme) -> None:
+        """Begin a piece that refuses as the one before does."""
+        self.begin('AND')
+        self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
 
     def add(self, at: int, lexeme: Lexeme) -> None:
         """Take a word of a clause, or one that says how the clause is meant."""
@@ -506,7 +481,10 @@ class Splitter:
             if 'AND' in piece.kinds:
                 self.extend(Lexeme('UNREAD', '', lexeme.start, lexeme.end))
         elif lexeme.kind == 'NONE':
-            self.add_none(lexeme)
+            # After a 'not', as in Spanish, it is 'any of'.
+            if 'NEG' not in piece.kinds:
+                self.extend(replace(lexeme, kind='NEG'))
+            self.extend(replace(lexeme, kind='ANY', value='any'))
         elif lexeme.kind == 'UNTIL' and not piece.lexemes:
             self.separate(at, replace(lexeme, kind='CONDITION'))
         elif lexeme.other == 'WITHOUT' and 'NEG' in piece.kinds:
@@ -518,8 +496,8 @@ class Splitter:
             self.extend(lexeme)
         self.piece.takes_back = self.piece.takes_back or lexeme.value == BACK
         if lexeme.kind in ('SHOULD', 'FIRST', 'ANYORDER', 'INORDER'):
-            if not self.piece.lexemes and not self.piece.end:
-                self.piece.start = lexeme.start
+            is_begun = self.piece.lexemes or self.piece.end
+            self.piece.start = self.piece.start if is_begun else lexeme.start
             self.piece.end = lexeme.end
 
     def notes(self, lexeme: Lexeme) -> bool:
@@ -534,12 +512,6 @@ class Splitter:
         elif lexeme.kind in KINDS.noted:
             piece.said.add(lexeme.kind)
         return lexeme.kind in KINDS.noted
-
-    def add_none(self, lexeme: Lexeme) -> None:
-        """Take 'none of': after a 'not', as in Spanish, it is 'any of'."""
-        if 'NEG' not in self.piece.kinds:
-            self.extend(replace(lexeme, kind='NEG'))
-        self.extend(replace(lexeme, kind='ANY', value='any'))
 
     def begins_clause(self, at: int, lexeme: Lexeme) -> bool:
         """Whether a verb or a 'not' begins a clause although no separator stands before it."""
