@@ -103,16 +103,11 @@ class Interpretation:
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""
         return {
-            'text': self.text,
+            **vars(self),
             'status': self.status.value,
-            'sentence': self.sentence,
             'specification': self.specification.to_json(),
-            'understood_by': self.understood_by,
-            'detail': self.detail,
+            'sentence': self.sentence,
             'questions': list(self.questions),
-            'seconds': self.seconds,
-            'prompt_tokens': self.prompt_tokens,
-            'output_tokens': self.output_tokens,
         }
 
 

@@ -72,13 +72,9 @@ class Lexeme:
 
 
 def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:
-    """Return several lexemes as one."""
-    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubts=doubts_of(lexemes))
-
-
-def doubts_of(lexemes: Sequence[Lexeme]) -> tuple[tuple[str, str], ...]:
-    """Return the doubts of several lexemes, each once."""
-    return tuple(dict.fromkeys(doubt for lexeme in lexemes for doubt in lexeme.doubts))
+    """Return several lexemes as one, with the doubts of all, each once."""
+    doubts = tuple(dict.fromkeys(doubt for lexeme in lexemes for doubt in lexeme.doubts))
+    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubts=doubts)
 
 
 def tag_of(lexeme: Lexeme) -> str:

@@ -193,7 +193,7 @@ def generic_of(place: Place, called: Collection[str] | None = None) -> str:
     """Return the generic word for a place that is called by some nouns, else by its own."""
     if place.is_object:
         return OBJECT
-    called = place_nouns(place) if called is None else called
+    called = (own_nouns(place) or alias_nouns(place)) if called is None else called
     return nouns().generic[min(called)] if called else UNNAMED
 
 
@@ -207,11 +207,6 @@ def name_languages(places: Places) -> tuple[str, ...]:
             # A noun that is the whole name tells more than one that ends it.
             counts[language] += next((1 if at else 2 for at in ends), 0)
     return tuple(language for language in LANGUAGES if counts[language] == max(counts.values()))
-
-
-def place_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
-    """Return the nouns that a place is called by, of the ends of its aliases if by no other."""
-    return own_nouns(place, languages) or alias_nouns(place, languages)
 
 
 def own_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:

@@ -614,7 +614,8 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def place(self, token: Token) -> Selection:
         """A name."""
-        return selection.select_place(value(token))
+        place = value(token)
+        return Selection((regions.NamedPlace(place.name),), places=(place,))
 
     def all_of(self, _: Token, place: Selection) -> Selection:
         """'all of A'."""

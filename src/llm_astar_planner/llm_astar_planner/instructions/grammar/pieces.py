@@ -310,7 +310,9 @@ class Splitter:
 
     def separate(self, at: int, lexeme: Lexeme) -> None:
         """Take a separator: go on with a list, leave it out, or begin a new piece."""
-        is_state = lexeme.value == WHILE and self.is_statement(at)
+        # 'While the lab is being cleaned' says how things are.
+        told = {'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'}
+        is_state = lexeme.value == WHILE and told & {*self.kinds_until(at, KINDS.separators)}
         kind = 'CONDITION' if lexeme.other == 'CONDITION' or is_state else lexeme.kind
         if lexeme.value == '?':
             self.piece.is_question = True
@@ -360,11 +362,6 @@ class Splitter:
         # What follows an 'if possible' may be a clause of its own.
         behind = self.kind_after(at, 'COMMA', 'SHOULD')
         return behind in KINDS.separators | {''} or not self.piece.is_complete
-
-    def is_statement(self, at: int) -> bool:
-        """Whether what follows says how things are: 'while the lab is being cleaned'."""
-        kinds = self.kinds_until(at, KINDS.separators)
-        return bool({'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'} & set(kinds))
 
     def is_exception(self, at: int) -> bool:
         """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""

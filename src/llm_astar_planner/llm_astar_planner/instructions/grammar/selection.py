@@ -187,11 +187,6 @@ class Modifier:
     value: object
 
 
-def select_place(place: Place) -> Selection:
-    """Return the selection of one place."""
-    return Selection((NamedPlace(place.name),), places=(place,))
-
-
 def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifier]) -> Selection:
     """Return what a noun with its adjectives and the words after it means. Raises Unclear."""
     quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Modifier('', ''))

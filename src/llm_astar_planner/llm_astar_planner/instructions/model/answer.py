@@ -67,7 +67,8 @@ def answer_schema(sentence: Sentence, places: Places) -> dict[str, Any]:
     It offers the map's names and tags, and of numbers, directions and forms only what the
     sentence has: a decoder that is constrained by it can invent neither.
     """
-    numbers = [tidy(value) for value in sentence.numbers]
+    # As models write them: 3 instead of 3.0.
+    numbers = [int(one) if one == int(one) else one for one in sentence.numbers]
     offered = {
         'name': offered_names(sentence, places), 'tag': offered_tags(places), 'number': numbers,
         'side': sentence.sides, 'compass': [one for one in sentence.sides if one in COMPASS],
@@ -109,11 +110,6 @@ def forms_of(what: str, known: Set[str]) -> list[dict[str, Any]]:
     """Return the schemas of the forms that a sentence with these words and numbers may hold."""
     found = [one for one in all_forms()[what] if known >= set(one['needs'])]
     return [one['form'] if 'form' in one else _form(one['fields']) for one in found]
-
-
-def tidy(value: float) -> float:
-    """Return a number as models write it: 3 instead of 3.0."""
-    return int(value) if value == int(value) else value
 
 
 def _form(properties: dict[str, Any]) -> dict[str, Any]:
