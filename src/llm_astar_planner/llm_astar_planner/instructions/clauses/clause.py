@@ -119,3 +119,6 @@ class Clause:
 def in_json(value: Any) -> Any:  # noqa: ANN401 - JSON
     """Return the JSON form of what a field holds."""
     return value.to_json() if isinstance(value, Region) else value
+
+
+Clauses = tuple[Clause, ...]

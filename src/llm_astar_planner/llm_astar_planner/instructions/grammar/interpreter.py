@@ -17,7 +17,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Clauses
 from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
@@ -81,7 +81,7 @@ class ReadPiece:
     """
 
     piece: Piece
-    clauses: tuple[Clause, ...]
+    clauses: Clauses
     segment: int
     at: float
     is_said: bool = False
@@ -112,9 +112,7 @@ class ReadPiece:
             self.drop()
 
 
-def asked(
-    clauses: tuple[Clause, ...], question: str, about: Collection[Clause] | None = None
-) -> tuple[Clause, ...]:
+def asked(clauses: Clauses, question: str, about: Collection[Clause] | None = None) -> Clauses:
     """Return clauses with a question about them, but for those that claim nothing anyway.
 
     Raises Unclear where a clause has more questions than can be asked.
@@ -318,7 +316,7 @@ class Assembler:
             at += count
         return found
 
-    def read(self, piece: Piece) -> tuple[Clause, ...]:
+    def read(self, piece: Piece) -> Clauses:
         """Return the clauses of a piece, none where it was not read wholly."""
         if (piece.is_paced or piece.is_question) and 'NEG' in piece.kinds:
             return ()
@@ -329,7 +327,7 @@ class Assembler:
             return ()
         return clauses if self.has_room_for(clauses) else ()
 
-    def clauses_of(self, piece: Piece) -> tuple[Clause, ...]:
+    def clauses_of(self, piece: Piece) -> Clauses:
         """Return the clauses of a piece. Raises Unclear where it was not read wholly."""
         unsupported = self.unsupported(piece)
         if unsupported and piece.kinds <= KINDS.bare:
@@ -391,8 +389,8 @@ class Assembler:
         unclear_if(piece.unsupported and 'NEG' in piece.kinds, 'not so, or not at all')
 
     def at_once(
-        self, piece: Piece, soon: Lexeme, clauses: tuple[Clause, ...]
-    ) -> tuple[tuple[Clause, ...], list[Unsupported]]:
+        self, piece: Piece, soon: Lexeme, clauses: Clauses
+    ) -> tuple[Clauses, list[Unsupported]]:
         """Return clauses with 'immediately': of an order a question, else it is about time."""
         said = self.said(soon)
         is_order = piece.link == 'THEN' or bool(piece.kinds & (KINDS.order_words | {'AFTERYOU'}))
@@ -400,7 +398,7 @@ class Assembler:
             return clauses, [Unsupported(text=said, about='time')]
         return asked(clauses, self.question('soon', said)), []
 
-    def in_flow(self, piece: Piece, reading: ParsedClause) -> tuple[Clause, ...]:
+    def in_flow(self, piece: Piece, reading: ParsedClause) -> Clauses:
         """Return the clauses of a reading by what stands before it. Raises Unclear.
 
         'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
@@ -443,7 +441,7 @@ class Assembler:
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
 
-    def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
+    def bare_visits(self, piece: Piece, things: Things) -> Clauses:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
         in_turn = piece.link == 'THEN' or 'LAST' in piece.said
         if not (piece.is_first or (in_turn and isinstance(self.previous, (Visit, Before)))):
@@ -469,7 +467,7 @@ SAID = {name: re.compile(pattern) for name, pattern in read_table('patterns').it
 STRAIGHT = 'straight'
 
 
-def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
+def last_of(piece: Piece, clauses: Clauses) -> Clauses:
     """Return visits with the last of 'A, B last' as one of its own. Raises Unclear for others."""
     unclear_if(not all(isinstance(clause, Visit) for clause in clauses), 'the last of what')
     *others, last = (region for clause in clauses for region in clause.regions)
@@ -521,7 +519,7 @@ def names_of(value: object, places: Places) -> set[str]:
     return set().union(*(names_of(one, places) for one in inner))
 
 
-def befores_of(first: Visit, second: Visit) -> tuple[Clause, ...]:
+def befores_of(first: Visit, second: Visit) -> Clauses:
     """Return that none of the second regions is entered before all of the first. Raises Unclear.
 
     What is asked about one of them is asked about the order.
@@ -562,7 +560,7 @@ def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
                 one.ask(visit.unsure)
 
 
-def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
+def ordered(clauses: Clauses, order: str) -> Clauses:
     """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
     if order == 'INORDER':
         return tuple(

@@ -19,7 +19,7 @@ from lark.lexer import Lexer as LarkLexer
 from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Clauses
 from llm_astar_planner.instructions.clauses.count import MAX_ENTRIES, Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
@@ -45,6 +45,8 @@ DOOR = 'door'
 CLEAR = 1.0
 AWAY = 'away'
 Things = tuple[Selection, ...]
+Modifiers = list[selection.Modifier]
+Described = tuple[Group, Modifiers]
 
 
 @dataclass(frozen=True)
@@ -55,14 +57,14 @@ class ParsedClause:
     names what is asked of the person, '' where all is certain.
     """
 
-    clauses: tuple[Clause, ...] = ()
+    clauses: Clauses = ()
     things: Things = ()
     is_negative: bool = False
     question: str = ''
 
 
 # What a rule of a clause means: one clause or more, or a ParsedClause.
-Meant = Clause | tuple[Clause, ...] | ParsedClause
+Meant = Clause | Clauses | ParsedClause
 
 
 def visit_of(things: Things) -> Visit:
@@ -74,7 +76,7 @@ def visit_of(things: Things) -> Visit:
     return Visit(regions=tuple(found))
 
 
-def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
+def avoid_of(things: Things, metres: float = 0.0) -> Clauses:
     """Return what avoids all things. Raises Unclear."""
     clauses: list[Clause] = []
     for thing in things:
@@ -88,7 +90,7 @@ def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
     return tuple(clauses)
 
 
-def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
+def distance_of(things: Things, metres: float) -> Clauses:
     """Return what keeps a distance from all things. Raises Unclear."""
     clauses: list[Clause] = []
     for thing in things:
@@ -101,7 +103,7 @@ def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
     return tuple(clauses)
 
 
-def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
+def befores(firsts: Things, seconds: Things) -> Clauses:
     """Return that each of the second things is entered after each of the first ones."""
     unclear_if(any(two.is_all for two in seconds), 'some of them or none')
     return tuple(
@@ -118,9 +120,7 @@ def each_of(things: Things) -> list[Region]:
     ]
 
 
-def after_each(
-    kind: type[Then | NeverAfter], firsts: Things, seconds: Things
-) -> tuple[Clause, ...]:
+def after_each(kind: type[Then | NeverAfter], firsts: Things, seconds: Things) -> Clauses:
     """Return what holds of each of the second things after each entry of one of the first."""
     if any(thing.is_walls or thing.is_all for thing in (*firsts, *seconds)):
         raise Unclear('some of them or none')
@@ -179,7 +179,7 @@ def without(thing: Selection, left_out: tuple[Region, ...]) -> Selection:
     return replace(thing, regions=kept, together=rest, places=places)
 
 
-def count_of(things: Things, least: int, most: int | None) -> tuple[Clause, ...]:
+def count_of(things: Things, least: int, most: int | None) -> Clauses:
     """Return how often each thing is entered. Raises Unclear."""
     if max(least, most or 0) > MAX_ENTRIES or any(thing.is_walls for thing in things):
         raise Unclear('too often')
@@ -207,7 +207,7 @@ def two(parts: tuple[Any, ...]) -> list[Things]:
     return [part for part in parts if isinstance(part, tuple)]
 
 
-def visits(*in_turn: Things) -> tuple[Clause, ...]:
+def visits(*in_turn: Things) -> Clauses:
     """Return the visits of some things, one after the other."""
     refused = tuple(one for things in in_turn for thing in things for one in thing.refused)
     return (*(visit_of(things) for things in in_turn), *avoid_of(refused))
@@ -626,14 +626,12 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         x, y = value(token)
         return Selection((regions.Disc(x, y),), is_point=True)
 
-    def group(
-        self, described: tuple[Group, list[selection.Modifier]], *where: list[selection.Modifier]
-    ) -> Selection:
+    def group(self, described: Described, *where: Modifiers) -> Selection:
         """'the northern rooms', 'the room in the top left'."""
         noun, parts = described
         return selection.select_group(noun, parts, where[0] if where else [])
 
-    def described(self, *parts: Any) -> tuple[Group, list[selection.Modifier]]:
+    def described(self, *parts: Any) -> Described:
         """'all blue rooms', 'la salle bleue': adjectives and the noun."""
         noun, *after = tokens_of(parts)
         adjectives = [part for part in parts if isinstance(part, selection.Modifier)]
@@ -643,7 +641,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'blue', 'northern', 'all'."""
         return selection.Modifier(token.type, value(token))
 
-    def where(self, *tokens: Token) -> list[selection.Modifier]:
+    def where(self, *tokens: Token) -> Modifiers:
         """'in the top left', 'in the middle'."""
         return [selection.Modifier(token.type, value(token)) for token in tokens]
 
