@@ -3,8 +3,6 @@
 
 """Interpreters in a chain, with a memory of what was understood."""
 
-from __future__ import annotations
-
 import logging
 import math
 import threading

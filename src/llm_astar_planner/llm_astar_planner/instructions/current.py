@@ -3,8 +3,6 @@
 
 """The instruction that is set: understood once, by the grammar at once and then by a model."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

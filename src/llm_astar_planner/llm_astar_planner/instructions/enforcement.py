@@ -8,8 +8,6 @@ instead, so that the path found violates least: first the `must` clauses, then t
 clauses, and of equal paths the cheapest is taken.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@
 Verification has its own reading of the same definitions.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

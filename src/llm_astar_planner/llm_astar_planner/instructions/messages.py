@@ -6,8 +6,6 @@
 Whatever a peer sends is bounded in size, and never evaluated.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 
 """What became of an instruction on a path, clause by clause."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import Enum

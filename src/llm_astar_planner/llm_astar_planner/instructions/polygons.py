@@ -6,8 +6,6 @@
 Verification has its own reading of the same definitions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial, reduce

@@ -7,8 +7,6 @@ Lengths are metres and points lie in the map's frame. Where a region lies is fou
 `polygons` for the search, in `verification/regions` for the check.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@
 
 """avoid: no part of the path lies in a region."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

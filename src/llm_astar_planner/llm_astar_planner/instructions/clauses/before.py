@@ -3,8 +3,6 @@
 
 """before: one region is entered only after another one was visited."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar

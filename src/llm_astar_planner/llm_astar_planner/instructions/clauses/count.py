@@ -3,8 +3,6 @@
 
 """count: a region is entered at least or at most so many times."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

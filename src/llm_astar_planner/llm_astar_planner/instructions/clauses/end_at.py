@@ -3,8 +3,6 @@
 
 """end_at: the path ends in a region."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

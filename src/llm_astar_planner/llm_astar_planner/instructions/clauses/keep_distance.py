@@ -3,8 +3,6 @@
 
 """keep_distance: the path keeps away from a region, or from all walls."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -3,8 +3,6 @@
 
 """never_after: who has entered one region never enters another one again."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar

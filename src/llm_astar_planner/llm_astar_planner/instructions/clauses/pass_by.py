@@ -3,8 +3,6 @@
 
 """pass: an object is passed on a side."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

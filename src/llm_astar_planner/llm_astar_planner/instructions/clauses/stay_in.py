@@ -3,8 +3,6 @@
 
 """stay_in: the path lies in a region."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -3,8 +3,6 @@
 
 """then: who enters one region visits another one later."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

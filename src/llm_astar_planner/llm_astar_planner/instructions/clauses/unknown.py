@@ -3,8 +3,6 @@
 
 """unknown: words that were not understood."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

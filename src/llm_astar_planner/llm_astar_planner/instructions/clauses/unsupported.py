@@ -3,8 +3,6 @@
 
 """unsupported: something that a path does not have, as a speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

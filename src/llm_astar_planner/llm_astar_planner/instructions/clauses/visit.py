@@ -3,8 +3,6 @@
 
 """visit: the path enters regions, in any order; visits follow each other."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -3,8 +3,6 @@
 
 """Understands route instructions by a grammar, without a model, in a millisecond."""
 
-from __future__ import annotations
-
 import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence

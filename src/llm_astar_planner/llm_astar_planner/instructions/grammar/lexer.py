@@ -3,8 +3,6 @@
 
 """From text to lexemes: places, nouns, vocabulary and numbers, the longest phrase first."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 
 """The words for a map's places: names, aliases, their translations, kinds and tags."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

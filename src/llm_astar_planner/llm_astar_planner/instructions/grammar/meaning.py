@@ -3,8 +3,6 @@
 
 """What one clause means: lark's LALR(1) parser, linear in the lexemes, and its callbacks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

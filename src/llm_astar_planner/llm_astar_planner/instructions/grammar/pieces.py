@@ -7,8 +7,6 @@ One pass over the lexemes: a comma or an 'and' before a region goes on with a li
 anything else it begins a new piece. Each piece is then put into the order that the grammar reads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, takewhile

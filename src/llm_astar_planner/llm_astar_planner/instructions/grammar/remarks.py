@@ -7,8 +7,6 @@
 ward. A reason or remark is left out only where nothing in it could ask something of the route.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import takewhile

@@ -3,8 +3,6 @@
 
 """The words of each language, read from the tables in `vocabulary/`."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass

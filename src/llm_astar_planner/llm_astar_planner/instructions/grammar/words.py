@@ -3,8 +3,6 @@
 
 """Text as words that can be compared: without case, accents, hyphens and apostrophes."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Collection, Sequence

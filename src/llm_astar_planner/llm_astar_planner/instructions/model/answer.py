@@ -11,8 +11,6 @@ of the published form.
                  {"do": "keep_distance", "from": "walls", "metres": 0.5}]}
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Set

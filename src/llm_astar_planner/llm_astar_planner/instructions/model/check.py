@@ -10,8 +10,6 @@ question. A clause of which the sentence names nothing is left out, but for one 
 not known. What no clause accounts for is `Unknown`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

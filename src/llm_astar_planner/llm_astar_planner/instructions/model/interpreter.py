@@ -3,8 +3,6 @@
 
 """Asks a language model what an instruction means, and trusts nothing that it answers."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path

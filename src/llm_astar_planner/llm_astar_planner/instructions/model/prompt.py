@@ -7,8 +7,6 @@ What never changes comes first and the instruction last, so that a server that k
 prompt (llama.cpp, vLLM, most services) reads only the instruction again.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 
 """What a sentence mentions, found by the lexer of the grammar: for prompts and schemas."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

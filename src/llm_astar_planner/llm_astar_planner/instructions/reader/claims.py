@@ -7,8 +7,6 @@ The grammar's vocabulary says which words refuse, order, limit and wish; what a 
 to agree with them, every slot has to be in it, and no word may be left that could name a place.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence

@@ -3,8 +3,6 @@
 
 """Understands instructions by the small network, and is sure only where everything agrees."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -7,8 +7,6 @@
 descriptions ('the second aisle from the west'), are matched by the words of the grammar.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -8,8 +8,6 @@ polyline, and what the best path could do is found by searches of their own. A k
 a module of the name that it has in `clauses`, with a function `check`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from importlib import import_module

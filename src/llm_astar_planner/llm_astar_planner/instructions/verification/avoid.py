@@ -3,8 +3,6 @@
 
 """avoid: the metres of the path in a region and its margin."""
 
-from __future__ import annotations
-
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.verification.geometry import EDGE, total

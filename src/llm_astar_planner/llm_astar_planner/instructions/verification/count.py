@@ -3,8 +3,6 @@
 
 """count: how often the path enters a region."""
 
-from __future__ import annotations
-
 import math
 
 from llm_astar_planner.instructions.clauses.clause import SHOULD

@@ -3,8 +3,6 @@
 
 """keep_distance: how near the path comes to a region, or to the walls."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 
 """What every check of a clause needs: the path, the map, and how an outcome is worded."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from dataclasses import dataclass

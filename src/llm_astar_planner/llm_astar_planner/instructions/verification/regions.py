@@ -3,8 +3,6 @@
 
 """Where the regions of a specification lie, for the verification alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
