@@ -22,22 +22,14 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import SpecificationError
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.model.sentence import Sentence
-from llm_astar_planner.instructions.regions import (
-    COMPASS,
-    WALLS,
-    Along,
-    Between,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import clause_from_json
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 
@@ -67,9 +59,10 @@ def answer_schema(sentence: Sentence, places: Places) -> dict[str, Any]:
     """
     # As models write them: 3 instead of 3.0.
     numbers = [int(one) if one == int(one) else one for one in sentence.numbers]
+    compass = [side for side in sentence.sides if side in regions.COMPASS]
     offered = {
         'name': offered_names(sentence, places), 'tag': offered_tags(places), 'number': numbers,
-        'side': sentence.sides, 'compass': [one for one in sentence.sides if one in COMPASS],
+        'side': sentence.sides, 'compass': compass,
     }  # fmt: skip
     known = {name for name, values in offered.items() if values}
     known |= {'no name'} - {f'no {name}' for name in known}
@@ -222,17 +215,17 @@ def known_region(region: Region, places: Places) -> Region:
         case NamedPlace(name):
             # Models write a tag where a name is asked for.
             if places.get(name) is None and places.with_tag(name):
-                return Tagged(name)
+                return regions.Tagged(name)
             return NamedPlace(known_name(name, places))
-        case Tagged(tag):
+        case regions.Tagged(tag):
             if not places.with_tag(tag):
                 raise SpecificationError(f'tag: no place has {tag!r}')
-        case Half(side, of) if of:
-            return Half(side, known_name(of, places))
-        case Between(first, second):
-            return Between(known_name(first, places), known_name(second, places))
-        case Along(place, width) if place != WALLS:
-            return Along(known_name(place, places), width)
+        case regions.Half(side, of) if of:
+            return regions.Half(side, known_name(of, places))
+        case regions.Between(first, second):
+            return regions.Between(known_name(first, places), known_name(second, places))
+        case regions.Along(place, width) if place != regions.WALLS:
+            return regions.Along(known_name(place, places), width)
     return region
 
 

@@ -26,12 +26,8 @@ from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
-from llm_astar_planner.instructions.grammar.interpreter import (
-    Reading,
-    best_reading,
-    known_visits,
-    languages_of,
-)
+from llm_astar_planner.instructions.grammar import interpreter
+from llm_astar_planner.instructions.grammar.interpreter import Reading
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.pieces import Piece
@@ -73,12 +69,12 @@ class Part:
 
 def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
     """Return the specification of a model's clauses, and what the sentence does not say."""
-    reading = best_reading(text, places)
+    reading = interpreter.best_reading(text, places)
     if reading.interpretation.is_read:
         return reading.interpretation.specification, reading.interpretation.detail
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
     parts = [Part(one.at, one.piece, []) for one in reading.parts if not one.is_read]
-    said = known_visits(reading.parts)
+    said = interpreter.known_visits(reading.parts)
     left = (
         one
         for one in dict.fromkeys(wanted)
@@ -271,7 +267,7 @@ def not_refused(clause: Clause, part: Part) -> Clause:
 
 def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Specification, str]:
     """Return the specification: what the grammar read, what the model said, and what is left."""
-    language = next(languages_of(read_words(text)))
+    language = next(interpreter.languages_of(read_words(text)))
     question = vocabulary(language).questions['model']
     found = [(one.at, clause) for one in reading.parts for clause in one.clauses]
     notes = []

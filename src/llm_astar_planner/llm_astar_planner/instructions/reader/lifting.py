@@ -15,19 +15,13 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
-from llm_astar_planner.instructions.regions import (
-    MAX_JOINED,
-    AnyOf,
-    Disc,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions.regions import NamedPlace, Region
 
 # What slots begin with.
 SIGN = '@'
@@ -144,7 +138,7 @@ def described(lexemes: Sequence[Lexeme]) -> Slot | None:
     doubts = tuple(said for one in lexemes for said, _ in one.doubts)
     if len(found.places) == 1 and not found.is_walls:
         return place_slot(found.places[0], doubts)
-    region = found.together or AnyOf(found.regions[:MAX_JOINED])
+    region = found.together or regions.AnyOf(found.regions[: regions.MAX_JOINED])
     shown = 'Y' if found.any_one else 'G'
     return None if found.is_walls else Slot('R', region, shown, found.regions, doubts)
 
@@ -165,14 +159,15 @@ def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
     if lexeme.kind == 'SIDE':
         return Slot('S', str(value), doubts=doubts)
     if lexeme.kind == 'POINT':
-        return Slot('R', Disc(*value), 'R')
+        return Slot('R', regions.Disc(*value), 'R')
     if lexeme.kind == 'TIMES':
         return Slot('K', value, doubts=doubts) if isinstance(value, tuple) else None
     if lexeme.kind == 'TAG':
         found = places.with_tag(str(value))
         if len(found) == 1:
             return place_slot(found[0], doubts)
-        return Slot('R', Tagged(value), 'G', tuple(NamedPlace(one.name) for one in found), doubts)
+        members = tuple(NamedPlace(one.name) for one in found)
+        return Slot('R', regions.Tagged(value), 'G', members, doubts)
     if lexeme.kind == 'UNKNOWN' and len(str(value)) >= SHORTEST_PART:
         return named_in_part(str(value), places)
     return None
