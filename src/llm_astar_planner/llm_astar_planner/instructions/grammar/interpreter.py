@@ -27,24 +27,14 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
+from llm_astar_planner.instructions.grammar import meaning
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.lexer import Lexer
 from llm_astar_planner.instructions.grammar.lexicon import lexicon
-from llm_astar_planner.instructions.grammar.meaning import (
-    ParsedClause,
-    Things,
-    parse_clause,
-    visit_of,
-)
 from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear, unclear_if
-from llm_astar_planner.instructions.grammar.vocabulary import (
-    KINDS,
-    LANGUAGES,
-    read_table,
-    vocabulary,
-)
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, LANGUAGES, SAID, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -330,7 +320,7 @@ class Assembler:
         unsupported = self.unsupported(piece)
         if unsupported and piece.kinds <= KINDS.bare:
             return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
-        parsed = parse_clause(piece.lexemes)
+        parsed = meaning.parse_clause(piece.lexemes)
         clauses = self.in_flow(piece, parsed)
         self.refuse_times(piece, clauses)
         # Of visits 'but not' is to avoid it; of what is avoided it is an exception.
@@ -396,7 +386,7 @@ class Assembler:
             return clauses, [Unsupported(text=said, about='time')]
         return asked(clauses, self.question('soon', said)), []
 
-    def in_flow(self, piece: Piece, reading: ParsedClause) -> Clauses:
+    def in_flow(self, piece: Piece, reading: meaning.ParsedClause) -> Clauses:
         """Return the clauses of a reading by what stands before it. Raises Unclear.
 
         'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
@@ -439,12 +429,12 @@ class Assembler:
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
 
-    def bare_visits(self, piece: Piece, things: Things) -> Clauses:
+    def bare_visits(self, piece: Piece, things: meaning.Things) -> Clauses:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
         in_turn = piece.link == 'THEN' or 'LAST' in piece.said
         if not (piece.is_first or (in_turn and isinstance(self.previous, (Visit, Before)))):
             raise Unclear('a place without a verb')
-        visit = visit_of(things)
+        visit = meaning.visit_of(things)
         if 'LAST' in piece.said and set(visit.regions) & known_visits(self.parts):
             raise Unclear('the same place twice')
         return (visit,)
@@ -460,8 +450,6 @@ class Assembler:
         return False
 
 
-# Words in the text as it was said.
-SAID = {name: re.compile(pattern) for name, pattern in read_table('patterns').items()}
 STRAIGHT = 'straight'
 
 

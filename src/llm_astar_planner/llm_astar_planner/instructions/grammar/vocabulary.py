@@ -4,6 +4,7 @@
 """The words of each language, read from the tables in `vocabulary/`."""
 
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -41,6 +42,8 @@ class KindSets(SimpleNamespace):
 
 
 KINDS = KindSets(**{name: frozenset(text.split()) for name, text in read_table('kinds').items()})
+# Words in a text as it was said.
+SAID = {name: re.compile(pattern) for name, pattern in read_table('patterns').items()}
 
 
 def expand(phrase: str) -> Iterator[tuple[str, ...]]:
