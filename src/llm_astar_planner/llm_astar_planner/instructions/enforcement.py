@@ -9,9 +9,10 @@ clauses, and of equal paths the cheapest is taken.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,12 +101,10 @@ class Enforcer:
             closed |= False if barred is None else barred
             priced += [] if rest is None else [(demand.price, rest)]
         reached = self.reached(~self.route.costmap.blocked & ~closed)
-        if not self.is_end_reached(reached, self.goals) or not all(
-            (zone.cells & reached).any()
-            for demand in self.demands
-            if demand.is_must
-            for zone in self.due(demand.ask)
-        ):
+        # Visited on the way, as far as one can tell, or within reach.
+        visits = [zone for demand in self.demands if demand.is_must for zone in demand.ask.visits]
+        is_due = all(zone.driven.any() or (zone.cells & reached).any() for zone in visits)
+        if not is_due or not self.is_end_reached(reached, self.goals):
             return None
         rules: list[Automaton] = []
         for demand in self.demands:
@@ -123,14 +122,9 @@ class Enforcer:
         """
         reached = self.reached(~self.route.costmap.blocked)
         goals = self.goals if self.is_end_reached(reached, self.goals) else None
-        priced = [
-            (demand.price, demand.ask.forbidden)
-            for demand in self.demands
-            if demand.ask.forbidden is not None
-        ]
-        rules = [
-            rule.automaton(demand.price) for demand in self.demands for rule in demand.ask.rules
-        ]
+        asks = [(demand.price, demand.ask) for demand in self.demands]
+        priced = [(price, ask.forbidden) for price, ask in asks if ask.forbidden is not None]
+        rules = [rule.automaton(price) for price, ask in asks for rule in ask.rules]
         owed = rules if owes else [without_duties(rule) for rule in rules]
         return Enforced(product=self.product(reached, goals, priced, owed))
 
@@ -172,10 +166,6 @@ class Enforcer:
         """Tell whether the goal is reached, or one of the goal cells."""
         x, y = self.route.goal
         return bool(reached[y, x] if goals is None else (goals & reached).any())
-
-    def due(self, ask: Ask) -> Iterable[Zone]:
-        """Yield the regions of visits that were not visited on the way, as far as one can tell."""
-        return (zone for zone in ask.visits if not zone.driven.any())
 
     def product(
         self,
@@ -247,8 +237,7 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
     musts = [demand for demand in demands if demand.is_must and demand.problem is None]
     return tuple(
         (one.clause, other.clause)
-        for number, one in enumerate(musts)
-        for other in musts[number + 1 :]
+        for one, other in combinations(musts, 2)
         if excludes(one.ask, other.ask)
         or excludes(other.ask, one.ask)
         or leaves_nothing(one.ask, other.ask)

@@ -78,11 +78,11 @@ class Interpretation:
     def answered(self, answers: Mapping[str, bool]) -> Interpretation:
         """Return it with some of its questions answered: what was not meant is not understood."""
         clauses: list[Clause] = []
-        for clause in self.specification.clauses:
-            is_meant = answers.get(clause.unsure, True)
-            asked = '' if clause.unsure in answers else clause.unsure
-            unknown = Unknown(text=clause.phrase()[:MAX_NAME_CHARS])
-            clauses.append(replace(clause, unsure=asked) if is_meant else unknown)
+        for one in self.specification.clauses:
+            asked = '' if one.unsure in answers else one.unsure
+            is_meant = answers.get(one.unsure, True)
+            unknown = Unknown(text=one.phrase()[:MAX_NAME_CHARS])
+            clauses.append(replace(one, unsure=asked) if is_meant else unknown)
         specification = Specification(tuple(clauses))
         is_pending = self.status is Understanding.PENDING
         status = self.status if is_pending else status_of(specification)

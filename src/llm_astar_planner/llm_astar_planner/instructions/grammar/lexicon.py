@@ -88,9 +88,8 @@ class Lexicon:
         # What only ends an alias counts where the map has nothing else of it.
         ends_of = {place.name: alias_nouns(place, languages) - called for place in places}
         self.partial = frozenset().union(*ends_of.values())
-        self.members = members_of(
-            places, {name: nouns_of[name] | ends_of[name] for name in nouns_of}
-        )
+        all_nouns = {name: nouns_of[name] | ends_of[name] for name in nouns_of}
+        self.members = members_of(places, all_nouns)
         known = (self.names, self.near_names, self.tags, self.tag_groups)
         self.starts = frozenset().union(*(phrases.starts for phrases in known))
         spelt = self.names.words | self.near_names.words | self.tags.words
