@@ -150,12 +150,11 @@ def times(run: Sequence[Lexeme]) -> Lexeme | None:
     if run[0].value == 'any':
         return joined(run, 'TIMES', (0, None, False))
     least, most, found = 0, None, []
-    for is_and, part in groupby(run, lambda one: one.kind == 'AND'):
-        if is_and:
-            continue
-        kinds, number = zip(*((one.kind, one) for one in part))
+    groups = groupby(run, lambda one: one.kind == 'AND')
+    for part in (list(group) for is_and, group in groups if not is_and):
+        kinds = [one.kind for one in part]
         limits = (kind for kind in (kinds[0], *kinds[::-1]) if kind in KINDS.limits | {'ORMORE'})
-        value = next(one.number for one in number if one.kind in ('NUMBER', 'TIMES'))
+        value = next(one.number for one in part if one.kind in ('NUMBER', 'TIMES'))
         if not value == int(value) >= 0:
             return None
         limit = next(limits, 'EXACTLY')
