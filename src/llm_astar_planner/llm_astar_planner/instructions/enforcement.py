@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.raster import Cover
-from llm_astar_planner.instructions.clauses.clause import MUST, Ask, Clause, Mask, Zone
-from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.clauses.clause import MUST, Ask, Clause
+from llm_astar_planner.instructions.ground import Ground, Mask, Zone
 from llm_astar_planner.instructions.polygons import RegionError
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification

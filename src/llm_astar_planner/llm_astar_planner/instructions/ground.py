@@ -7,6 +7,7 @@ Verification has its own reading of the same definitions.
 """
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -17,7 +18,6 @@ from shapely.geometry.base import BaseGeometry
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
 from llm_astar_planner.instructions import polygons, regions
-from llm_astar_planner.instructions.clauses.clause import Mask, Zone
 from llm_astar_planner.instructions.regions import VISIT_RADIUS, Region
 from llm_astar_planner.instructions.route import PlaceGoalError, Route
 from llm_astar_planner.lazy import ndimage
@@ -30,6 +30,19 @@ LEFT, HALF_MOVE = 1.5, 0.75
 # Parts of a cell at which the way driven is looked at.
 SAMPLES = 4
 ROUNDING = 1e-9
+
+
+Mask = NDArray[np.bool_]
+
+
+class Zone(NamedTuple):
+    """A region of the search: its cells, bool [height, width], and which driven points are in it.
+
+    The points are those of `Ground.driven`.
+    """
+
+    cells: Mask
+    driven: Mask
 
 
 class Ground:

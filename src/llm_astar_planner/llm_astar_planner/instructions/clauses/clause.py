@@ -9,15 +9,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from llm_astar_planner.instructions.fields import Fields
 from llm_astar_planner.instructions.regions import Region, region_from_json
 
 if TYPE_CHECKING:  # clauses are read where no search is
     from llm_astar_planner.costmap.raster import Cover
     from llm_astar_planner.instructions import ground
+    from llm_astar_planner.instructions.ground import Mask, Zone
     from llm_astar_planner.search.automata import Automaton
 
     Ground = ground.Ground
@@ -27,19 +25,6 @@ else:
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)
 COMMON = ('strength', 'unsure')
-
-
-Mask = NDArray[np.bool_]
-
-
-class Zone(NamedTuple):
-    """A region of the search: its cells, bool [height, width], and which driven points are in it.
-
-    The points are those of `Ground.driven`.
-    """
-
-    cells: Mask
-    driven: Mask
 
 
 class Rule(NamedTuple):
