@@ -3,8 +3,6 @@
 
 """Interpreters in a chain, with a memory of what was understood."""
 
-from __future__ import annotations
-
 import logging
 import math
 import threading
@@ -47,6 +45,7 @@ MAX_WAITING = 8
 MAX_CALLBACKS = 32
 DROPPED = 'dropped, since newer questions came'
 Callback = Callable[[Interpretation], None]
+Waiting = tuple[Interpretation, Places, list[Callback]]
 
 
 class CachedInterpreter:
@@ -91,16 +90,13 @@ class CachedInterpreter:
         except Exception as error:  # noqa: BLE001 - no sentence may ever stop a plan
             _LOG.exception('the interpreter %s failed', self.name)
             answer = not_understood(text, f'{type(error).__name__} in {self.name}')
+        # A missing answer is not remembered for long, an answer for ever.
+        seconds = FAILED_S if answer.status is Understanding.PENDING else math.inf
         with self._lock:
-            self._known[key] = answer, time.monotonic() + remembered_for(answer)
+            self._known[key] = answer, time.monotonic() + seconds
             del self._running[key]
         mine.set_result(answer)
         return answer
-
-
-def remembered_for(answer: Interpretation) -> float:
-    """Return for how many seconds: a missing answer not for long, an answer for ever."""
-    return FAILED_S if answer.status is Understanding.PENDING else math.inf
 
 
 def as_remembered(interpretation: Interpretation) -> Interpretation:
@@ -113,10 +109,8 @@ def wait_for(running: Future[Interpretation], text: str, time_limit: float) -> I
     try:
         return as_remembered(running.result(min(time_limit, threading.TIMEOUT_MAX)))
     except FutureTimeoutError:
-        return replace(
-            not_understood(text, f'no answer within {time_limit:.1f} s'),
-            status=Understanding.PENDING,
-        )
+        detail = f'no answer within {time_limit:.1f} s'
+        return not_understood(text, detail, status=Understanding.PENDING)
 
 
 class ChainInterpreter:
@@ -162,13 +156,12 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
     pending = not best.is_read and any(part.status is Understanding.PENDING for part in readings)
+    cost = ('seconds', 'prompt_tokens', 'output_tokens')
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
         detail='; '.join(filter(None, dict.fromkeys(reasons))),
-        seconds=sum(reading.seconds for reading in readings),
-        prompt_tokens=sum(reading.prompt_tokens for reading in readings),
-        output_tokens=sum(reading.output_tokens for reading in readings),
+        **{name: sum(getattr(one, name) for one in readings) for name in cost},
     )
 
 
@@ -201,12 +194,8 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
     # The form is that of prompts for waypoints.
-    asked = replace(
-        settings,
-        response_format='json_schema',
-        max_output_tokens=tokens,
-        prompt_form=MESSAGE,
-    )
+    asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
+    asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(ChatClient(asked), examples=examples, recorder=recorder)
@@ -225,9 +214,7 @@ class BackgroundInterpreter:
         self._quick = CachedInterpreter(quick)
         self._time_limit = time_limit
         self._changed = threading.Condition()
-        self._waiting: OrderedDict[Key, tuple[Interpretation, Places, list[Callback]]] = (
-            OrderedDict()
-        )
+        self._waiting: OrderedDict[Key, Waiting] = OrderedDict()
         self._closed = False
         self.ask(slow)
 
@@ -264,10 +251,8 @@ class BackgroundInterpreter:
             _, _, callbacks = self._waiting.pop(key, (reading, places, []))
             callbacks += [on_answer] if on_answer else []
             dropped = [(reading, callback) for callback in callbacks[:-MAX_CALLBACKS]]
-            del callbacks[:-MAX_CALLBACKS]
-            self._waiting[key] = reading, places, callbacks
-            if len(self._waiting) > MAX_WAITING:
-                dropped += self._drop_oldest()
+            self._waiting[key] = reading, places, callbacks[-MAX_CALLBACKS:]
+            dropped += self._drop_oldest() if len(self._waiting) > MAX_WAITING else []
             self._changed.notify()
         self._tell_dropped(dropped)
         return replace(reading, status=Understanding.PENDING)
@@ -286,8 +271,8 @@ class BackgroundInterpreter:
 
     def _tell_dropped(self, dropped: list[tuple[Interpretation, Callback]]) -> None:
         for reading, callback in dropped:
-            status = Understanding.PENDING
-            self._tell(callback, replace(reading, status=status, detail=DROPPED))
+            pending = replace(reading, status=Understanding.PENDING, detail=DROPPED)
+            self._tell(callback, pending)
 
     def _work(self, slow: CachedInterpreter) -> None:
         while True:

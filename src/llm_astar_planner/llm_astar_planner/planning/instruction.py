@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
-from llm_astar_planner.instructions.asks import Ask, Zone
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause
 from llm_astar_planner.instructions.enforcement import (
     Demand,
     Enforced,
@@ -26,7 +25,7 @@ from llm_astar_planner.instructions.enforcement import (
     demand_of,
     demands_of,
 )
-from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.ground import Ground, Zone
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
