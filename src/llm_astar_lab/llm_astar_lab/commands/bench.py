@@ -49,7 +49,7 @@ from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, sel
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources
-from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
 from llm_astar_lab.runner.map_costs import map_costs
 
 
@@ -111,24 +111,20 @@ def run(args: argparse.Namespace) -> int:
         names = ', '.join(sources.GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
-    failure = common.BAD_INPUT
+    run = common.Run(args, folder, run_metadata(args, config, dataset))
     try:
-        with common.make_executor(args, config.sources) as pool:
-            metadata = run_metadata(args, config, dataset)
-            parquet = is_parquet_run(args.format, config.row_count)
-            again = {'resume': args.resume, 'overwrite': args.overwrite}
-            tasks = config.tasks(open_folder(folder, metadata, **again, parquet=parquet))
+        with run.pool(config.sources):
+            tasks = config.tasks(run.open(config.row_count))
             kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
-                metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
-            failure = common.INCOMPLETE  # from here on there are rows
-            code = common.run_into(args, folder, metadata, tasks, pool)
+                run.metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
+            run.execute(tasks)
         # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks, kept
-        return common.close_run(args, folder, metadata, code)
+        return run.close()
     except ResultsError as error:
-        return common.complain(args, str(error), failure)
+        return run.failed(error)
 
 
 def keep_maps(
@@ -210,16 +206,8 @@ def benchmark_config(
         samples = draw(samples, args.limit, args.seed)
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
-    return BenchmarkConfig(
-        samples,
-        args.methods,
-        recorded.specs,
-        settings,
-        scales,
-        args.scale_samples,
-        args.seed,
-        recorded.coverage,
-    )
+    rest = scales, args.scale_samples, args.seed, recorded.coverage
+    return BenchmarkConfig(samples, args.methods, recorded.specs, settings, *rest)
 
 
 def run_metadata(
