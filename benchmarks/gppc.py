@@ -71,16 +71,14 @@ def prepare_exact(grid_map: GridMap) -> Prepared:
     )
 
 
-def prepare_planner(grid_map: GridMap, bound: float, source: str | None = None) -> Prepared:
+def prepare_planner(grid_map: GridMap, bound: float) -> Prepared:
     """Return `Planner.plan` with a bound and all it prepares: jump points and landmarks."""
     planner = Planner(grid_map, CONFIG).prepare()
-    extra = {} if source is None else {'source': source}
 
     def plan(start: Cell, goal: Cell) -> NDArray[Any]:
         request = PlanRequest(
-            start, goal, max_suboptimality=bound, want_expanded=False, time_limit=PATIENCE_S,
-            **extra,
-        )  # fmt: skip
+            start, goal, max_suboptimality=bound, want_expanded=False, time_limit=PATIENCE_S
+        )
         return planner.plan(request).path
 
     return Prepared(plan, planner)
