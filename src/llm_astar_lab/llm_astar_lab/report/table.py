@@ -12,7 +12,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import compress
@@ -20,8 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
-from jinja2 import ChainableUndefined, Environment
-from jinja2.environment import TemplateExpression
+from jinja2 import ChainableUndefined, Environment, Undefined
 from llm_astar_msgs_adapter.errors import printable, shortened
 
 from llm_astar_lab.analysis.statistics import UNKNOWN, Interval, Ratio
@@ -86,21 +85,24 @@ class Table:
         and `more` of the note.
         """
         found = descriptions()[name]
-        items, columns, cells = list(items), [], []
-        for head, (unit, text) in found['columns'].items():
-            for number, label in enumerate(each if '{}' in head else ('',)):
-                say = expression(text.replace('{}', str(number)))
-                of_column = [known(say(**words, **values_of(item))) for item in items]
-                column = Column(
-                    head.replace('{}', label), words.get(unit, unit.removesuffix(IF_KNOWN))
-                )
-                shown = {cell_text(cell, column) for cell in of_column}
-                if not unit.endswith(IF_KNOWN) or shown - {'', '-'}:
-                    columns.append(column)
-                    cells.append(of_column)
+        described = [
+            (head.replace('{}', label), unit, text.replace('{}', str(number)))
+            for head, (unit, text) in found['columns'].items()
+            for number, label in enumerate(each if '{}' in head else ('',))
+        ]
+        say = expression(f'[{", ".join(text for *_, text in described)}]')
+        rows = [tuple(map(known, say({**words, **values_of(item)}))) for item in items]
+        units = [words.get(unit, unit.removesuffix(IF_KNOWN)) for _, unit, _ in described]
+        columns = [Column(head, unit) for (head, *_), unit in zip(described, units)]
+        is_kept = [
+            not unit.endswith(IF_KNOWN)
+            or any(cell_text(row[number], columns[number]) not in ('', '-') for row in rows)
+            for number, (_, unit, _) in enumerate(described)
+        ]
         title = words.get('title') or found['title']
         note = found.get('note', '').format(**words) + words.get('more', '')
-        return cls(words.get('file', name), title, columns, list(zip(*cells)), note)
+        shown = [tuple(compress(row, is_kept)) for row in rows]
+        return cls(words.get('file', name), title, [*compress(columns, is_kept)], shown, note)
 
     def without_constants(self) -> tuple[Table, str]:
         """Return it without the columns that say the same in every row, and what they say.
@@ -129,8 +131,8 @@ def descriptions() -> Mapping[str, Any]:
 
 
 @cache
-def expression(text: str) -> TemplateExpression:
-    """Return what evaluates an expression of `tables.yaml`; None is unknown."""
+def expression(text: str) -> Callable[[Mapping[str, Any]], Any]:
+    """Return what evaluates an expression of jinja."""
     return EXPRESSIONS.compile_expression(text)
 
 
@@ -142,9 +144,9 @@ def values_of(item: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of any type wit
     return found
 
 
-def known(value: Cell | None) -> Cell:
-    """Return a cell; what is None is unknown."""
-    return math.nan if value is None else value
+def known(value: Cell | Undefined | None) -> Cell:
+    """Return a cell; what is None or not there is unknown."""
+    return math.nan if value is None or isinstance(value, Undefined) else value
 
 
 def texts_of(table: Table) -> tuple[tuple[str, ...], TextRows]:
