@@ -42,7 +42,7 @@ ROOMS = {
 # And each room of the laboratory of its others; all may import the planner.
 RESULTS = {'results', 'datasets', 'runner', 'analysis', 'evaluation', 'bags'}
 LAB_ROOMS = {
-    'bags': set(),
+    'bags': {'templates'},
     'pictures': set(),
     'play': {'pictures', 'datasets'},
     'results': {'templates'},

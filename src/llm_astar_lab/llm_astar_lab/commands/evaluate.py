@@ -37,8 +37,13 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
 from llm_astar_planner.cli import flags
 from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
+from llm_astar_planner.planning.parameters import (
+    COSTMAP,
+    REQUESTS,
+    costmap_config,
+    defaults,
+    read_parameter_files,
+)
 from llm_astar_planner.planning.types import plan_report
 
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags

@@ -25,8 +25,7 @@ from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning import parameters
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import PLANNER, SOURCE
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE, read_parameter_files
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file, state_file
@@ -151,9 +150,7 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
 
 
 def parameter_values(
-    arguments: argparse.Namespace,
-    items: Iterable[Parameter],
-    file: Mapping[str, Scalar] | None,
+    arguments: argparse.Namespace, items: Iterable[Parameter], file: Mapping[str, Scalar] | None
 ) -> dict[str, Any]:
     """Return every parameter's value: of its flag, else of a file, else its default.
 
@@ -222,10 +219,7 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
 
 
 def waypoint_source(
-    arguments: argparse.Namespace,
-    options: PlanningOptions,
-    maps: list[ProblemMap],
-    offset: Point,
+    arguments: argparse.Namespace, options: PlanningOptions, maps: list[ProblemMap], offset: Point
 ) -> WaypointSource | None:
     """Return the source of waypoints, or None. Raises what making one raises."""
     if arguments.reply is not None:

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, cover
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
@@ -153,9 +152,12 @@ class Costmap:
     @cached_property
     def is_barrier_map(self) -> bool:
         """Whether a few dozen straight barriers block all that is blocked, as in the paper."""
-        if max(self.blocked.shape) > MAX_SIDE:
+        # Readers of files, which no search takes.
+        from llm_astar_msgs_adapter.maps import barrier_decomposition  # noqa: PLC0415
+
+        if max(self.blocked.shape) > barrier_decomposition.MAX_SIDE:
             return False
-        barriers, are_all = cover(self.blocked, MAX_BARRIERS, only_all=True)
+        barriers, are_all = barrier_decomposition.cover(self.blocked, MAX_BARRIERS, only_all=True)
         return are_all and bool(barriers)
 
     @cached_property

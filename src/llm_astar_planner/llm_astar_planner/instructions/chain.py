@@ -222,17 +222,26 @@ class BackgroundInterpreter:
 
     def __init__(self, quick: Interpreter, slow: Interpreter, time_limit: float = 120.0) -> None:
         """Start the worker. `time_limit` is the seconds that the slow one may take."""
-        self.name = slow.name
         self._quick = CachedInterpreter(quick)
-        self._slow = CachedInterpreter(slow)
         self._time_limit = time_limit
         self._changed = threading.Condition()
         self._waiting: OrderedDict[Key, tuple[Interpretation, Places, list[Callback]]] = (
             OrderedDict()
         )
         self._closed = False
-        self._worker = threading.Thread(target=self._work, name='instructions', daemon=True)
-        self._worker.start()
+        self.ask(slow)
+
+    def ask(self, slow: Interpreter) -> None:
+        """Ask this slow interpreter from now on, what waits already included.
+
+        What the one before has answered is forgotten; it still answers the question it is asked.
+        """
+        with self._changed:
+            self._slow = asked = CachedInterpreter(slow)
+            self._changed.notify_all()
+        threading.Thread(
+            target=self._work, args=(asked,), name='instructions', daemon=True
+        ).start()
 
     def interpret_now(
         self, text: str, places: Places, on_answer: Callback | None = None
@@ -268,7 +277,7 @@ class BackgroundInterpreter:
         with self._changed:
             self._closed = True
             dropped = [one for _ in list(self._waiting) for one in self._drop_oldest()]
-            self._changed.notify()
+            self._changed.notify_all()
         self._tell_dropped(dropped)
 
     def _drop_oldest(self) -> list[tuple[Interpretation, Callback]]:
@@ -280,15 +289,15 @@ class BackgroundInterpreter:
             status = Understanding.PENDING
             self._tell(callback, replace(reading, status=status, detail=DROPPED))
 
-    def _work(self) -> None:
+    def _work(self, slow: CachedInterpreter) -> None:
         while True:
             with self._changed:
-                while not self._waiting and not self._closed:
+                while not (self._waiting or self._closed or self._slow is not slow):
                     self._changed.wait()
-                if self._closed:
+                if self._closed or self._slow is not slow:
                     return
                 _, (reading, places, callbacks) = self._waiting.popitem(last=True)
-            answer = self._slow.interpret(reading.text, places, self._time_limit)
+            answer = slow.interpret(reading.text, places, self._time_limit)
             for callback in callbacks:
                 self._tell(callback, fullest([reading, answer]))
 

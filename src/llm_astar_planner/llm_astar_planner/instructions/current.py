@@ -61,11 +61,9 @@ class InstructionReader:
         self.confirmations = Confirmations() if confirmations is None else confirmations
         self._local = make_interpreter({})
         self._remote = remote
-        self._background = None if remote is None else self.make_background(remote)
-
-    def make_background(self, remote: RemoteInterpreter) -> BackgroundInterpreter:
-        """Return what asks the remote interpreter on a thread of its own."""
-        return BackgroundInterpreter(self._local, remote, LIMIT_S)
+        self._background: BackgroundInterpreter | None = None
+        if remote is not None:
+            self._background = BackgroundInterpreter(self._local, remote, LIMIT_S)
 
     @property
     def ready(self) -> bool:
@@ -102,8 +100,7 @@ class InstructionReader:
     def restart(self) -> None:
         """Forget what the remote interpreter answered: it may answer differently from now on."""
         if self._remote is not None and self._background is not None:
-            before, self._background = self._background, self.make_background(self._remote)
-            before.close()
+            self._background.ask(self._remote)
             # Otherwise each change would leave a thread that waits for an answer.
             self._remote.drop_oldest()
 

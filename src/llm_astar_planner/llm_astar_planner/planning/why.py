@@ -32,13 +32,7 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
 from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
-from llm_astar_planner.planning.types import (
-    Plan,
-    PlanningFailure,
-    PlanRequest,
-    Point,
-    Why,
-)
+from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, Point, Why
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
 from llm_astar_planner.search.jump import jump_search
