@@ -12,6 +12,7 @@ examples:
   llm-astar bench                                 every method and baseline, no key needed
   llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
+  llm-astar bench --protocol my_model.yaml        the samples, prompts and seeds of all its runs
   llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
   llm-astar bench --dataset barriers,rooms,mazes,aisles,floors --maps 20 --seed 1
   llm-astar bench --dataset movingai/dao --path FOLDER --methods exact_astar,astar --limit 500
@@ -52,6 +53,14 @@ from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
 from llm_astar_lab.runner.map_costs import map_costs
+from llm_astar_lab.runner.protocol import (
+    FIELDS,
+    NEEDED,
+    PROTOCOLS,
+    apply_protocol,
+    sentence,
+    write_protocol,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +68,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_samples(parser.add_argument_group('samples'))
     common.add_variants(parser.add_argument_group('methods and sources'))
     common.add_instruction(parser.add_argument_group('an instruction for every sample'))
+    option(
+        parser, '--protocol FILE',
+        f'yaml file with {", ".join(NEEDED)} and perhaps {", ".join(FIELDS[len(NEEDED):])}: runs '
+        f'{" or ".join(sorted(PROTOCOLS))} with this model, and writes protocol.json',
+    )  # fmt: skip
     common.add_running(parser.add_argument_group('running'), 'out/bench')
 
 
@@ -101,6 +115,7 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
+    card = apply_protocol(args)
     common.settle_variants(args)
     dataset = open_dataset(args)
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
@@ -113,6 +128,8 @@ def run(args: argparse.Namespace) -> int:
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
     run = common.Run(args, folder, run_metadata(args, config, dataset))
+    if card is not None:
+        run.metadata.setdefault('notes', []).append(sentence(card, len(config.samples)))
     try:
         with run.pool(config.sources):
             tasks = config.tasks(run.open(config.row_count))
@@ -123,6 +140,8 @@ def run(args: argparse.Namespace) -> int:
             run.execute(tasks)
         # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks, kept
+        if card is not None:
+            write_protocol(folder, card, run.metadata)
         return run.close()
     except ResultsError as error:
         return run.failed(error)
