@@ -199,15 +199,18 @@ def places_to_markers(places: Places, stamp: Time) -> MarkerArray:
 
 
 def zones_to_markers(
-    zones: Iterable[tuple[str, BaseGeometry, bool]], frame_id: str, stamp: Time
+    zones: Iterable[tuple[str, BaseGeometry, bool, Sequence[BaseGeometry]]],
+    frame_id: str,
+    stamp: Time,
 ) -> MarkerArray:
-    """Draw zones: label, polygon in metres, and whether it is closed to the robot.
+    """Draw zones: label, polygon in metres, whether it is closed to the robot, and arrows.
 
-    Each is a text and a line strip around each ring. The first marker deletes those before.
+    Each is a text, a line strip around each ring, and an arrow along each line of two points. The
+    first marker deletes those before.
     """
     areas = [
-        Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True)
-        for label, geometry, is_closed in zones
+        Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True, arrows)
+        for label, geometry, is_closed, arrows in zones
     ]
     return areas_to_markers('zones', areas, frame_id, stamp)
 
@@ -220,6 +223,7 @@ class Area(NamedTuple):
     colour: Colour
     size: float
     with_holes: bool = False
+    arrows: Sequence[BaseGeometry] = ()
 
     def markers(self) -> Iterator[Marker]:
         """Yield the name and the closed outlines of the polygons; a point has none."""
@@ -236,6 +240,11 @@ class Area(NamedTuple):
                 outline.scale.x = LINE_WIDTH
                 outline.points = [Point(x=x, y=y, z=0.0) for x, y in ring.coords]
                 yield outline
+        for line in self.arrows:
+            arrow = Marker(type=Marker.ARROW, color=colour)
+            arrow.scale.x, arrow.scale.y = 2.0 * LINE_WIDTH, 6.0 * LINE_WIDTH
+            arrow.points = [Point(x=x, y=y, z=0.0) for x, y in line.coords]
+            yield arrow
 
 
 def areas_to_markers(

@@ -38,6 +38,8 @@ AT_CENTRE = 1e-9
 SAME_PLACE = 1e-3
 # Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
 Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
+# Components, and the number of those that are reached.
+Reached = tuple[Tiles, int]
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
 # Points of a smooth path over which its ends are moved to where they have to be.
@@ -58,17 +60,18 @@ class Endpoints(NamedTuple):
 def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
     components, start, goal, via = costmap.components, request.start, request.goal, request.via
-    component = components.at(start)
-    if not component:
+    if not components.at(start):
         start = moved_start(costmap, request)
-        component = components.at(start)
+    # Where rules of the road cut a stretch between many via points off, its search finds out.
+    components = components if via else costmap.reached(start)
+    component = components.at(start)
     if components.at(goal) != component:
-        goal = moved_goal(costmap, request, goal, component)
+        goal = moved_goal(costmap, request, goal, (components, component))
     if via:
         via = tuple(
             cell
             if components.at(cell) == component
-            else moved_goal(costmap, request, cell, component, f'via {number}')
+            else moved_goal(costmap, request, cell, (components, component), f'via {number}')
             for number, cell in enumerate(via, start=1)
         )
     if (start, goal, via) == (request.start, request.goal, request.via):
@@ -105,7 +108,7 @@ def moved_start(costmap: Costmap, request: PlanRequest) -> Cell:
 
 
 def moved_goal(
-    costmap: Costmap, request: PlanRequest, goal: Cell, component: int, name: str = 'goal'
+    costmap: Costmap, request: PlanRequest, goal: Cell, reached: Reached, name: str = 'goal'
 ) -> Cell:
     """Return the cell of a component within the tolerance that is nearest to a goal or via point.
 
@@ -114,7 +117,7 @@ def moved_goal(
     tolerance = request.tolerance
     found = None
     if costmap.grid_map.contains(goal):
-        found = nearest_reached(costmap, goal, component, tolerance)
+        found = nearest_reached(costmap, reached, goal, tolerance)
     if found is None:
         failure = goal_failure(costmap, request, goal, name)
         if tolerance == 0.0 or failure.code is ResultCode.GOAL_OUTSIDE_MAP:
@@ -124,17 +127,20 @@ def moved_goal(
     return found
 
 
-def nearest_reached(costmap: Costmap, cell: Cell, component: int, tolerance: float) -> Cell | None:
+def nearest_reached(
+    costmap: Costmap, reached: Reached, cell: Cell, tolerance: float
+) -> Cell | None:
     """Return the cell if it is of a component, else the nearest that is.
 
     None if there is none within so many metres.
     """
-    if costmap.components.at(cell) == component:
+    components, component = reached
+    if components.at(cell) == component:
         return cell
     if tolerance == 0.0:
         return None
     reach = squared_cells(tolerance, costmap.grid_map.resolution)
-    return nearest_labelled(costmap.components, component, cell, reach)
+    return nearest_labelled(components, component, cell, reach)
 
 
 def goal_failure(
@@ -148,7 +154,10 @@ def goal_failure(
         message = blocked_message(costmap, name, goal)
         return PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
     end, begin = costmap.describe_cell(goal), costmap.describe_cell(request.start)
-    message = f'obstacles cut the {name} {end} off from the start {begin}'
+    components = costmap.components
+    are_joined = components.at(goal) == components.at(request.start) > 0
+    what = 'rules of the road' if are_joined else 'obstacles'
+    message = f'{what} cut the {name} {end} off from the start {begin}'
     return PlanningFailure(ResultCode.NO_VALID_PATH, message)
 
 
@@ -276,12 +285,13 @@ class ViapointSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the via points; the detail says how many were moved and which had to stay."""
         deadline = time.monotonic() + query.time_limit
-        component = query.costmap.components.at(query.start)
+        components = query.costmap.components
+        reached = components, components.at(query.start)
 
         def place(cell: Cell) -> Cell | None:
             # After its time no other cells are looked for.
             tolerance = self.tolerance if time.monotonic() <= deadline else 0.0
-            return nearest_reached(query.costmap, cell, component, tolerance)
+            return nearest_reached(query.costmap, reached, cell, tolerance)
 
         places = list(map(place, self.viapoints))
         lost = [number for number, place in enumerate(places, start=1) if place is None]

@@ -340,11 +340,16 @@ class PathPlanner:
         # Kernels that only these plans take.
         from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
             AnyAnglePath,
+            lawful_parts,
             string_pull,
         )
 
         try:
-            parts = [string_pull(graph, part, deadline=deadline) for graph, part in stretches]
+            parts = [
+                string_pull(*piece, deadline=deadline)
+                for graph, part in stretches
+                for piece in lawful_parts(graph, part, self.grid_map.forbidden)
+            ]
         except TimeoutError as error:
             return None, str(error)
         if not parts:
