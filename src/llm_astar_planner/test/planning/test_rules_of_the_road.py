@@ -7,7 +7,7 @@ shapely and in plain Python.
 import heapq
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import KEEP_RIGHT, ONE_WAY, PREFERRED, Zone
+from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
@@ -66,16 +67,21 @@ class Rules:
     """Tells which moves zones allow, by the words of the documentation."""
 
     def __init__(self, zones):
-        self.fields = [
-            {(x, y): heading_of(zone, x, y) for x in range(SIZE) for y in range(SIZE)}
+        self.fields = {
+            zone.label: {(x, y): heading_of(zone, x, y) for x in range(SIZE) for y in range(SIZE)}
             for zone in zones
             if zone.kind in (ONE_WAY, KEEP_RIGHT)
-        ]
+        }
+
+    def without(self, names):
+        rules = Rules(())
+        rules.fields = {name: field for name, field in self.fields.items() if name not in names}
+        return rules
 
     def allow(self, begin, end):
         step = np.array(end) - begin
         step = step / math.hypot(*step)
-        for field in self.fields:
+        for field in self.fields.values():
             ends = [field[begin], field[end]]
             parts = [one[0] * step[0] + one[1] * step[1] for one in ends if one is not None]
             crosses = len(parts) == 2 and ends[0][2] != ends[1][2] and abs(parts[0]) <= ACROSS
@@ -97,7 +103,7 @@ class Rules:
         )
 
 
-def moves_from(cells, rules):
+def moves_from(cells, rules, corner_cutting=False):
     """Return the legal moves of each free cell and their lengths."""
     free = {(x, y) for x in range(SIZE) for y in range(SIZE) if cells[y][x] < 65}
     moves = {}
@@ -107,8 +113,7 @@ def moves_from(cells, rules):
             (cell, length)
             for cell, length in around
             if cell in free
-            and (x, cell[1]) in free
-            and (cell[0], y) in free
+            and (corner_cutting or ((x, cell[1]) in free and (cell[0], y) in free))
             and rules.allow((x, y), cell)
         ]
     return moves
@@ -158,32 +163,69 @@ def random_problem(random, graded):
         squares = shapely.box(*(RESOLUTION * np.array([x, y, x + 1, y + 1])))
         off = shapely.area(shapely.intersection(squares, road.buffer(0.5))) < 1e-9
         prices[off] = 1.0
-    rules = Rules(zones)
+    rules, cutting = Rules(zones), bool(random.random() < 0.2)
     price = {(x, y): prices[y, x] for x in range(SIZE) for y in range(SIZE)}
-    return planner_on(cells, *zones), rules, moves_from(cells, rules), price
+    planner = planner_on(cells, *zones, corner_cutting=cutting)
+    return planner, rules, moves_from(cells, rules, cutting), price
+
+
+def best_cost(moves, stops, price):
+    """Return the least cost of a path through stops in turn, infinity without one."""
+    return sum(
+        dijkstra(moves, begin, price).get(end, math.inf) for begin, end in pairwise(stops)
+    )
 
 
 def check(planner, rules, moves, price, request):
     """Hold a plan against the moves and a Dijkstra of its own; return whether it is a path."""
     plan = planner.plan(request)
-    costs = dijkstra(moves, request.start, price)
-    if request.goal not in costs:
+    stops = [request.start, *request.via, request.goal]
+    best = best_cost(moves, stops, price)
+    if request.footprint is None and math.isinf(best):
         assert plan.code is ResultCode.NO_VALID_PATH
-        assert plan.why is not None
+        check_why(planner, rules, price, plan.why, stops)
+    if plan.code is not ResultCode.NONE:
+        assert request.footprint is not None or math.isinf(best), plan.message
         return False
-    assert plan.code is ResultCode.NONE, plan.message
     path = [tuple(cell) for cell in plan.path.tolist()]
     assert all(end in dict(moves[begin]) for begin, end in pairwise(path))
-    best = costs[request.goal]
-    if not any(price.values()):
-        assert plan.cost == pytest.approx(best, rel=1e-6)
-    assert plan.cost / plan.suboptimality_bound <= best * (1.0 + 1e-6)
-    assert plan.cost >= best * (1.0 - 1e-6)
-    assert plan.cost <= best * 1.01
     for points in (plan.smoothed, None if plan.any_angle is None else plan.any_angle.points):
-        if points is not None:
-            assert rules.allow_line(points)
+        assert points is None or rules.allow_line(points)
+    if request.footprint is None:
+        if not any(price.values()):
+            assert plan.cost == pytest.approx(best, rel=1e-6)
+        assert plan.cost / plan.suboptimality_bound <= best * (1.0 + 1e-6)
+        assert best * (1.0 - 1e-6) <= plan.cost <= best * 1.01
     return True
+
+
+def check_why(planner, rules, price, why, stops):
+    """Tell by Dijkstra that without the rules that are named there is a path, if any is."""
+    named = {cause['name'] for cause in why.causes if cause['kind'] in (ONE_WAY, KEEP_RIGHT)}
+    cells, cutting = planner.grid_map.cells, planner.config.corner_cutting
+    ends = stops[why.reached : why.reached + 2]
+
+    def cost_without(names):
+        return best_cost(moves_from(cells, rules.without(names), cutting), ends, price)
+
+    opens = math.isfinite(cost_without(rules.fields))
+    assert (named != set()) is opens
+    if opens:
+        assert math.isfinite(cost_without(named))
+        fewer = [{*names} for n in range(len(named)) for names in combinations(rules.fields, n)]
+        assert all(math.isinf(cost_without(names)) for names in fewer)
+
+
+def random_request(random, free):
+    """Return a request between free cells, some with via points, a footprint or other angles."""
+    start, goal, via = (free[index] for index in random.integers(0, len(free), 3))
+    footprint = Footprint(((0.4, 0.2), (0.4, -0.2), (-0.4, -0.2), (-0.4, 0.2)))
+    return PlanRequest(
+        start, goal, str(random.choice(['guided', 'exact_astar'])), max_suboptimality=1.0,
+        any_angle=bool(random.random() < 0.4), smoothing=bool(random.random() < 0.3),
+        via=(via,) if random.random() < 0.2 else (), time_limit=60.0,
+        footprint=footprint if random.random() < 0.1 else None,
+    )  # fmt: skip
 
 
 def random_plans(seed, maps, plans):
@@ -193,13 +235,7 @@ def random_plans(seed, maps, plans):
         planner, *problem = random_problem(random, graded=number % 3 == 2)
         free = sorted(problem[1])
         for _ in range(plans):
-            start, goal = (free[index] for index in random.integers(0, len(free), 2))
-            method = str(random.choice(['guided', 'exact_astar']))
-            request = PlanRequest(
-                start, goal, method, max_suboptimality=1.0, any_angle=bool(random.random() < 0.3),
-                smoothing=bool(random.random() < 0.2), time_limit=60.0,
-            )  # fmt: skip
-            found += check(planner, *problem, request)
+            found += check(planner, *problem, random_request(random, free))
             count += 1
     return count, found
 
