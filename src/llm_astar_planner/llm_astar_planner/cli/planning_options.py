@@ -50,15 +50,15 @@ class PlanningOptions:
     values: dict[str, Any]
     settings: SourceSettings
 
-    def make_planner(self, problem: ProblemMap, zones: str | None = None) -> Planner:
-        """Return a planner for a map with the zones of a file; it still has to be prepared.
+    def make_planner(self, problem: ProblemMap, zones: str = '') -> Planner:
+        """Return a planner for a map with zones, a GeoJSON text; it still has to be prepared.
 
-        Raises ZonesError, and FileNotFoundError.
+        Raises ZonesError.
         """
         barriers = problem if isinstance(problem, BarrierMap) else None
         config, grid_map = parameters.costmap_config(self.values), problem.to_grid()
         if zones:
-            grid_map = with_zones(grid_map, find_file(zones, 'maps').read_text(), config)
+            grid_map = with_zones(grid_map, zones, config)
         return Planner(grid_map, config, barriers)
 
     def make_interpreter(self) -> readings.Interpreter:
@@ -205,7 +205,7 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
     else:
         maps = [problem := parse_query(arguments.query)]
     options = read_planning_options(arguments, problem)
-    planner = options.make_planner(problem, arguments.zones)
+    planner = options.make_planner(problem, map_files.zones_text(arguments.zones))
     map_file = arguments.map if arguments.query is None else None
     places = map_files.open_places(options.values['places_file'], map_file)
     map_files.warn_of_places(places, planner.grid_map)

@@ -33,7 +33,7 @@ from llm_astar_planner.costmap.zone_rules import STEPS
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
-from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
+from llm_astar_planner.planning.endpoints import moved_start, nearest_reached, window_around
 from llm_astar_planner.planning.types import (
     Plan,
     PlanningFailure,
@@ -86,8 +86,10 @@ class Layers:
 
     def __init__(self, walls: Mask) -> None:
         """Start with walls, bool [height, width], and nothing else closed."""
-        self.groups = np.pad(~walls, 1).astype(np.int32)
+        height, width = walls.shape
+        self.groups = np.zeros((height + 2, width + 2), dtype=np.int32)
         self.cells = self.groups[1:-1, 1:-1]
+        self.cells[:] = ~walls
         self.sets: list[Items | None] = [None, NOTHING]
         self._numbers: dict[Items, int] = {NOTHING: 1}
 
@@ -133,17 +135,20 @@ class Goals(NamedTuple):
         """Ask for a cell at most `tolerance` metres from `goal`."""
         height, width = costmap.blocked.shape
         across, reach = width + 2, squared_cells(tolerance, costmap.grid_map.resolution)
-        x, y = np.arange(-1, width + 1) - goal[0], np.arange(-1, height + 1) - goal[1]
-        targets = np.add.outer(y * y, x * x) <= reach
-        steps = [1, -1, across, -across]
+        targets = np.zeros((height + 2, width + 2), dtype=np.bool_)
+        rows, columns = window_around(targets.shape, (goal[0] + 1, goal[1] + 1), math.isqrt(reach))
+        y, x = np.ogrid[rows, columns]
+        targets[rows, columns] = (x - goal[0] - 1) ** 2 + (y - goal[1] - 1) ** 2 <= reach
+        # The last is followed first: along rows, as they lie in memory.
+        steps = [across, -across, 1, -1]
         if costmap.config.corner_cutting:
-            steps += [across + 1, across - 1, 1 - across, -1 - across]
+            steps = [across + 1, across - 1, 1 - across, -1 - across, *steps]
         first = (start[1] + 1) * across + start[0] + 1
         return cls(np.array(steps, dtype=np.int32), first, targets.reshape(-1))
 
     def cell(self, number: int) -> Cell:
         """Return the cell (x, y) of the map that has a number here."""
-        y, x = divmod(number, int(self.steps[2]))
+        y, x = divmod(number, int(self.steps[-4]))
         return x - 1, y - 1
 
     def flood(self, layers: Layers, removed: Items, before: Flood | None = None) -> Flood:
@@ -175,7 +180,7 @@ class Causes:
         self.lethal = self.base.cells >= threshold
         self.names: list[tuple[str, str]] = []
         self.radius = -1
-        is_plain = composed is None and config.allow_unknown
+        is_plain = composed is None and (config.allow_unknown or not (self.base.cells < 0).any())
         walls = costmap.blocked if is_plain else inflate(self.base, self.config)[0]
         self.layers = [Layers(walls)]
         # Without the robot's radius, also that with which a costmap was inflated.
@@ -310,9 +315,11 @@ class Causes:
         metres = self.config.robot_radius or WIDEST
         reach = min(math.isqrt(squared_cells(metres, self.resolution)) + 1, max(lethal.shape))
         # Where the robot passes there is room enough, which is not measured.
-        is_open, is_wide = (one.is_open(removed)[one.cells] for one in (layers, self.layers[0]))
+        groups = (
+            part for one in (layers, self.layers[0]) for part in (one.cells, one.is_open(removed))
+        )
         room = np.zeros(layers.groups.shape, dtype=np.int32)
-        kernels.fill_room(lethal, reach, is_open, is_wide, room[1:-1, 1:-1])
+        kernels.fill_room(lethal, reach, *groups, room[1:-1, 1:-1])
         return room
 
 
@@ -404,9 +411,15 @@ class Explainer:
     def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
         """Return the shortest of the widest ways, which robots pass it, and where it is narrow."""
         room, (steps, _, targets) = self.causes.room(removed), self.goals
+        layers, ends = self.causes.layers[0], np.flatnonzero(targets)
+        # From where the robot reaches an end as wide as it is, the way gets no narrower.
+        for end in ends[layers.groups.reshape(-1)[ends] == 1][:1]:
+            there = Goals(steps, int(end), np.zeros_like(targets)).flood(layers, NOTHING)
+            targets = targets | (there.seen == kernels.REACHED)
         target, least, where = kernels.widest(
             room.reshape(-1), steps, targets, self.here.seen.copy(), self.here.edges
         )
+        target = target if self.goals.targets[target] else int(end)
         cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target), removed)
         passes = below(math.sqrt(least) * self.causes.resolution)
         return cells, {'passes': passes, 'at': self.metres(self.goals.cell(where))}

@@ -6,7 +6,6 @@ shapely and in plain Python.
 
 import heapq
 import math
-from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -17,10 +16,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import KEEP_RIGHT, ONE_WAY, PREFERRED, Zone
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.result import SearchResult, SearchStatus
 
 SIZE, RESOLUTION = 20, 0.5
 ACROSS = math.sin(math.radians(22.5))
@@ -41,7 +38,7 @@ def heading_of(zone, x, y):
     """Return the direction of a cell in a zone, (x, y, side), None where it has none."""
     if not zone.is_line:
         square = shapely.box(*(RESOLUTION * np.array([x, y, x + 1, y + 1])))
-        if square.intersection(zone.geometry).area < 1e-9:
+        if square.intersection(zone.geometry).area < 1e-13:
             return None
         angle = math.radians(zone.heading)
         return math.cos(angle), math.sin(angle), 0
@@ -161,7 +158,7 @@ def random_problem(random, graded):
         zones.append(Zone('road', road, 50, kind=PREFERRED, width=1.0))
         x, y = np.meshgrid(np.arange(SIZE), np.arange(SIZE))
         squares = shapely.box(*(RESOLUTION * np.array([x, y, x + 1, y + 1])))
-        off = shapely.area(shapely.intersection(squares, road.buffer(0.5))) < 1e-9
+        off = shapely.area(shapely.intersection(squares, road.buffer(0.5))) < 1e-13
         prices[off] = 1.0
     rules, cutting = Rules(zones), bool(random.random() < 0.2)
     price = {(x, y): prices[y, x] for x in range(SIZE) for y in range(SIZE)}
@@ -171,9 +168,7 @@ def random_problem(random, graded):
 
 def best_cost(moves, stops, price):
     """Return the least cost of a path through stops in turn, infinity without one."""
-    return sum(
-        dijkstra(moves, begin, price).get(end, math.inf) for begin, end in pairwise(stops)
-    )
+    return sum(dijkstra(moves, begin, price).get(end, math.inf) for begin, end in pairwise(stops))
 
 
 def check(planner, rules, moves, price, request):
