@@ -215,8 +215,23 @@ def zones_to_markers(
     return areas_to_markers('zones', areas, frame_id, stamp)
 
 
+def lines_to_markers(
+    namespace: str,
+    lines: Iterable[tuple[str, Sequence[Sequence[float]]]],
+    frame_id: str,
+    stamp: Time,
+) -> list[Marker]:
+    """Draw names with lines through points (x, y) in metres; one without points is left out."""
+    areas = [
+        Area(name, shapely.LineString([*points, points[-1]]), CLOSED_COLOUR, TEXT_SIZE)
+        for name, points in lines
+        if len(points)
+    ]
+    return list(areas_to_markers(namespace, areas, frame_id, stamp).markers[1:])
+
+
 class Area(NamedTuple):
-    """A named place or zone: its name has a height in metres, its holes may have outlines too."""
+    """A named place, zone or line: its name has a height in metres, holes may have outlines."""
 
     name: str
     geometry: BaseGeometry
@@ -226,7 +241,7 @@ class Area(NamedTuple):
     arrows: Sequence[BaseGeometry] = ()
 
     def markers(self) -> Iterator[Marker]:
-        """Yield the name and the closed outlines of the polygons; a point has none."""
+        """Yield the name, closed outlines of polygons, and lines; a point has none."""
         colour = rgba(self.colour)
         inside = self.geometry.representative_point()
         text = Marker(type=Marker.TEXT_VIEW_FACING, text=self.name, color=colour)
@@ -235,7 +250,9 @@ class Area(NamedTuple):
         yield text
         for part in shapely.get_parts(self.geometry):
             holes = part.interiors if self.with_holes else ()
-            for ring in (part.exterior, *holes) if part.geom_type == 'Polygon' else ():
+            is_polygon = part.geom_type == 'Polygon'
+            lines = [part] if part.geom_type == 'LineString' else []
+            for ring in (part.exterior, *holes) if is_polygon else lines:
                 outline = Marker(type=Marker.LINE_STRIP, color=colour)
                 outline.scale.x = LINE_WIDTH
                 outline.points = [Point(x=x, y=y, z=0.0) for x, y in ring.coords]

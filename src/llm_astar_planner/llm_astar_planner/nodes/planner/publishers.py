@@ -16,7 +16,11 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
+from llm_astar_msgs_adapter.messages.markers import (
+    expanded_to_message,
+    lines_to_markers,
+    waypoints_to_markers,
+)
 from llm_astar_msgs_adapter.messages.writing import (
     path_to_message,
     report_to_message,
@@ -41,6 +45,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import (
     Plan,
     PlanRequest,
+    Point,
     ResultCode,
     finite_or_none,
     plan_report,
@@ -261,6 +266,9 @@ class PlanPublisher:
             ]
             endpoints = (plan.start, plan.goal)
             markers = waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
+            for namespace, lines in reasons_of(plan, grid_map).items():
+                frame_id = grid_map.frame_id
+                markers.markers += lines_to_markers(namespace, lines, frame_id, stamp)
             self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
@@ -275,6 +283,22 @@ class PlanPublisher:
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
             if self._node.context.ok():
                 self._node.get_logger().error(traceback.format_exc())
+
+
+def reasons_of(plan: Plan, grid_map: GridMap) -> dict[str, list[tuple[str, list[Point]]]]:
+    """Return the causes and ways of a plan by name, with their points in metres."""
+    causes = () if plan.why is None else plan.why.causes
+    ends = ('from', 'to', 'at')
+    return {
+        'causes': [
+            (one.get('name') or one['kind'], [one[end] for end in ends if end in one])
+            for one in causes
+        ],
+        'ways': [
+            (f'way {number}, {way.length:.2f} m', grid_map.grid_to_world(way.path).tolist())
+            for number, way in enumerate(plan.alternatives, start=1)
+        ],
+    }
 
 
 class PlanStatistics:

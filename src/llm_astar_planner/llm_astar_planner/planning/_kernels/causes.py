@@ -140,7 +140,7 @@ def widest(
                 count -= 1
                 cell = np.int64(stack[count])
                 if targets[cell]:
-                    return cell, least, narrowest
+                    return int(cell), least, narrowest
                 for step in steps:
                     other = cell + step
                     if seen[other]:
