@@ -199,14 +199,14 @@ def places_to_markers(places: Places, stamp: Time) -> MarkerArray:
 
 
 def zones_to_markers(
-    zones: Iterable[tuple[str, BaseGeometry, bool, Sequence[BaseGeometry]]],
+    zones: Iterable[tuple[str, BaseGeometry, bool, Sequence[tuple[Point2D, ...]]]],
     frame_id: str,
     stamp: Time,
 ) -> MarkerArray:
     """Draw zones: label, polygon in metres, whether it is closed to the robot, and arrows.
 
-    Each is a text, a line strip around each ring, and an arrow along each line of two points. The
-    first marker deletes those before.
+    Each is a text, a line strip around each ring, and arrows from point to point. The first marker
+    deletes those before.
     """
     areas = [
         Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True, arrows)
@@ -215,19 +215,15 @@ def zones_to_markers(
     return areas_to_markers('zones', areas, frame_id, stamp)
 
 
-def lines_to_markers(
-    namespace: str,
-    lines: Iterable[tuple[str, Sequence[Sequence[float]]]],
-    frame_id: str,
-    stamp: Time,
+def reasons_to_markers(
+    reasons: Iterable[tuple[str, Sequence[Sequence[float]]]], frame_id: str, stamp: Time
 ) -> list[Marker]:
-    """Draw names with lines through points (x, y) in metres; one without points is left out."""
+    """Draw what explains a plan: names, and lines through points (x, y) in metres, not none."""
     areas = [
         Area(name, shapely.LineString([*points, points[-1]]), CLOSED_COLOUR, TEXT_SIZE)
-        for name, points in lines
-        if len(points)
+        for name, points in reasons
     ]
-    return list(areas_to_markers(namespace, areas, frame_id, stamp).markers[1:])
+    return list(areas_to_markers('reasons', areas, frame_id, stamp).markers[1:])
 
 
 class Area(NamedTuple):
@@ -238,7 +234,7 @@ class Area(NamedTuple):
     colour: Colour
     size: float
     with_holes: bool = False
-    arrows: Sequence[BaseGeometry] = ()
+    arrows: Sequence[tuple[Point2D, ...]] = ()
 
     def markers(self) -> Iterator[Marker]:
         """Yield the name, closed outlines of polygons, and lines; a point has none."""
@@ -253,15 +249,17 @@ class Area(NamedTuple):
             is_polygon = part.geom_type == 'Polygon'
             lines = [part] if part.geom_type == 'LineString' else []
             for ring in (part.exterior, *holes) if is_polygon else lines:
-                outline = Marker(type=Marker.LINE_STRIP, color=colour)
-                outline.scale.x = LINE_WIDTH
-                outline.points = [Point(x=x, y=y, z=0.0) for x, y in ring.coords]
-                yield outline
-        for line in self.arrows:
-            arrow = Marker(type=Marker.ARROW, color=colour)
-            arrow.scale.x, arrow.scale.y = 2.0 * LINE_WIDTH, 6.0 * LINE_WIDTH
-            arrow.points = [Point(x=x, y=y, z=0.0) for x, y in line.coords]
-            yield arrow
+                yield self.through(ring.coords, Marker.LINE_STRIP)
+        for points in self.arrows:
+            yield self.through(points, Marker.ARROW)
+
+    def through(self, points: Iterable[Sequence[float]], kind: int) -> Marker:
+        """Return a line or an arrow through points."""
+        marker = Marker(type=kind, color=rgba(self.colour))
+        marker.scale.x = LINE_WIDTH
+        marker.scale.y = 3.0 * LINE_WIDTH if kind == Marker.ARROW else 0.0
+        marker.points = [Point(x=x, y=y, z=0.0) for x, y in points]
+        return marker
 
 
 def areas_to_markers(

@@ -90,36 +90,36 @@ def without_graph(features: list[Any], collection: Any, source: str) -> list[Any
 
     Raises ZonesError.
     """
-    edges = [one for one in features if is_edge(one)]
-    if not edges:
+    graph = [part_of(one, 'geometry') for one in features if is_edge(one)]
+    if not graph:
         return features
     lines = list[Any]()
-    for edge in edges:
-        geometry = edge['geometry']
-        where = f'{source}: edge {short_repr(edge.get("id"))}: coordinates'
-        found = expect(geometry.get('coordinates'), list, where, 'a list', ZonesError)
-        lines += [found] if geometry.get('type') == LINES[0] else found
-    properties = {'kind': PREFERRED, 'width': ROUTE_WIDTH}
-    properties |= {name: collection[name] for name in ('width', 'cost') if name in collection}
-    graph = {
-        'type': 'Feature', 'id': ROUTE_GRAPH, 'properties': properties,
+    for edge in graph:
+        is_one, found = edge.get('type') == LINES[0], edge.get('coordinates')
+        where = f'{source}: edge: coordinates'
+        lines += [found] if is_one else expect(found, list, where, 'a list', ZonesError)
+    given = {name: collection[name] for name in ('width', 'cost') if name in collection}
+    others = [
+        one
+        for one in features
+        if not is_edge(one) and part_of(one, 'geometry').get('type') != 'Point'
+    ]
+    return [*others, {
+        'type': 'Feature', 'id': ROUTE_GRAPH,
+        'properties': {'kind': PREFERRED, 'width': ROUTE_WIDTH, **given},
         'geometry': {'type': LINES[1], 'coordinates': lines},
-    }  # fmt: skip
-    return [*(one for one in features if not (is_edge(one) or is_node(one))), graph]
+    }]  # fmt: skip
 
 
-def is_edge(feature: Any) -> bool:  # noqa: ANN401 - any JSON
+def part_of(feature: object, name: str) -> dict[str, Any]:
+    """Return an object in a feature, an empty one where there is none."""
+    found = feature.get(name) if isinstance(feature, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def is_edge(feature: object) -> bool:
     """Tell whether a feature is an edge of a nav2_route graph."""
-    if not isinstance(feature, dict) or not isinstance(feature.get('geometry'), dict):
-        return False
-    properties = feature.get('properties')
-    return isinstance(properties, dict) and {'startid', 'endid'} <= properties.keys()
-
-
-def is_node(feature: Any) -> bool:  # noqa: ANN401 - any JSON
-    """Tell whether a feature is a point, as the nodes of a graph are."""
-    geometry = feature.get('geometry') if isinstance(feature, dict) else None
-    return isinstance(geometry, dict) and geometry.get('type') == 'Point'
+    return {'startid', 'endid'} <= part_of(feature, 'properties').keys()
 
 
 def zone_from_feature(feature: object, where: str, now: float) -> Zone:
@@ -132,13 +132,11 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
     if not isinstance(properties, dict):
         raise ZonesError(f'{where}: properties: an object is expected')
     name = properties.get('name')
-    seconds, kind = seconds_of(properties, where), properties.get('kind') or AREA
-    if not isinstance(kind, str) or kind not in COSTS:
-        raise ZonesError(f'{where}: kind: {short_repr(kind)} is not one of {", ".join(COSTS)}')
+    seconds, kind = seconds_of(properties, where), str(properties.get('kind') or AREA)
     fields = {
         'id': id_of(feature.get('id', properties.get('id')), where),
         'geometry': polygon_of(feature.get('geometry'), where),
-        'cost': cost_of(properties, where) if 'cost' in properties else COSTS[kind],
+        'cost': cost_of(properties, COSTS.get(kind, KEEPOUT), where),
         'name': '' if name in (None, '') else parse_name(name, f'{where}: name'),
         'expires': None if seconds is None else now + seconds,
         'kind': kind,
@@ -172,9 +170,11 @@ def polygon_of(geometry: object, where: str) -> BaseGeometry:
     return parse_geometry(geometry, where)
 
 
-def cost_of(properties: Mapping[str, Any], where: str) -> int:
+def cost_of(properties: Mapping[str, Any], default: int, where: str) -> int:
     """Return a zone's cost. Raises ZonesError."""
-    cost = properties.get('cost', KEEPOUT)
+    if 'cost' not in properties:
+        return default
+    cost = properties['cost']
     if isinstance(cost, bool) or not isinstance(cost, (int, float)) or cost not in range(1, 101):
         raise ZonesError(
             f'{where}: cost: a whole number from 1 to {KEEPOUT}, which closes the zone, is '
@@ -239,10 +239,10 @@ def zones_to_geojson(zones: Zones, now: float, frame_id: str) -> dict[str, objec
 
 def rule_to_json(zone: Zone) -> dict[str, object]:
     """Return the properties that areas do not have."""
-    found: dict[str, object] = {} if zone.kind == AREA else {'kind': zone.kind}
-    if math.isfinite(zone.heading):
-        found['heading'] = zone.heading
-    return found | ({'width': zone.width} if zone.is_line else {})
+    default = {'kind': AREA, 'heading': math.nan, 'width': 0.0}
+    found = {name: getattr(zone, name) for name in default}
+    # NaN is not equal to itself.
+    return {name: value for name, value in found.items() if str(value) != str(default[name])}
 
 
 def seconds_left(zone: Zone, now: float) -> float | None:

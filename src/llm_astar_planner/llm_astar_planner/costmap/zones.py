@@ -31,7 +31,9 @@ MAX_WIDTH = 1000.0
 AREA, ONE_WAY, KEEP_RIGHT, PREFERRED = 'area', 'one_way', 'keep_right', 'preferred'
 # The kinds, with the cost that each has unless another is given; 0: none.
 COSTS = {AREA: KEEPOUT, ONE_WAY: 0, KEEP_RIGHT: 0, PREFERRED: 50}
+RULES = (ONE_WAY, KEEP_RIGHT)
 POLYGONS = ('Polygon', 'MultiPolygon')
+Point2D = tuple[float, float]
 
 
 class ZonesError(LlmAstarError, ValueError):
@@ -70,23 +72,25 @@ class Zone:
         problem = geometry_problem(self.geometry)
         if problem is not None:
             raise ZonesError(f'zone {self.label}: geometry: {problem}')
-        problem = self.rule_problem()
-        if problem is not None:
-            raise ZonesError(f'zone {self.label}: {problem}')
+        problems = {
+            f'kind: {short_repr(self.kind)} is not one of {", ".join(COSTS)}': (
+                self.kind not in COSTS
+            ),
+            f'width: {self.width:g} m is not above 0 and up to {MAX_WIDTH:g}': (
+                self.is_line and not 0.0 < self.width <= MAX_WIDTH
+            ),
+            f'geometry: {KEEP_RIGHT} is a line with a width, not a polygon': (
+                self.kind == KEEP_RIGHT and not self.is_line
+            ),
+            'heading: degrees from +x towards +y are expected for a one_way polygon': (
+                self.kind == ONE_WAY and not (self.is_line or math.isfinite(self.heading))
+            ),
+        }
+        for problem, holds in problems.items():
+            if holds:
+                raise ZonesError(f'zone {self.label}: {problem}')
         if self.expires is not None and not math.isfinite(self.expires):
             raise ZonesError(f'zone {self.label}: expires: {self.expires} is not finite')
-
-    def rule_problem(self) -> str | None:
-        """Say what is wrong with the kind, heading or width, or None."""
-        if self.kind not in COSTS:
-            return f'kind: {short_repr(self.kind)} is not one of {", ".join(COSTS)}'
-        if self.is_line and not 0.0 < self.width <= MAX_WIDTH:
-            return f'width: {self.width:g} m is not above 0 and up to {MAX_WIDTH:g}'
-        if self.kind == KEEP_RIGHT and not self.is_line:
-            return f'geometry: {KEEP_RIGHT} is a line with a width, not a polygon'
-        if self.kind == ONE_WAY and not (self.is_line or math.isfinite(self.heading)):
-            return 'heading: degrees from +x towards +y are expected for a one_way polygon'
-        return None
 
     @property
     def is_line(self) -> bool:
@@ -98,21 +102,16 @@ class Zone:
         """The polygons of the zone: of lines all that lies within half of the width."""
         return self.geometry.buffer(self.width / 2.0) if self.is_line else self.geometry
 
-    @property
-    def has_rule(self) -> bool:
-        """Whether it forbids moves."""
-        return self.kind in (ONE_WAY, KEEP_RIGHT)
-
-    def arrows(self) -> list[BaseGeometry]:
-        """Return lines of two points along which a rule leads, for pictures; most have none."""
-        if not self.has_rule:
+    def arrows(self) -> list[tuple[Point2D, ...]]:
+        """Return pairs of points, from which to which a rule leads, for pictures."""
+        if self.kind not in RULES:
             return []
-        if not self.is_line:
+        lines = [list(line.coords) for line in shapely.get_parts(self.geometry) if self.is_line]
+        if not lines:
             middle, angle = self.geometry.representative_point(), math.radians(self.heading)
             ahead = middle.x + math.cos(angle), middle.y + math.sin(angle)
-            return [shapely.LineString([(middle.x, middle.y), ahead])]
-        points = [shapely.get_coordinates(line) for line in shapely.get_parts(self.geometry)]
-        return [shapely.LineString(pair) for one in points for pair in pairwise(one)]
+            lines = [[(middle.x, middle.y), ahead]]
+        return [pair for line in lines for pair in pairwise(line)]
 
     @property
     def label(self) -> str:

@@ -36,17 +36,15 @@ def planner_on(cells, *zones, **rules):
 
 def heading_of(zone, x, y):
     """Return the direction of a cell in a zone, (x, y, side), None where it has none."""
+    square = shapely.box(*(RESOLUTION * np.array([x, y, x + 1, y + 1])))
+    if square.intersection(zone.area).area < 1e-13:
+        return None
     if not zone.is_line:
-        square = shapely.box(*(RESOLUTION * np.array([x, y, x + 1, y + 1])))
-        if square.intersection(zone.geometry).area < 1e-13:
-            return None
         angle = math.radians(zone.heading)
         return math.cos(angle), math.sin(angle), 0
     centre = shapely.Point(RESOLUTION * (x + 0.5), RESOLUTION * (y + 0.5))
     parts = list(pairwise(zone.geometry.coords))
     away = [shapely.LineString(part).distance(centre) for part in parts]
-    if min(away) >= zone.width / 2.0:
-        return None
     number = next(n for n, distance in enumerate(away) if distance < min(away) + 1e-9)
     (ax, ay), (bx, by) = parts[number]
     length, side = math.hypot(bx - ax, by - ay), 1

@@ -8,7 +8,7 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.markers import (
     expanded_to_message,
-    lines_to_markers,
+    reasons_to_markers,
     waypoints_to_markers,
 )
 from llm_astar_msgs_adapter.messages.writing import (
@@ -266,9 +266,8 @@ class PlanPublisher:
             ]
             endpoints = (plan.start, plan.goal)
             markers = waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
-            for namespace, lines in reasons_of(plan, grid_map).items():
-                frame_id = grid_map.frame_id
-                markers.markers += lines_to_markers(namespace, lines, frame_id, stamp)
+            reasons = reasons_of(plan, grid_map)
+            markers.markers += reasons_to_markers(reasons, grid_map.frame_id, stamp)
             self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
@@ -285,20 +284,14 @@ class PlanPublisher:
                 self._node.get_logger().error(traceback.format_exc())
 
 
-def reasons_of(plan: Plan, grid_map: GridMap) -> dict[str, list[tuple[str, list[Point]]]]:
-    """Return the causes and ways of a plan by name, with their points in metres."""
-    causes = () if plan.why is None else plan.why.causes
-    ends = ('from', 'to', 'at')
-    return {
-        'causes': [
-            (one.get('name') or one['kind'], [one[end] for end in ends if end in one])
-            for one in causes
-        ],
-        'ways': [
-            (f'way {number}, {way.length:.2f} m', grid_map.grid_to_world(way.path).tolist())
-            for number, way in enumerate(plan.alternatives, start=1)
-        ],
-    }
+def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]]]:
+    """Yield the causes and ways of a plan by name, with their points in metres."""
+    for cause in () if plan.why is None else plan.why.causes:
+        points = [cause[end] for end in ('from', 'to', 'at') if end in cause]
+        if points:
+            yield cause.get('name') or cause['kind'], points
+    for number, way in enumerate(plan.alternatives, start=1):
+        yield f'way {number}', grid_map.grid_to_world(way.path).tolist()
 
 
 class PlanStatistics:
