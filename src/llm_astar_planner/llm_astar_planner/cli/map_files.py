@@ -159,9 +159,13 @@ def zones_text(name: str | None) -> str:
         return ''
     # shapely, which plans without zones do not take.
     from llm_astar_planner.costmap.zone_file import zones_from_text  # noqa: PLC0415
+    from llm_astar_planner.costmap.zones import ZonesError  # noqa: PLC0415
 
     text = find_file(name, 'maps').read_text(encoding='utf-8')
-    zones_from_text(text, source=name)
+    try:
+        zones_from_text(text)
+    except ZonesError as error:
+        raise ZonesError(f'{name}: {error}') from None
     return text
 
 

@@ -49,43 +49,39 @@ LEAST_POINTS = 4
 MAX_SECONDS = 1e9
 
 
-def zones_from_text(
-    text: str, now: float = 0.0, source: str = SOURCE
-) -> tuple[tuple[Zone, ...], str]:
+def zones_from_text(text: str, now: float = 0.0) -> tuple[tuple[Zone, ...], str]:
     """Read zones that are added at `now`, in seconds; return them and their frame, '' for none.
 
-    Raises ZonesError, which names the `source`, the feature and the field.
+    Raises ZonesError, which names the feature and the field.
     """
     if len(text) > MAX_BYTES:
-        raise ZonesError(f'{source}: over {MAX_BYTES // 1_000_000} MB of text; add fewer at once')
+        raise ZonesError(f'{SOURCE}: over {MAX_BYTES // 1_000_000} MB of text; add fewer at once')
     try:
         collection = parse_json(text)
     except ValueError as error:
-        raise ZonesError(f'{source}: not JSON: {error}') from None
+        raise ZonesError(f'{SOURCE}: not JSON: {error}') from None
     try:
-        return zones_from_geojson(collection, now, source)
+        return zones_from_geojson(collection, now)
     except PlacesError as error:
         raise ZonesError(str(error)) from None
 
 
-def zones_from_geojson(
-    collection: object, now: float, source: str = SOURCE
-) -> tuple[tuple[Zone, ...], str]:
+def zones_from_geojson(collection: object, now: float) -> tuple[tuple[Zone, ...], str]:
     """Read a FeatureCollection as `zones_from_text` does. Raises ZonesError or PlacesError."""
-    features = without_graph(features_of(collection, source), collection, source)
+    features = without_graph(features_of(collection, SOURCE), collection)
     if not 0 < len(features) <= MAX_ZONES:
-        raise ZonesError(f'{source}: features: {len(features)} are not 1 to {MAX_ZONES}')
+        raise ZonesError(f'{SOURCE}: features: {len(features)} are not 1 to {MAX_ZONES}')
     frame_id = collection.get('frame_id', '') if isinstance(collection, dict) else ''
     if not isinstance(frame_id, str):
-        raise ZonesError(f'{source}: frame_id: a text is expected, not {short_repr(frame_id)}')
+        raise ZonesError(f'{SOURCE}: frame_id: a text is expected, not {short_repr(frame_id)}')
     zones = tuple(
-        zone_from_feature(feature, feature_label(source, index, feature), now)
+        zone_from_feature(feature, feature_label(SOURCE, index, feature), now)
         for index, feature in enumerate(features)
     )
     return zones, frame_id
 
 
-def without_graph(features: list[Any], collection: Any, source: str) -> list[Any]:  # noqa: ANN401 - any JSON
+def without_graph(features: list[Any], collection: Any) -> list[Any]:  # noqa: ANN401 - any JSON
     """Return features in which those of a nav2_route graph, if there is one, are one zone.
 
     Raises ZonesError.
@@ -96,7 +92,7 @@ def without_graph(features: list[Any], collection: Any, source: str) -> list[Any
     lines = list[Any]()
     for edge in graph:
         is_one, found = edge.get('type') == LINES[0], edge.get('coordinates')
-        where = f'{source}: edge: coordinates'
+        where = f'{SOURCE}: edge: coordinates'
         lines += [found] if is_one else expect(found, list, where, 'a list', ZonesError)
     given = {name: collection[name] for name in ('width', 'cost') if name in collection}
     others = [
@@ -229,20 +225,12 @@ def zones_to_geojson(zones: Zones, now: float, frame_id: str) -> dict[str, objec
                     'name': zone.name,
                     'cost': zone.cost,
                     'seconds': seconds_left(zone, now),
-                    **rule_to_json(zone),
+                    **zone.rule,
                 },
             }
             for zone in zones
         ],
     }
-
-
-def rule_to_json(zone: Zone) -> dict[str, object]:
-    """Return the properties that areas do not have."""
-    default = {'kind': AREA, 'heading': math.nan, 'width': 0.0}
-    found = {name: getattr(zone, name) for name in default}
-    # NaN is not equal to itself.
-    return {name: value for name, value in found.items() if str(value) != str(default[name])}
 
 
 def seconds_left(zone: Zone, now: float) -> float | None:

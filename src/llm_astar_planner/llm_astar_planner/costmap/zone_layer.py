@@ -23,14 +23,7 @@ from llm_astar_planner.costmap.filter_masks import (
 from llm_astar_planner.costmap.raster import Window, cover_window, window_of
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.costmap.zone_rules import forbidden_moves
-from llm_astar_planner.costmap.zones import (
-    KEEPOUT,
-    PREFERRED,
-    RULES,
-    Zone,
-    Zones,
-    ZonesError,
-)
+from llm_astar_planner.costmap.zones import KEEPOUT, PREFERRED, RULES, Zone, Zones, ZonesError
 
 # Zones of a map that are named in a report.
 MOST_NAMED = 20

@@ -72,23 +72,16 @@ class Zone:
         problem = geometry_problem(self.geometry)
         if problem is not None:
             raise ZonesError(f'zone {self.label}: geometry: {problem}')
-        problems = {
-            f'kind: {short_repr(self.kind)} is not one of {", ".join(COSTS)}': (
-                self.kind not in COSTS
-            ),
-            f'width: {self.width:g} m is not above 0 and up to {MAX_WIDTH:g}': (
-                self.is_line and not 0.0 < self.width <= MAX_WIDTH
-            ),
-            f'geometry: {KEEP_RIGHT} is a line with a width, not a polygon': (
-                self.kind == KEEP_RIGHT and not self.is_line
-            ),
-            'heading: degrees from +x towards +y are expected for a one_way polygon': (
-                self.kind == ONE_WAY and not (self.is_line or math.isfinite(self.heading))
-            ),
-        }
-        for problem, holds in problems.items():
-            if holds:
-                raise ZonesError(f'zone {self.label}: {problem}')
+        if self.kind not in COSTS:
+            problem = f'kind: {short_repr(self.kind)} is not one of {", ".join(COSTS)}'
+        elif self.is_line and not 0.0 < self.width <= MAX_WIDTH:
+            problem = f'width: {self.width:g} m is not above 0 and up to {MAX_WIDTH:g}'
+        elif self.kind == KEEP_RIGHT and not self.is_line:
+            problem = f'geometry: {KEEP_RIGHT} is a line with a width, not a polygon'
+        elif self.kind == ONE_WAY and not (self.is_line or math.isfinite(self.heading)):
+            problem = 'heading: degrees from +x towards +y are expected for a one_way polygon'
+        if problem is not None:
+            raise ZonesError(f'zone {self.label}: {problem}')
         if self.expires is not None and not math.isfinite(self.expires):
             raise ZonesError(f'zone {self.label}: expires: {self.expires} is not finite')
 
@@ -101,6 +94,13 @@ class Zone:
     def area(self) -> BaseGeometry:
         """The polygons of the zone: of lines all that lies within half of the width."""
         return self.geometry.buffer(self.width / 2.0) if self.is_line else self.geometry
+
+    @property
+    def rule(self) -> dict[str, object]:
+        """The fields that plain areas do not have, by name."""
+        given = {'kind': self.kind != AREA, 'heading': math.isfinite(self.heading)}
+        given['width'] = self.width > 0.0
+        return {name: getattr(self, name) for name, is_given in given.items() if is_given}
 
     def arrows(self) -> list[tuple[Point2D, ...]]:
         """Return pairs of points, from which to which a rule leads, for pictures."""
