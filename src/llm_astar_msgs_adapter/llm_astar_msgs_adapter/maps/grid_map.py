@@ -129,7 +129,7 @@ class GridMap:
         """Cells along y."""
         return int(self.cells.shape[0])
 
-    @property
+    @cached_property
     def forbidden(self) -> NDArray[np.uint8]:
         """The moves out of each cell that rules of the road forbid: uint8 [height, width].
 

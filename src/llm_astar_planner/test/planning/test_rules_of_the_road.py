@@ -6,6 +6,7 @@ shapely and in plain Python.
 
 import heapq
 import math
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -15,7 +16,18 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import KEEP_RIGHT, ONE_WAY, PREFERRED, Zone
+from llm_astar_planner.instructions.clauses.visit import Visit
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    RouteInstruction,
+    Understanding,
+)
+from llm_astar_planner.instructions.regions import Box
+from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.kept_way import way_of
+from llm_astar_planner.planning.path_validator import invalid_poses
+from llm_astar_planner.planning.plan_reuse import reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
@@ -61,9 +73,9 @@ def heading_of(zone, x, y):
 class Rules:
     """Tells which moves zones allow, by the words of the documentation."""
 
-    def __init__(self, zones):
+    def __init__(self, zones, size=SIZE):
         self.fields = {
-            zone.label: {(x, y): heading_of(zone, x, y) for x in range(SIZE) for y in range(SIZE)}
+            zone.label: {(x, y): heading_of(zone, x, y) for x in range(size) for y in range(size)}
             for zone in zones
             if zone.kind in (ONE_WAY, KEEP_RIGHT)
         }
@@ -100,7 +112,7 @@ class Rules:
 
 def moves_from(cells, rules, corner_cutting=False):
     """Return the legal moves of each free cell and their lengths."""
-    free = {(x, y) for x in range(SIZE) for y in range(SIZE) if cells[y][x] < 65}
+    free = {(int(x), int(y)) for y, x in np.argwhere(np.asarray(cells) < 65)}
     moves = {}
     for x, y in free:
         around = [((x + dx, y + dy), math.hypot(dx, dy)) for dx, dy in STEPS]
@@ -237,3 +249,146 @@ def test_no_random_plan_breaks_a_rule_and_each_is_as_short_as_dijkstra_finds_it(
     count, found = random_plans(seed=1, maps=15, plans=20)
     assert count == 300
     assert found > 150
+
+
+def test_far_goals_need_no_jump_points_and_landmarks_are_measured_without_rules():
+    size, random = 90, np.random.default_rng(3)
+    cells = np.where(random.random((size, size)) < 0.1, 100, 0)
+    side = size * RESOLUTION
+    zones = [
+        Zone('west', shapely.box(0.0, 10.0, side, 14.0), 0, kind=ONE_WAY, heading=180.0),
+        Zone('east', shapely.box(0.0, 30.0, side, 34.0), 0, kind=ONE_WAY, heading=0.0),
+    ]
+    rules, planner = Rules(zones, size), planner_on(cells, *zones)
+    with planner.landmarks.lend(planner.costmap.grid_graph) as landmarks:
+        assert landmarks is not None
+        assert landmarks.is_admissible_on(planner.costmap.grid_graph.without_rules)
+    moves = moves_from(cells, rules)
+    price = dict.fromkeys(moves, 0.0)
+    free = sorted(moves)
+    for start, goal in zip(free[:60:15], free[-1:-60:-15]):
+        for begin, end in ((start, goal), (goal, start)):
+            assert check(planner, rules, moves, price, PlanRequest(begin, end))
+
+
+# A wall with two doors; the lower one is a one-way to the right.
+WALL = np.zeros((SIZE, SIZE), dtype=np.int8)
+WALL[:, 10], WALL[4:7, 10], WALL[14:17, 10] = 100, 0, 0
+DOOR = Zone('in', shapely.box(4.6, 1.6, 5.9, 3.6), 0, 'entry', kind=ONE_WAY, heading=0.0)
+LEFT, RIGHT = (3, 5), (17, 5)
+
+
+def test_a_one_way_is_driven_along_and_not_against():
+    planner = planner_on(WALL, DOOR)
+    there, back = planner.plan(PlanRequest(LEFT, RIGHT)), planner.plan(PlanRequest(RIGHT, LEFT))
+    assert there.length == 14.0
+    assert back.length > 24.0
+    assert (back.path[back.path[:, 0] == 10][:, 1] > 10).all()
+
+
+def test_a_one_way_that_closes_the_only_way_is_named_with_the_length_without_it():
+    cells = WALL.copy()
+    cells[14:17, 10] = 100
+    plan = planner_on(cells, DOOR).plan(PlanRequest(RIGHT, LEFT))
+    assert plan.code is ResultCode.NO_VALID_PATH
+    assert plan.why.causes[0]['kind'] == ONE_WAY
+    assert plan.why.length == 7.0
+    assert 'rules of the road cut the goal' in plan.message
+    assert 'the one-way in (entry) closes the way, of 7.00 m without it' in plan.message
+    nearest = planner_on(cells, DOOR).plan(replace(PlanRequest(RIGHT, LEFT), tolerance=5.0))
+    assert nearest.code is ResultCode.NONE
+    assert nearest.goal[0] >= 10
+
+
+def test_of_a_rule_and_a_keepout_zone_on_one_way_both_are_named():
+    cells = WALL.copy()
+    cells[14:17, 10] = 100
+    keepout = Zone('spill', shapely.box(6.6, 0.0, 7.4, 10.0))
+    plan = planner_on(cells, DOOR, keepout).plan(PlanRequest(RIGHT, LEFT))
+    assert {cause['kind'] for cause in plan.why.causes} == {'zone', ONE_WAY}
+    assert plan.why.length == 7.0
+
+
+def test_the_last_check_refuses_what_goes_against_a_rule():
+    planner = planner_on(WALL, DOOR)
+    path = np.array([(x, 5) for x in range(17, 2, -1)], dtype=np.int32)
+    problem = planner.checker.path_problem(path, RIGHT, LEFT)
+    assert problem == 'it goes against a rule of the road at (12, 5)'
+    assert planner.checker.path_problem(path[::-1], LEFT, RIGHT) is None
+    assert 'against a rule' in planner.checker.segments_problem(np.array([RIGHT, LEFT]))
+    assert planner.checker.segments_problem(np.array([LEFT, RIGHT])) is None
+    assert invalid_poses(np.array([RIGHT, LEFT]), planner.checker).tolist() == [False, True]
+    assert not invalid_poses(np.array([LEFT, RIGHT]), planner.checker).any()
+
+
+def test_a_method_that_knows_no_rules_is_withheld_where_it_breaks_one():
+    plan = planner_on(WALL, DOOR).plan(PlanRequest(RIGHT, LEFT, 'astar'))
+    assert plan.code is ResultCode.UNKNOWN
+    assert 'withheld: it goes against a rule of the road' in plan.message
+    assert planner_on(WALL, DOOR).plan(PlanRequest(LEFT, RIGHT, 'astar')).code is ResultCode.NONE
+
+
+def test_in_a_lane_one_keeps_right():
+    line = shapely.LineString([(0.0, 5.0), (10.0, 5.0)])
+    walls = np.full((SIZE, SIZE), 100)
+    walls[6:14] = 0
+    planner = planner_on(walls, Zone('hall', line, 0, kind=KEEP_RIGHT, width=4.0))
+    for start, goal, is_right in (((1, 9), (18, 9), True), ((18, 10), (1, 10), False)):
+        plan = planner.plan(PlanRequest(start, goal, any_angle=True, smoothing=True))
+        assert ((plan.path[:, 1] < 10) == is_right).all()
+        assert len(plan.any_angle.points) == 2
+    crossing = planner.plan(PlanRequest((3, 7), (3, 12)))
+    assert crossing.length == 5.0
+
+
+def test_off_the_preferred_lines_cells_cost_more():
+    line = shapely.LineString([(1.0, 8.0), (9.0, 8.0)])
+    lane = Zone('road', line, 50, kind=PREFERRED, width=0.4)
+    planner = planner_on(np.zeros((SIZE, SIZE)), lane)
+    plan = planner.plan(PlanRequest((1, 14), (18, 14)))
+    assert np.isin(plan.path[3:-3, 1], (15, 16)).all()
+    strict = planner_on(np.zeros((SIZE, SIZE)), replace(lane, cost=100))
+    assert (strict.costmap.blocked.sum()) > 350
+    assert strict.plan(PlanRequest((3, 15), (16, 15))).length == 13.0
+
+
+def test_a_kept_way_is_given_up_where_a_rule_comes_to_forbid_it():
+    free = planner_on(WALL)
+    request = PlanRequest(RIGHT, LEFT, switch_margin=0.05)
+    first = free.plan(request)
+    way = way_of(first, free.costmap)
+    again = free.plan(replace(request, last_way=way))
+    assert 'kept' in again.message
+    ruled = planner_on(WALL, DOOR)
+    changed = ruled.plan(replace(request, last_way=way))
+    assert 'changed: it goes against a rule of the road' in changed.message
+    assert (changed.path[changed.path[:, 0] == 10][:, 1] > 10).all()
+    assert 'against a rule' in reuse_problem(first, free.grid_map, ruled)
+
+
+def test_instructions_and_alternatives_keep_the_rules():
+    planner = planner_on(WALL, DOOR)
+    moves = moves_from(WALL, Rules([DOOR]))
+    clause = Visit(regions=(Box(1.0, 1.0, 2.0, 2.0),))
+    reading = Interpretation('a', Specification((clause,)), 'test', Understanding.WHOLE)
+    request = PlanRequest(RIGHT, (17, 8), instruction=RouteInstruction(reading), time_limit=60.0)
+    visiting = planner.plan(request)
+    assert visiting.instruction.satisfied
+    several = planner.plan(PlanRequest(RIGHT, LEFT, alternatives=2))
+    for path in (visiting.path, *(way.path for way in several.alternatives)):
+        cells = [tuple(cell) for cell in path.tolist()]
+        assert len(cells) > 20
+        assert all(end in dict(moves[begin]) for begin, end in pairwise(cells))
+
+
+def test_maps_with_other_rules_are_other_maps():
+    free, ruled = composed(WALL, []), composed(WALL, [DOOR])
+    assert free.digest != ruled.digest
+    assert not free.is_equal_to(ruled)
+    assert ruled.is_equal_to(composed(WALL, [DOOR]))
+    before = Planner(free).prepare()
+    after = Planner(ruled, previous=before).prepare()
+    assert np.array_equal(
+        after.costmap.grid_graph.moves, planner_on(WALL, DOOR).costmap.grid_graph.moves
+    )
+    assert not Planner(free, previous=after).prepare().costmap.grid_graph.has_rules
