@@ -168,10 +168,12 @@ def polygon_of(geometry: object, where: str) -> BaseGeometry:
 
 def cost_of(properties: Mapping[str, Any], default: int, where: str) -> int:
     """Return a zone's cost. Raises ZonesError."""
-    if 'cost' not in properties:
-        return default
-    cost = properties['cost']
-    if isinstance(cost, bool) or not isinstance(cost, (int, float)) or cost not in range(1, 101):
+    cost, least = properties.get('cost', default), min(default, 1)
+    if (
+        isinstance(cost, bool)
+        or not isinstance(cost, (int, float))
+        or cost not in range(least, 101)
+    ):
         raise ZonesError(
             f'{where}: cost: a whole number from 1 to {KEEPOUT}, which closes the zone, is '
             f'expected, not {short_repr(cost)}'
