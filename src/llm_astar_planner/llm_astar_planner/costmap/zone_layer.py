@@ -74,7 +74,9 @@ class ZoneLayer:
             self._paint(cost, off_roads(roads, layout), shape)
         # Of each rule the zone, its part of the map, and the moves that it forbids there.
         self.rules_of = [
-            rule_of(zone, window, layout) for zone, window in self.zones if zone.kind in RULES
+            (zone, *forbidden_moves(zone, window, layout))
+            for zone, window in self.zones
+            if zone.kind in RULES
         ]
         self.forbidden = np.zeros(layout.cells.shape if self.rules_of else (0, 0), dtype=np.uint8)
         for _, part, moves in self.rules_of:
@@ -121,17 +123,6 @@ class ZoneLayer:
             window.top - top : window.bottom - top, window.left - left : window.right - left
         ]
         np.maximum(part, np.where(cells, costs, TRANSPARENT), out=part)
-
-
-def rule_of(
-    zone: Zone, window: Window, layout: GridMap
-) -> tuple[Zone, tuple[slice, slice], NDArray[np.uint8]]:
-    """Return a zone with the part of a map around its window, and the moves forbidden there."""
-    moves = forbidden_moves(zone, window, layout)
-    (top, bottom, left, right), (height, width) = window, layout.cells.shape
-    rows, columns = slice(max(top - 1, 0), bottom + 1), slice(max(left - 1, 0), right + 1)
-    inside = moves[rows.start - top + 1 :, columns.start - left + 1 :]
-    return zone, (rows, columns), inside[: height - rows.start, : width - columns.start]
 
 
 def off_roads(roads: Iterable[tuple[Zone, Window]], layout: GridMap) -> NDArray[np.bool_]:

@@ -30,15 +30,21 @@ ACROSS = math.sin(math.pi / 8.0) + ROUNDING
 MOST_CELLS = 1_000_000
 
 
-def forbidden_moves(zone: Zone, window: Window, layout: GridMap) -> NDArray[np.uint8]:
-    """Return the moves out of cells that a zone forbids, as bits: uint8 [height, width].
+def forbidden_moves(
+    zone: Zone, window: Window, layout: GridMap
+) -> tuple[tuple[slice, slice], NDArray[np.uint8]]:
+    """Return a part of a map, and the moves out of its cells that a zone forbids, as bits.
 
-    `window` holds the zone; the result is of it and of a frame of one cell around it. Raises
-    ZonesError for lines that touch too many cells.
+    `window` holds the zone; the part has the cells beside it too. Raises ZonesError for lines that
+    touch too many cells.
     """
-    angles, is_left = headings(zone, window, layout)
-    angles[~cover_window(zone.area, layout, window).touched] = math.nan
-    angles, is_left = np.pad(angles, 1, constant_values=math.nan), np.pad(is_left, 1)
+    (top, bottom, left, right), (height, width) = window, layout.cells.shape
+    around = Window(
+        max(top - 1, 0), min(bottom + 1, height), max(left - 1, 0), min(right + 1, width)
+    )
+    touched = cover_window(zone.area, layout, around).touched
+    angles, is_left = headings(zone, touched, around, layout)
+    angles[~touched] = math.nan
     found = np.zeros(angles.shape, dtype=np.uint8)
     for bit, (x, y) in enumerate(STEPS):
         along = np.cos(angles - math.atan2(y, x))
@@ -46,27 +52,24 @@ def forbidden_moves(zone: Zone, window: Window, layout: GridMap) -> NDArray[np.u
         crosses = (is_left != left_ahead) & (abs(along) <= ACROSS) & ~np.isnan(ahead)
         against = (along < -ROUNDING) | (ahead < -ROUNDING)
         found |= (against & ~crosses).astype(np.uint8) << bit
-    return found
+    return (slice(*around[:2]), slice(*around[2:])), found
 
 
 def headings(
-    zone: Zone, window: Window, layout: GridMap
+    zone: Zone, touched: NDArray[np.bool_], window: Window, layout: GridMap
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return the headings of the cells of a window, in radians of the grid, and the left half.
+    """Return the headings of cells touched in a window, in radians of the grid; the left half.
 
     A cell has that of the part of the lines which is nearest to it; left of a keep_right lane it
     has the opposite one. Of a polygon all have the same.
     """
-    top, bottom, left, right = window
-    shape = bottom - top, right - left
+    angles, is_left = np.zeros(touched.shape), np.zeros_like(touched)
     if not zone.is_line:
-        angle = math.radians(zone.heading) - layout.origin.yaw
-        return np.full(shape, angle), np.zeros(shape, dtype=np.bool_)
-    angles, is_left = np.zeros(shape), np.zeros(shape, dtype=np.bool_)
-    y, x = np.nonzero(cover_window(zone.area, layout, window).touched)
+        return angles + math.radians(zone.heading) - layout.origin.yaw, is_left
+    y, x = np.nonzero(touched)
     if len(x) > MOST_CELLS:
         raise ZonesError(f'zone {zone.label}: its lines touch over {MOST_CELLS:,} cells')
-    places = layout.grid_to_world(np.column_stack([x + left, y + top]))
+    places = layout.grid_to_world(np.column_stack([x + window.left, y + window.top]))
     lines = shapely.get_parts(shapely.remove_repeated_points(zone.geometry))
     points, line = shapely.get_coordinates(lines, return_index=True)
     joins = line[1:] == line[:-1]

@@ -286,10 +286,7 @@ class PlanPublisher:
 
 def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]]]:
     """Yield the causes and ways of a plan by name, with their points in metres."""
-    for cause in () if plan.why is None else plan.why.causes:
-        points = [cause[end] for end in ('from', 'to', 'at') if end in cause]
-        if points:
-            yield cause.get('name') or cause['kind'], points
+    yield from () if plan.why is None else plan.why.places()
     for number, way in enumerate(plan.alternatives, start=1):
         yield f'way {number}', grid_map.grid_to_world(way.path).tolist()
 
