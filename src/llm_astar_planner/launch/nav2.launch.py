@@ -13,10 +13,17 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    GroupAction,
+    IncludeLaunchDescription,
+    LogInfo,
+)
+from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter, SetRemap
+from nav2_common.launch import RewrittenYaml
 
 PACKAGE = 'llm_astar_planner'
 ACTIONS = ('compute_path_to_pose', 'compute_path_through_poses')
@@ -45,7 +52,11 @@ def generate_launch_description() -> LaunchDescription:
         'autostart': ('true', 'Whether the lifecycle managers activate the nodes'),
         'params_file': (str(nav2 / 'params' / 'nav2_params.yaml'), "Parameters of Nav2's nodes"),
         'planner_params_file': (str(config / 'nav2.yaml'), 'Parameters of planner_node'),
-        'use_respawn': ('False', 'Whether nodes that have died are started again'),
+        'use_respawn': ('False', "Whether Nav2's nodes that have died are started again"),
+        'respawn_planner': ('True', 'Whether planner_node is started again, at once'),
+        'server_timeout': ('1000', 'Milliseconds in which a goal is to be acknowledged'),
+        'llm_client': ('False', 'Whether to start llm_client_node, to ask a language model'),
+        'use_composition': ('False', 'Not possible here: nodes are processes of their own'),
         'log_level': ('info', 'Log level of all nodes'),
     }
     value = {name: LaunchConfiguration(name) for name in arguments}
@@ -55,13 +66,27 @@ def generate_launch_description() -> LaunchDescription:
         'output': 'screen',
     }
     navigation = PythonLaunchDescriptionSource(str(nav2 / 'launch' / 'navigation_launch.py'))
-    passed = {name: value[name] for name in arguments if name != 'planner_params_file'}
-    ours = {'parameters': [value['planner_params_file']], 'respawn': value['use_respawn']}
+    names = ('namespace', 'use_sim_time', 'autostart', 'use_respawn', 'log_level')
+    passed = {name: value[name] for name in names} | {
+        'use_composition': 'False',
+        # bt_navigator gives up a goal after 20 ms, which is too soon on a busy computer.
+        'params_file': RewrittenYaml(
+            source_file=value['params_file'],
+            param_rewrites={'default_server_timeout': value['server_timeout']},
+            convert_types=True,
+        ),
+    }
+    ours = {'parameters': [value['planner_params_file']], 'respawn': value['respawn_planner']}
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=sentence)
                 for name, (default, sentence) in arguments.items()
+            ),
+            LogInfo(
+                msg='use_composition: planner_server gives up the names of its actions, which a '
+                'component cannot; all nodes are started as processes of their own',
+                condition=IfCondition(value['use_composition']),
             ),
             GroupAction(
                 [
@@ -90,6 +115,7 @@ def generate_launch_description() -> LaunchDescription:
                         executable='llm_client_node',
                         name='llm_client_node',
                         remappings=COSTMAP,
+                        condition=IfCondition(value['llm_client']),
                         **ours,
                         **common,
                     ),

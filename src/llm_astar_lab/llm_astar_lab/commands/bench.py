@@ -89,9 +89,10 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
     option(
         either, '--dataset NAMES',
         f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER} and {named.READ[1]} and so on are read from --path', dest='named',
+        f'{named.PAPER}, {named.READ[1]} and so on, and {", ".join(named.READERS)} are read from '
+        '--path', dest='named',
     )  # fmt: skip
-    text = "the paper's file, or the folder with MovingAI's maps and scenarios"
+    text = "the dataset's file, or the folder with MovingAI's maps and scenarios"
     option(group, '--path PATH', text)
     text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
     option(group, '--maps N', text, dest='map_count', type=common.count)
