@@ -48,7 +48,9 @@ def forbidden_moves(
     found = np.zeros(angles.shape, dtype=np.uint8)
     for bit, (x, y) in enumerate(STEPS):
         along = np.cos(angles - math.atan2(y, x))
-        ahead, left_ahead = (np.roll(part, (-y, -x), (0, 1)) for part in (along, is_left))
+        ahead, left_ahead = (
+            np.roll(np.pad(part, 1), (-y, -x), (0, 1))[1:-1, 1:-1] for part in (along, is_left)
+        )
         crosses = (is_left != left_ahead) & (abs(along) <= ACROSS) & ~np.isnan(ahead)
         against = (along < -ROUNDING) | (ahead < -ROUNDING)
         found |= (against & ~crosses).astype(np.uint8) << bit
