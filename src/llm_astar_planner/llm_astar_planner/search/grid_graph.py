@@ -15,7 +15,7 @@ import copy
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,8 +143,8 @@ class GridGraph:
         self.ring = self._ring()
         self._spare: list[Workspace] = []
         self._coarse: GridGraph | None = None
-        # The graph without rules of the road, None if it has none.
-        self._free: GridGraph | None = None
+        # Whether rules of the road forbid moves, and the graph without them, None for this one.
+        self.has_rules, self._free = False, cast('GridGraph | None', None)
 
     def updated(
         self, blocked: NDArray[np.bool_], cost: NDArray[np.int8] | None, windows: NDArray[np.int64]
@@ -187,7 +187,7 @@ class GridGraph:
         if not forbidden.size:
             return self
         grid = copy.copy(self)
-        grid._free, grid._coarse = self, None
+        grid.has_rules, grid._free, grid._coarse = True, self, None
         grid.moves = self.moves & ~forbidden.reshape(-1)
         grid.set_units(self.straight, self.diagonal)
         return grid
@@ -196,11 +196,6 @@ class GridGraph:
     def without_rules(self) -> GridGraph:
         """The graph in which each move can be made back too; no path costs less than here."""
         return self._free or self
-
-    @property
-    def has_rules(self) -> bool:
-        """Whether some moves cannot be made back."""
-        return self._free is not None
 
     def reach(self, cell: Cell) -> NDArray[np.bool_]:
         """Return the cells that moves lead to from a cell (x, y): bool [height, width]."""
