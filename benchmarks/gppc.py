@@ -34,11 +34,11 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import Scenario, load_map, load_scenarios
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import path_units
-from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.search.result import Cell
 from numpy.typing import NDArray
 
@@ -71,16 +71,14 @@ def prepare_exact(grid_map: GridMap) -> Prepared:
     )
 
 
-def prepare_planner(grid_map: GridMap, bound: float, source: str | None = None) -> Prepared:
+def prepare_planner(grid_map: GridMap, bound: float) -> Prepared:
     """Return `Planner.plan` with a bound and all it prepares: jump points and landmarks."""
     planner = Planner(grid_map, CONFIG).prepare()
-    extra = {} if source is None else {'source': source}
 
     def plan(start: Cell, goal: Cell) -> NDArray[Any]:
         request = PlanRequest(
-            start, goal, max_suboptimality=bound, want_expanded=False, time_limit=PATIENCE_S,
-            **extra,
-        )  # fmt: skip
+            start, goal, max_suboptimality=bound, want_expanded=False, time_limit=PATIENCE_S
+        )
         return planner.plan(request).path
 
     return Prepared(plan, planner)

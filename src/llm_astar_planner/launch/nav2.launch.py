@@ -60,11 +60,10 @@ def generate_launch_description() -> LaunchDescription:
         'log_level': ('info', 'Log level of all nodes'),
     }
     value = {name: LaunchConfiguration(name) for name in arguments}
-    common = {
-        'namespace': value['namespace'],
-        'arguments': ['--ros-args', '--log-level', value['log_level']],
-        'output': 'screen',
-    }
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=sentence)
+        for name, (default, sentence) in arguments.items()
+    ]
     navigation = PythonLaunchDescriptionSource(str(nav2 / 'launch' / 'navigation_launch.py'))
     names = ('namespace', 'use_sim_time', 'autostart', 'use_respawn', 'log_level')
     passed = {name: value[name] for name in names} | {
@@ -76,59 +75,36 @@ def generate_launch_description() -> LaunchDescription:
             convert_types=True,
         ),
     }
-    ours = {'parameters': [value['planner_params_file']], 'respawn': value['respawn_planner']}
-    return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=sentence)
-                for name, (default, sentence) in arguments.items()
-            ),
-            LogInfo(
-                msg='use_composition: planner_server gives up the names of its actions, which a '
-                'component cannot; all nodes are started as processes of their own',
-                condition=IfCondition(value['use_composition']),
-            ),
-            GroupAction(
-                [
-                    # For that node alone: bt_navigator must find the actions by these names.
-                    *(
-                        SetRemap(f'planner_server:{name}', f'nav2_planner/{name}')
-                        for name in MOVED_ASIDE
-                    ),
-                    IncludeLaunchDescription(navigation, launch_arguments=passed.items()),
-                ]
-            ),
-            GroupAction(
-                [
-                    SetParameter('use_sim_time', value['use_sim_time']),
-                    Node(
-                        package=PACKAGE,
-                        executable='planner_node',
-                        name='planner_node',
-                        # RViz's goal is for Nav2's behaviour tree, which calls the action.
-                        remappings=[*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')],
-                        **ours,
-                        **common,
-                    ),
-                    Node(
-                        package=PACKAGE,
-                        executable='llm_client_node',
-                        name='llm_client_node',
-                        remappings=COSTMAP,
-                        condition=IfCondition(value['llm_client']),
-                        **ours,
-                        **common,
-                    ),
-                    Node(
-                        package='nav2_lifecycle_manager',
-                        executable='lifecycle_manager',
-                        name='lifecycle_manager_llm_astar',
-                        parameters=[
-                            {'autostart': value['autostart'], 'node_names': ['planner_node']}
-                        ],
-                        **common,
-                    ),
-                ]
-            ),
-        ]
+    refused = LogInfo(
+        msg='use_composition: planner_server gives up the names of its actions, which a '
+        'component cannot; all nodes are started as processes of their own',
+        condition=IfCondition(value['use_composition']),
     )
+    # For that node alone: bt_navigator must find the actions by these names.
+    moved = [SetRemap(f'planner_server:{name}', f'nav2_planner/{name}') for name in MOVED_ASIDE]
+    stack = [*moved, IncludeLaunchDescription(navigation, launch_arguments=passed.items())]
+
+    def node(package: str, executable: str, name: str, **options: object) -> Node:
+        return Node(
+            package=package,
+            executable=executable,
+            name=name,
+            namespace=value['namespace'],
+            arguments=['--ros-args', '--log-level', value['log_level']],
+            output='screen',
+            **options,
+        )
+
+    ours = {'parameters': [value['planner_params_file']], 'respawn': value['respawn_planner']}
+    asked = {'condition': IfCondition(value['llm_client']), 'remappings': COSTMAP}
+    # RViz's goal is for Nav2's behaviour tree, which calls the action.
+    remapped = [*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')]
+    manager = 'lifecycle_manager_llm_astar'
+    managed = {'autostart': value['autostart'], 'node_names': ['planner_node']}
+    nodes = [
+        SetParameter('use_sim_time', value['use_sim_time']),
+        node(PACKAGE, 'planner_node', 'planner_node', remappings=remapped, **ours),
+        node(PACKAGE, 'llm_client_node', 'llm_client_node', **asked, **ours),
+        node('nav2_lifecycle_manager', 'lifecycle_manager', manager, parameters=[managed]),
+    ]
+    return LaunchDescription([*declared, refused, GroupAction(stack), GroupAction(nodes)])

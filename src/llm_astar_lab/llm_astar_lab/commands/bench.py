@@ -46,6 +46,7 @@ from llm_astar_planner.waypoints.source import BASELINE_NAMES
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
+from llm_astar_lab.datasets.language_sets import READERS
 from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
@@ -89,7 +90,7 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
     option(
         either, '--dataset NAMES',
         f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER}, {named.READ[1]} and so on, and {", ".join(named.READERS)} are read from '
+        f'{named.PAPER}, {named.READ[1]} and so on, and {", ".join(READERS)} are read from '
         '--path', dest='named',
     )  # fmt: skip
     text = "the dataset's file, or the folder with MovingAI's maps and scenarios"

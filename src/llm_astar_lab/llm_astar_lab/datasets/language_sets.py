@@ -53,7 +53,8 @@ def load_language_set(name: str, path: Path) -> list[GridProblem]:
         if not all(0 <= x < width and 0 <= y < height for x, y in (start, goal)):
             raise LanguageSetError(f'{where}: start or goal is outside of the map')
         cells = np.where(np.array(rows, dtype=bool), OCCUPIED, FREE).astype(np.int8)
-        key, samples = cells.tobytes(), (Sample(start, goal),)
+        key = cells.tobytes()
+        samples: tuple[Sample, ...] = (Sample(start, goal),)
         if found and found[-1][0] == key and found[-1][1].grid_map.width == width:
             samples = (*found.pop()[1].samples, *samples)
         found.append((key, GridProblem(len(found), GridMap(cells, 1.0), samples, family=name)))
