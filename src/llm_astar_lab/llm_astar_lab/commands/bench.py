@@ -30,6 +30,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
 from llm_astar_planner.cli.flags import option
-from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.cli.map_files import open_places, zones_text
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import uses_waypoints
 from llm_astar_planner.waypoints.source import BASELINE_NAMES
@@ -85,6 +86,8 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
         'is over the same samples, or all (%(default)s)',
         choices=sources.SAMPLES, default=sources.RECORDED,
     )  # fmt: skip
+    text = 'GeoJSON with zones on every map and rules of the road, or a nav2_route graph'
+    option(group, '--zones FILE', text)
     text = 'draw N of the samples; on a yaml map N new pairs (100)'
     option(group, '--limit N', text, type=common.count)
     option(group, '--scales RANGES', 'scales of the maps, such as 1-10 (1)', default='1')
@@ -211,8 +214,10 @@ def benchmark_config(
     for problem in grids:
         sources.check_grid_options(problem, args.source)
     settings = common.search_settings(args, open_places(args.places_file or '', file))
-    if settings.instruction is not None and scales != [1]:
-        raise ValueError('--instruction is about metres, so it needs --scales 1')
+    settings = replace(settings, zones=zones_text(args.zones))
+    for flag, is_given in (('--instruction', settings.instruction), ('--zones', settings.zones)):
+        if is_given and scales != [1]:
+            raise ValueError(f'{flag} is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
     specs = common.source_specs(
         args, folder, barrier_maps, sources.GRID_BASELINES if grids else None
@@ -254,4 +259,5 @@ def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     if len(grids) > 1:
         grids = [hashlib.sha256(' '.join(grids).encode()).hexdigest()[:12]]
+    parameters |= {'zones': zones_text(args.zones)} if args.zones else {}
     return parameters | ({'grid': grids[0]} if grids else {})

@@ -332,7 +332,8 @@ class Run:
         if 'map_costs' in metadata:
             add_query_times(metadata['map_costs'], rows)
         folder.write_json('metadata.json', metadata)
-        lengths = thresholds.reference_lengths(maps)
+        has_zones = 'zones' in metadata['parameters']
+        lengths = {} if has_zones else thresholds.reference_lengths(maps)
         every = rows.rows() if lengths else ()
         agreements = thresholds.compare_with_reference(every, lengths, args.heuristic)
         summary = write_report(folder, metadata, maps, rows)

@@ -78,7 +78,7 @@ class Picture:
     the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
     the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
     `recorded` [n, 2] is another path, the one that a bag holds, and `ways` are those to choose
-    from.
+    from. `causes` are the places, points in metres, of what closes the way.
     """
 
     grid_map: GridMap
@@ -98,6 +98,7 @@ class Picture:
     has_scale_bar: bool = True
     recorded: NDArray[np.float64] | None = None
     ways: Sequence[NDArray[np.int32]] = ()
+    causes: Sequence[Sequence[Sequence[float]]] = ()
 
     @property
     def in_metres(self) -> bool:
@@ -163,6 +164,7 @@ def picture_of(
         grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',
         offset, places, instructed, plan.footprint, inflated, plan.via,
         ways=[way.path for way in plan.alternatives],
+        causes=[] if plan.why is None else [points for _, points in plan.why.places()],
     )  # fmt: skip
 
 
@@ -255,6 +257,9 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
     for number, way in enumerate(picture.ways, start=1):
         axes.plot(*picture.on_axes(way).T, linewidth=5, alpha=0.4, label=f'way {number}')
+    for points in picture.causes:
+        x, y = picture.project(np.array(points)).T
+        axes.plot(x, y, 'X:', color=style.PATH, markersize=11, zorder=4.9, label='closes the way')
     if len(picture.path):
         x, y = picture.on_axes(picture.path).T
         axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')

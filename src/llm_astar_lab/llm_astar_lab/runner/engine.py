@@ -24,6 +24,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.zone_layer import with_zones
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
@@ -65,7 +66,7 @@ class SearchSettings:
 
     Without `costmap` the kind of map decides: the paper's rules on barrier maps, MovingAI's on
     grids. With `paper_corners` paths may cut corners on maps whose barriers are known, whatever
-    `costmap` says.
+    `costmap` says. `zones` is the text of a GeoJSON file, '' for none.
     """
 
     heuristic: str = 'euclidean'
@@ -77,6 +78,7 @@ class SearchSettings:
     start_tolerance: float = 0.0
     paper_corners: bool = False
     instruction: RouteInstruction | None = None
+    zones: str = ''
 
     def costmap_for(self, problem: ProblemMap) -> CostmapConfig:
         """Return the costmap rules for a map."""
@@ -218,7 +220,7 @@ def run_task(task: Task) -> list[Outcome]:
         # In another process than the command's.
         SEARCH_METHODS.admit(variant.method)
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
-    planner = planner_for(replace(scaled, samples=()), task.settings.costmap_for(scaled))
+    planner = planner_of(scaled, task.settings)
     sample, key = scaled.samples[0], SampleKey(*task.sample.key, task.scale)
     ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     known = key if task.is_sample else None
@@ -267,7 +269,7 @@ def request_again(
     barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
 ) -> tuple[Planner, PlanRequest]:
     """Return the planner and the request of a row of scale 1, with its recorded waypoints."""
-    planner = planner_for(replace(barrier_map, samples=()), settings.costmap_for(barrier_map))
+    planner = planner_of(barrier_map, settings)
     endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
     reply = WaypointReply(rows.parse_points(row.waypoints), label=row.source)
     source = AnsweredSource(row.source, reply) if row.waypoints else None
@@ -308,11 +310,18 @@ def cache_size(planner: Planner) -> int:
     return min(max(cells, MAX_CACHED_CELLS // MAX_CACHED_PLANNERS), MAX_CACHED_CELLS)
 
 
+def planner_of(problem: ProblemMap, settings: SearchSettings) -> Planner:
+    """Return the planner for a map with the rules and zones of a run."""
+    return planner_for(replace(problem, samples=()), settings.costmap_for(problem), settings.zones)
+
+
 @cached(MAX_CACHED_CELLS, key=lambda *arguments: arguments, cost=cache_size)
-def planner_for(problem: ProblemMap, costmap: CostmapConfig) -> Planner:
-    """Return the planner for a map, from the cache of the last ones. Thread-safe."""
+def planner_for(problem: ProblemMap, costmap: CostmapConfig, zones: str = '') -> Planner:
+    """Return the planner for a map with zones, from the cache of the last ones. Thread-safe."""
     barriers = problem if isinstance(problem, BarrierMap) else None
-    return Planner(problem.to_grid(), costmap, barriers).prepare()
+    grid_map = problem.to_grid()
+    grid_map = with_zones(grid_map, zones, costmap) if zones else grid_map
+    return Planner(grid_map, costmap, barriers).prepare()
 
 
 @lru_cache(maxsize=1)

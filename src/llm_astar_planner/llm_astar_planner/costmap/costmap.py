@@ -114,7 +114,17 @@ class Costmap:
             cost=self._graded_cost(),
             cost_multiplier=self.config.cost_travel_multiplier,
             unknown_cost=self.config.unknown_cost,
-        )
+        ).with_rules(self.grid_map.forbidden)
+
+    def reached(self, start: Cell) -> Tiles:
+        """Return `components`, or the like of the cells that rules of the road let a start reach.
+
+        There these are the component of the start.
+        """
+        if not self.grid_map.forbidden.size:
+            return self.components
+        # A diagonal move may have led there, past corners that it must not reach.
+        return Tiles.build(~self.grid_graph.reach(start), corner_cutting=True)
 
     def _graded_cost(self) -> NDArray[np.int8] | None:
         """Return `cost` if it matters to any path, else None."""
@@ -136,7 +146,8 @@ class Costmap:
         self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
-            self.grid_graph = graph.updated(self.blocked, self._graded_cost(), windows)
+            graph = graph.without_rules.updated(self.blocked, self._graded_cost(), windows)
+            self.grid_graph = graph.with_rules(now.forbidden)
         if 'components' in layers:
             self.components = layers['components'].updated(self.blocked, windows)
         self._changes = windows
@@ -147,7 +158,7 @@ class Costmap:
         # Kernels that no search takes.
         from llm_astar_planner.search.coarse import CoarseGraph  # noqa: PLC0415
 
-        return CoarseGraph(self.components, self.grid_graph)
+        return CoarseGraph(self.components, self.grid_graph.without_rules)
 
     @cached_property
     def is_barrier_map(self) -> bool:

@@ -30,7 +30,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
-from llm_astar_planner.costmap.zones import Zone
+from llm_astar_planner.costmap.zones import ONE_WAY, Zone
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
@@ -223,7 +223,9 @@ def compile_zone_kernels() -> None:
     """Compile what zones and filter masks take, or load it from the cache."""
     grid_map = GridMap(np.zeros((4, 4), dtype=np.int8))
     mask = FilterMask(FilterInfo(FilterKind.KEEPOUT, 'mask'), grid_map)
-    ZoneLayer(grid_map, [Zone('zone', shapely.box(1.0, 1.0, 2.0, 2.0))], [mask]).compose(grid_map)
+    box = shapely.box(1.0, 1.0, 2.0, 2.0)
+    zones = Zone('zone', box), Zone('rule', box, 0, kind=ONE_WAY, heading=0.0)
+    Costmap(ZoneLayer(grid_map, zones, [mask]).compose(grid_map)).reached((0, 0))
 
 
 def compile_instruction_kernels(*, any_angle: bool = True) -> None:

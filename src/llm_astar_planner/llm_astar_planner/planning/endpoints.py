@@ -27,6 +27,8 @@ from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
 NAME = 'viapoints'
+# Components, and the number of those that are reached.
+Reached = tuple[Tiles, int]
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
 
@@ -47,7 +49,7 @@ def moved_start(costmap: Costmap, request: PlanRequest) -> Cell:
 
 
 def moved_goal(
-    costmap: Costmap, request: PlanRequest, goal: Cell, component: int, name: str = 'goal'
+    costmap: Costmap, request: PlanRequest, goal: Cell, reached: Reached, name: str = 'goal'
 ) -> Cell:
     """Return the cell of a component within the tolerance that is nearest to a goal or via point.
 
@@ -56,7 +58,7 @@ def moved_goal(
     tolerance = request.tolerance
     found = None
     if costmap.grid_map.contains(goal):
-        found = nearest_reached(costmap, goal, component, tolerance)
+        found = nearest_reached(costmap, reached, goal, tolerance)
     if found is None:
         failure = goal_failure(costmap, request, goal, name)
         if tolerance == 0.0 or failure.code is ResultCode.GOAL_OUTSIDE_MAP:
@@ -66,17 +68,20 @@ def moved_goal(
     return found
 
 
-def nearest_reached(costmap: Costmap, cell: Cell, component: int, tolerance: float) -> Cell | None:
+def nearest_reached(
+    costmap: Costmap, reached: Reached, cell: Cell, tolerance: float
+) -> Cell | None:
     """Return the cell if it is of a component, else the nearest that is.
 
     None if there is none within so many metres.
     """
-    if costmap.components.at(cell) == component:
+    components, component = reached
+    if components.at(cell) == component:
         return cell
     if tolerance == 0.0:
         return None
     reach = squared_cells(tolerance, costmap.grid_map.resolution)
-    return nearest_labelled(costmap.components, component, cell, reach)
+    return nearest_labelled(components, component, cell, reach)
 
 
 def goal_failure(
@@ -90,7 +95,10 @@ def goal_failure(
         message = blocked_message(costmap, name, goal)
         return PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
     end, begin = costmap.describe_cell(goal), costmap.describe_cell(request.start)
-    message = f'obstacles cut the {name} {end} off from the start {begin}'
+    components = costmap.components
+    are_joined = components.at(goal) == components.at(request.start) > 0
+    what = 'rules of the road' if are_joined else 'obstacles'
+    message = f'{what} cut the {name} {end} off from the start {begin}'
     return PlanningFailure(ResultCode.NO_VALID_PATH, message)
 
 
@@ -218,12 +226,13 @@ class ViapointSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the via points; the detail says how many were moved and which had to stay."""
         deadline = time.monotonic() + query.time_limit
-        component = query.costmap.components.at(query.start)
+        components = query.costmap.components
+        reached = components, components.at(query.start)
 
         def place(cell: Cell) -> Cell | None:
             # After its time no other cells are looked for.
             tolerance = self.tolerance if time.monotonic() <= deadline else 0.0
-            return nearest_reached(query.costmap, cell, component, tolerance)
+            return nearest_reached(query.costmap, reached, cell, tolerance)
 
         places = list(map(place, self.viapoints))
         lost = [number for number, place in enumerate(places, start=1) if place is None]

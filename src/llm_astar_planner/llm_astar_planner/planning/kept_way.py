@@ -29,7 +29,7 @@ from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
-from llm_astar_planner.planning.path_validator import via_problem
+from llm_astar_planner.planning.path_validator import passed_cells, via_problem
 from llm_astar_planner.planning.segment import length_text
 from llm_astar_planner.planning.types import (
     Endpoints,
@@ -342,15 +342,7 @@ def line_cells(
     begin: NDArray[np.int64], end: NDArray[np.int64], blocked: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
     """Return the cells [n, 2] from one to another, as `cells_along` does."""
-    counts, signs = np.abs(end - begin), np.sign(end - begin)
-    # The line meets its border number i in x after the part (2 i + 1) / (2 counts[0]) of it, and
-    # those in y likewise: both times twice the product of the counts, these are whole numbers.
-    crossings = [(2 * np.arange(counts[axis]) + 1) * counts[1 - axis] for axis in (0, 1)]
-    if not counts.all():
-        crossings = [np.arange(count) for count in counts]
-    passed = np.unique(np.concatenate(crossings))
-    steps = [np.searchsorted(borders, passed, side='right') for borders in crossings]
-    cells = np.concatenate((begin[None], begin + np.column_stack(steps) * signs))
+    cells, counts = passed_cells(begin, end), np.abs(end - begin)
     # Each move along the shorter side follows one along the longer: both are one if they may be.
     short = int(counts[1] <= counts[0])
     moves = np.diff(cells, axis=0)

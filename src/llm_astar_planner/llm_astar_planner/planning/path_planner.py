@@ -387,10 +387,18 @@ class PathPlanner:
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
         # Kernels that only these plans take.
-        from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull  # noqa: PLC0415
+        from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
+            AnyAnglePath,
+            lawful_parts,
+            string_pull,
+        )
 
         try:
-            parts = [string_pull(graph, part, deadline=deadline) for graph, part in stretches]
+            parts = [
+                string_pull(*piece, deadline=deadline)
+                for graph, part in stretches
+                for piece in lawful_parts(graph, part, self.grid_map.forbidden)
+            ]
         except TimeoutError as error:
             return None, str(error)
         if not parts:
@@ -457,17 +465,19 @@ class PathPlanner:
 def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
     components, start, goal, via = costmap.components, request.start, request.goal, request.via
-    component = components.at(start)
-    if not component:
+    if not components.at(start):
         start = moved_start(costmap, request)
-        component = components.at(start)
+    # Where rules of the road cut a stretch between many via points off, its search finds out.
+    if costmap.grid_map.forbidden.size and not via:
+        components = costmap.reached(start)
+    component = components.at(start)
     if components.at(goal) != component:
-        goal = moved_goal(costmap, request, goal, component)
+        goal = moved_goal(costmap, request, goal, (components, component))
     if via:
         via = tuple(
             cell
             if components.at(cell) == component
-            else moved_goal(costmap, request, cell, component, f'via {number}')
+            else moved_goal(costmap, request, cell, (components, component), f'via {number}')
             for number, cell in enumerate(via, start=1)
         )
     if (start, goal, via) == (request.start, request.goal, request.via):

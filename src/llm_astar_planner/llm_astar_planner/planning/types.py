@@ -293,6 +293,13 @@ class Why(NamedTuple):
         """Return the form of reports and `--json`."""
         return dict(zip(self._fields[:5], self))
 
+    def places(self) -> Iterator[tuple[str, list[Point]]]:
+        """Yield the name of each cause that lies somewhere, and its points in metres."""
+        for cause in self.causes:
+            points = [cause[end] for end in ('from', 'to', 'at') if end in cause]
+            if points:
+                yield cause.get('name') or cause['kind'], points
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:

@@ -109,10 +109,11 @@ class PlainSearch(SlicedSearch):
                 (row, distance), *_ = active.tolist()
                 self.bound = abs(int(landmarks.distances[row, self.start]) - distance)
         # A free goal that no move leaves cannot be entered either.
-        enclosed = self.start != self.goal and not grid.moves[self.goal]
+        enclosed = self.start != self.goal and not grid.without_rules.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
             self.status = SearchStatus.EXHAUSTED
-        self._every_move = every_move or grid.cell_surcharge.size > 0
+        # Which moves are pointless is known where each can be made back.
+        self._every_move = every_move or grid.has_rules or grid.cell_surcharge.size > 0
         self._control = self.workspace.control
         self._control[:] = 0
         self._control[self.BEST_SLOT] = kernels.NO_PATH

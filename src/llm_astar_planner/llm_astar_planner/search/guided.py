@@ -197,10 +197,11 @@ class GuidedSearch:
     def _begin(self, grid: GridGraph, landmarks: Landmarks | None) -> None:
         """Begin on one grid: an exact search and, when there are waypoints, theirs."""
         # Jump points pay for far goals, on uniform costs without corner cutting, unless the map
-        # is full of them.
+        # is full of them. They know no rules of the road.
         (x, y), (goal_x, goal_y) = self.start, self.goal
         self._fewest_moves = max(abs(x - goal_x), abs(y - goal_y))
         jumps = self._fewest_moves >= FAR and not (grid.cell_surcharge.size or grid.corner_cutting)
+        jumps = jumps and not grid.has_rules
         jumps = jumps and grid.packed.jump_points <= MOST_JUMP_POINTS * grid.moves.size
         exact_search = JumpSearch if jumps else PlainSearch
         self._plain = exact_search(grid, self.start, self.goal, landmarks)

@@ -9,7 +9,7 @@ import math
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -17,7 +17,11 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
+from llm_astar_msgs_adapter.messages.markers import (
+    expanded_to_message,
+    reasons_to_markers,
+    waypoints_to_markers,
+)
 from llm_astar_msgs_adapter.messages.writing import (
     path_to_message,
     report_to_message,
@@ -37,6 +41,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import (
     Plan,
     PlanRequest,
+    Point,
     ResultCode,
     finite_or_none,
     plan_report,
@@ -366,6 +371,8 @@ class PlanPublisher:
             ]
             endpoints = (plan.start, plan.goal)
             markers = waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
+            reasons = reasons_of(plan, grid_map)
+            markers.markers += reasons_to_markers(reasons, grid_map.frame_id, stamp)
             self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
@@ -380,6 +387,13 @@ class PlanPublisher:
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
             if self._node.context.ok():
                 self._node.get_logger().error(traceback.format_exc())
+
+
+def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]]]:
+    """Yield the causes and ways of a plan by name, with their points in metres."""
+    yield from () if plan.why is None else plan.why.places()
+    for number, way in enumerate(plan.alternatives, start=1):
+        yield f'way {number}', grid_map.grid_to_world(way.path).tolist()
 
 
 class PlanStatistics:

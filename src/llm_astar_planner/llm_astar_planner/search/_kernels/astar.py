@@ -381,6 +381,24 @@ def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[
 
 
 @jit
+def reach(moves: NDArray[np.uint8], width: int, first: int) -> NDArray[np.bool_]:
+    """Return which cells moves lead to from the cell `first`, that included: bool [cells]."""
+    reached = np.zeros(moves.size, dtype=np.bool_)
+    stack = np.empty(moves.size, dtype=np.int32)
+    stack[0], reached[first], count = first, True, 1
+    while count:
+        count -= 1
+        cell = np.int64(stack[count])
+        for move in range(8):
+            other = cell + STEP_Y[move] * width + STEP_X[move]
+            if moves[cell] >> move & 1 and not reached[other]:
+                reached[other] = True
+                stack[count] = other
+                count += 1
+    return reached
+
+
+@jit
 def build_moves(
     blocked: NDArray[np.bool_],
     corner_cutting: bool,
