@@ -30,6 +30,11 @@ class Window(NamedTuple):
     left: int
     right: int
 
+    def slices(self, top: int = 0, left: int = 0) -> tuple[slice, slice]:
+        """Return its rows and columns, counted from a cell."""
+        rows = slice(self.top - top, self.bottom - top)
+        return rows, slice(self.left - left, self.right - left)
+
 
 class Cover(NamedTuple):
     """Cells that a geometry covers, bool [height, width].

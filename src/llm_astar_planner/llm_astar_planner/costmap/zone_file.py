@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Mapping
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import expect, short_repr
@@ -45,8 +44,12 @@ SOURCE = 'zones'
 # The zone that the edges of a nav2_route graph make, and its width unless the file has one.
 ROUTE_GRAPH, ROUTE_WIDTH = 'route graph', 1.0
 # Corners of a triangle, the first once more at the end.
+KINDS = POLYGONS + LINES
 LEAST_POINTS = 4
-MAX_SECONDS = 1e9
+MAX_NUMBER = 1e9
+# What is expected where something else is found.
+COST_WORDS = f'a whole number from 1 to {KEEPOUT}, which closes the zone,'
+SECONDS_WORDS = 'a number above 0, or none for a zone that stays,'
 
 
 def zones_from_text(text: str, now: float = 0.0) -> tuple[tuple[Zone, ...], str]:
@@ -66,40 +69,42 @@ def zones_from_text(text: str, now: float = 0.0) -> tuple[tuple[Zone, ...], str]
         raise ZonesError(str(error)) from None
 
 
-def zones_from_geojson(collection: object, now: float) -> tuple[tuple[Zone, ...], str]:
+def zones_from_geojson(
+    collection: Any,  # noqa: ANN401 - any JSON
+    now: float,
+) -> tuple[tuple[Zone, ...], str]:
     """Read a FeatureCollection as `zones_from_text` does. Raises ZonesError or PlacesError."""
     features = without_graph(features_of(collection, SOURCE), collection)
     if not 0 < len(features) <= MAX_ZONES:
         raise ZonesError(f'{SOURCE}: features: {len(features)} are not 1 to {MAX_ZONES}')
-    frame_id = collection.get('frame_id', '') if isinstance(collection, dict) else ''
-    if not isinstance(frame_id, str):
-        raise ZonesError(f'{SOURCE}: frame_id: a text is expected, not {short_repr(frame_id)}')
-    zones = tuple(
+    found = collection.get('frame_id', '')
+    frame_id = expect(found, str, f'{SOURCE}: frame_id', 'a text', ZonesError)
+    zones = (
         zone_from_feature(feature, feature_label(SOURCE, index, feature), now)
         for index, feature in enumerate(features)
     )
-    return zones, frame_id
+    return tuple(zones), frame_id
 
 
-def without_graph(features: list[Any], collection: Any) -> list[Any]:  # noqa: ANN401 - any JSON
+def without_graph(features: list[Any], collection: dict[str, Any]) -> list[Any]:
     """Return features in which those of a nav2_route graph, if there is one, are one zone.
 
     Raises ZonesError.
     """
-    graph = [part_of(one, 'geometry') for one in features if is_edge(one)]
-    if not graph:
+    lines, others = list[Any](), list[Any]()
+    for one in features:
+        geometry = part_of(one, 'geometry')
+        kind, found = geometry.get('type'), geometry.get('coordinates')
+        if {'startid', 'endid'} <= part_of(one, 'properties').keys():
+            where = f'{SOURCE}: edge: coordinates'
+            lines += [found] if kind == LINES[0] else expect(
+                found, list, where, 'a list', ZonesError
+            )  # fmt: skip
+        elif kind != 'Point':
+            others.append(one)
+    if not lines:
         return features
-    lines = list[Any]()
-    for edge in graph:
-        is_one, found = edge.get('type') == LINES[0], edge.get('coordinates')
-        where = f'{SOURCE}: edge: coordinates'
-        lines += [found] if is_one else expect(found, list, where, 'a list', ZonesError)
     given = {name: collection[name] for name in ('width', 'cost') if name in collection}
-    others = [
-        one
-        for one in features
-        if not is_edge(one) and part_of(one, 'geometry').get('type') != 'Point'
-    ]
     return [*others, {
         'type': 'Feature', 'id': ROUTE_GRAPH,
         'properties': {'kind': PREFERRED, 'width': ROUTE_WIDTH, **given},
@@ -113,28 +118,27 @@ def part_of(feature: object, name: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def is_edge(feature: object) -> bool:
-    """Tell whether a feature is an edge of a nav2_route graph."""
-    return {'startid', 'endid'} <= part_of(feature, 'properties').keys()
-
-
 def zone_from_feature(feature: object, where: str, now: float) -> Zone:
     """Read one zone. Raises ZonesError or PlacesError, which begin with `where`."""
     if not isinstance(feature, dict) or feature.get('type') != 'Feature':
         raise ZonesError(f'{where}: type: a Feature is expected, not {short_repr(feature)}')
-    properties = feature.get('properties')
-    if properties is None:
-        properties = {}
-    if not isinstance(properties, dict):
-        raise ZonesError(f'{where}: properties: an object is expected')
-    name = properties.get('name')
-    seconds, kind = seconds_of(properties, where), str(properties.get('kind') or AREA)
-    fields = {
+    found = feature.get('properties')
+    properties = expect(
+        {} if found is None else found, dict, f'{where}: properties', 'an object', ZonesError
+    )
+    name, kind = properties.get('name'), str(properties.get('kind') or AREA)
+    usual = COSTS.get(kind, KEEPOUT)
+    cost = number_of(
+        properties, 'cost', usual, where, words=COST_WORDS, least=min(usual, 1), most=KEEPOUT
+    )
+    above_zero = math.ulp(0.0)
+    seconds = number_of(properties, 'seconds', None, where, words=SECONDS_WORDS, least=above_zero)
+    fields: dict[str, Any] = {
         'id': id_of(feature.get('id', properties.get('id')), where),
-        'geometry': polygon_of(feature.get('geometry'), where),
-        'cost': cost_of(properties, COSTS.get(kind, KEEPOUT), where),
+        'geometry': geometry_of(feature, where),
+        'cost': int(cost) if cost % 1 == 0 else cost,
         'name': '' if name in (None, '') else parse_name(name, f'{where}: name'),
-        'expires': None if seconds is None else now + seconds,
+        'expires': seconds and now + seconds,
         'kind': kind,
         'heading': number_of(properties, 'heading', math.nan, where),
         'width': number_of(properties, 'width', 0.0, where),
@@ -145,17 +149,15 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
         raise ZonesError(f'{where}: {error}') from None
 
 
-def polygon_of(geometry: object, where: str) -> BaseGeometry:
+def geometry_of(feature: dict[str, Any], where: str) -> BaseGeometry:
     """Return the polygons or lines of a feature. Raises ZonesError or PlacesError."""
-    if not isinstance(geometry, dict) or geometry.get('type') not in POLYGONS + LINES:
-        kind = geometry.get('type') if isinstance(geometry, dict) else geometry
+    geometry = part_of(feature, 'geometry')
+    kind, found = geometry.get('type'), geometry.get('coordinates')
+    if kind not in KINDS:
         raise ZonesError(
             f'{where}: geometry: a {" or ".join(POLYGONS)} is expected, not {short_repr(kind)}'
         )
-    coordinates = geometry.get('coordinates')
-    if geometry['type'] in LINES:
-        return parse_geometry(geometry, where, LINES)
-    outlines = [coordinates] if geometry['type'] == 'Polygon' else coordinates
+    outlines = {POLYGONS[0]: [found], POLYGONS[1]: found}.get(kind)
     for outline in outlines if isinstance(outlines, list) else ():
         for ring in outline if isinstance(outline, list) else ():
             if isinstance(ring, list) and len(ring) < LEAST_POINTS:
@@ -163,46 +165,21 @@ def polygon_of(geometry: object, where: str) -> BaseGeometry:
                     f'{where}: coordinates: an outline of {len(ring)} points; it needs three '
                     'corners, and the first of them once more at the end'
                 )
-    return parse_geometry(geometry, where)
+    return parse_geometry(geometry, where, KINDS)
 
 
-def cost_of(properties: Mapping[str, Any], default: int, where: str) -> int:
-    """Return a zone's cost. Raises ZonesError."""
-    cost, least = properties.get('cost', default), min(default, 1)
-    if (
-        isinstance(cost, bool)
-        or not isinstance(cost, (int, float))
-        or cost not in range(least, 101)
-    ):
-        raise ZonesError(
-            f'{where}: cost: a whole number from 1 to {KEEPOUT}, which closes the zone, is '
-            f'expected, not {short_repr(cost)}'
-        )
-    return int(cost)
-
-
-def number_of(properties: Mapping[str, Any], name: str, default: float, where: str) -> float:
-    """Return a number among properties. Raises ZonesError."""
+def number_of(
+    properties: dict[str, Any], name: str, default: float | None, where: str, *,
+    words: str = 'a number', least: float = -MAX_NUMBER, most: float = MAX_NUMBER,
+) -> Any:  # noqa: ANN401 - a number, or the default  # fmt: skip
+    """Return a number among properties. Raises ZonesError: `words` are expected."""
     value = properties.get(name)
     if value is None:
         return default
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or abs(value) > MAX_SECONDS:
-        raise ZonesError(f'{where}: {name}: a number is expected, not {short_repr(value)}')
-    return float(value)
-
-
-def seconds_of(properties: Mapping[str, Any], where: str) -> float | None:
-    """Return after how many seconds a zone expires, None for never. Raises ZonesError."""
-    seconds = properties.get('seconds')
-    if seconds is None:
-        return None
-    is_number = isinstance(seconds, (int, float)) and not isinstance(seconds, bool)
-    if not is_number or not 0.0 < seconds <= MAX_SECONDS:
-        raise ZonesError(
-            f'{where}: seconds: a number above 0 is expected, not {short_repr(seconds)}; '
-            'leave it out for a zone that stays'
-        )
-    return float(seconds)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not (is_number and least <= value <= most):
+        raise ZonesError(f'{where}: {name}: {words} is expected, not {short_repr(value)}')
+    return value
 
 
 def id_of(value: object, where: str) -> str:
@@ -215,24 +192,13 @@ def id_of(value: object, where: str) -> str:
 
 def zones_to_geojson(zones: Zones, now: float, frame_id: str) -> dict[str, object]:
     """Return the FeatureCollection that `zones_from_geojson` reads at `now`."""
-    return {
-        'type': 'FeatureCollection',
-        'frame_id': frame_id,
-        'features': [
-            {
-                'type': 'Feature',
-                'id': zone.id,
-                'geometry': mapping(zone.geometry),
-                'properties': {
-                    'name': zone.name,
-                    'cost': zone.cost,
-                    'seconds': seconds_left(zone, now),
-                    **zone.rule,
-                },
-            }
-            for zone in zones
-        ],
-    }
+    features = [{
+        'type': 'Feature', 'id': zone.id, 'geometry': mapping(zone.geometry),
+        'properties': {
+            'name': zone.name, 'cost': zone.cost, 'seconds': seconds_left(zone, now), **zone.rule,
+        },
+    } for zone in zones]  # fmt: skip
+    return {'type': 'FeatureCollection', 'frame_id': frame_id, 'features': features}
 
 
 def seconds_left(zone: Zone, now: float) -> float | None:

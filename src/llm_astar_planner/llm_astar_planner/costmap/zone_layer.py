@@ -58,20 +58,17 @@ class ZoneLayer:
         self.zones = [(zone, window) for zone, window in covered if has_cells(window)]
         check_size(window for _, window in self.zones)
         self.masks = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
-        shape = Window(0, layout.height, 0, layout.width)
-        roads = [pair for pair in self.zones if pair[0].kind == PREFERRED]
-        is_whole = self.masks or roads
-        self._window = shape if is_whole else union(window for _, window in self.zones)
+        whole = Window(0, layout.height, 0, layout.width)
+        is_whole = self.masks or any(zone.kind == PREFERRED for zone, _ in self.zones)
+        self._window = whole if is_whole else union(window for _, window in self.zones)
         top, bottom, left, right = self._window
         self._costs = np.full((bottom - top, right - left), TRANSPARENT, dtype=np.int8)
         for mask, table in self.masks:
             paint_mask(mask.grid_map, table, layout, self._costs)
-        for zone, window in self.zones:
-            if zone.cost and zone.kind != PREFERRED:
-                self._paint(zone.cost, cover_window(zone.area, layout, window).touched, window)
-        if roads:
-            cost = max(zone.cost for zone, _ in roads)
-            self._paint(cost, off_roads(roads, layout), shape)
+        for zone, window, cells in self.raised(layout):
+            costs = zone_costs(np.array(zone.cost), self.config).astype(np.int8)
+            part = self._costs[window.slices(top, left)]
+            np.maximum(part, np.where(cells, costs, TRANSPARENT), out=part)
         # Of each rule the zone, its part of the map, and the moves that it forbids there.
         self.rules_of = [
             (zone, *forbidden_moves(zone, window, layout))
@@ -95,9 +92,8 @@ class ZoneLayer:
         """
         if not self._costs.size:
             return grid_map
-        top, bottom, left, right = self._window
         cells = grid_map.cells.copy()
-        part = cells[top:bottom, left:right]
+        part = cells[self._window.slices()]
         least = self.config.unknown_cost + 1 if self.config.allow_unknown else KEEPOUT
         is_kept = (part < 0) & (self._costs < least)
         np.maximum(part, self._costs, out=part)
@@ -115,23 +111,23 @@ class ZoneLayer:
         if len(self.zones) > MOST_NAMED:
             yield f'and {len(self.zones) - MOST_NAMED} more'
 
-    def _paint(self, cost: int, cells: NDArray[np.bool_], window: Window) -> None:
-        """Raise the costs of cells in a window to those of a zone with this cost."""
-        costs = zone_costs(np.array(cost), self.config).astype(np.int8)
-        top, _, left, _ = self._window
-        part = self._costs[
-            window.top - top : window.bottom - top, window.left - left : window.right - left
-        ]
-        np.maximum(part, np.where(cells, costs, TRANSPARENT), out=part)
+    def raised(
+        self, layout: GridMap, least: int = 1
+    ) -> Iterator[tuple[Zone, Window, NDArray[np.bool_]]]:
+        """Yield each zone of at least a cost, a window of the map, and which cells there have it.
 
-
-def off_roads(roads: Iterable[tuple[Zone, Window]], layout: GridMap) -> NDArray[np.bool_]:
-    """Return the cells of a map that no preferred line touches: bool [height, width]."""
-    off = np.ones(layout.cells.shape, dtype=np.bool_)
-    for zone, window in roads:
-        top, bottom, left, right = window
-        off[top:bottom, left:right] &= ~cover_window(zone.area, layout, window).touched
-    return off
+        Of preferred lines the dearest has the cells that none of them touches.
+        """
+        roads = [pair for pair in self.zones if pair[0].kind == PREFERRED]
+        dearest = max((zone for zone, _ in roads), key=lambda zone: zone.cost, default=None)
+        if dearest is not None and dearest.cost >= least:
+            off = np.ones(layout.cells.shape, dtype=np.bool_)
+            for zone, window in roads:
+                off[window.slices()] &= ~cover_window(zone.area, layout, window).touched
+            yield dearest, Window(0, layout.height, 0, layout.width), off
+        for zone, window in self.zones:
+            if zone.kind != PREFERRED and zone.cost >= least:
+                yield zone, window, cover_window(zone.area, layout, window).touched
 
 
 class ComposedZones(NamedTuple):
@@ -147,16 +143,9 @@ class ComposedZones(NamedTuple):
 
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
         """Yield what `Composed.closed` does."""
+        for zone, window, cells in self.layer.raised(self.base, KEEPOUT):
+            yield 'zone', zone.label, window.slices(), cells
         whole = slice(0, self.base.height), slice(0, self.base.width)
-        roads = [pair for pair in self.layer.zones if pair[0].kind == PREFERRED]
-        strict = [zone.label for zone, _ in roads if zone.cost == KEEPOUT]
-        if strict:
-            yield 'zone', strict[0], whole, off_roads(roads, self.base)
-        for zone, window in self.layer.zones:
-            if zone.cost == KEEPOUT and zone.kind != PREFERRED:
-                top, bottom, left, right = window
-                touched = cover_window(zone.area, self.base, window).touched
-                yield 'zone', zone.label, (slice(top, bottom), slice(left, right)), touched
         for mask, table in self.layer.masks:
             costs = np.full(self.base.cells.shape, TRANSPARENT, dtype=np.int8)
             paint_mask(mask.grid_map, table, self.base, costs)

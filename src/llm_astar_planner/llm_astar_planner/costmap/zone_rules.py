@@ -54,7 +54,7 @@ def forbidden_moves(
         crosses = (is_left != left_ahead) & (abs(along) <= ACROSS) & ~np.isnan(ahead)
         against = (along < -ROUNDING) | (ahead < -ROUNDING)
         found |= (against & ~crosses).astype(np.uint8) << bit
-    return (slice(*around[:2]), slice(*around[2:])), found
+    return around.slices(), found
 
 
 def headings(

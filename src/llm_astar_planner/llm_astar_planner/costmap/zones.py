@@ -64,15 +64,12 @@ class Zone:
         """Check the fields."""
         if not 0 < len(self.id) <= MAX_ID_CHARS or not self.id.isprintable():
             raise ZonesError(f'id: {short_repr(self.id)} is not 1 to {MAX_ID_CHARS} characters')
-        least = min(COSTS.get(self.kind, 1), 1)
-        if not (isinstance(self.cost, int) and least <= self.cost <= KEEPOUT):
-            raise ZonesError(
-                f'zone {self.label}: cost: {self.cost!r} is not in {least} to {KEEPOUT}'
-            )
-        problem = geometry_problem(self.geometry)
+        least, problem = min(COSTS.get(self.kind, 1), 1), geometry_problem(self.geometry)
         if problem is not None:
-            raise ZonesError(f'zone {self.label}: geometry: {problem}')
-        if self.kind not in COSTS:
+            problem = f'geometry: {problem}'
+        elif not (isinstance(self.cost, int) and least <= self.cost <= KEEPOUT):
+            problem = f'cost: {self.cost!r} is not a whole number from {least} to {KEEPOUT}'
+        elif self.kind not in COSTS:
             problem = f'kind: {short_repr(self.kind)} is not one of {", ".join(COSTS)}'
         elif self.is_line and not 0.0 < self.width <= MAX_WIDTH:
             problem = f'width: {self.width:g} m is not above 0 and up to {MAX_WIDTH:g}'
@@ -80,10 +77,10 @@ class Zone:
             problem = f'geometry: {KEEP_RIGHT} is a line with a width, not a polygon'
         elif self.kind == ONE_WAY and not (self.is_line or math.isfinite(self.heading)):
             problem = 'heading: degrees from +x towards +y are expected for a one_way polygon'
+        elif self.expires is not None and not math.isfinite(self.expires):
+            problem = f'expires: {self.expires} is not finite'
         if problem is not None:
             raise ZonesError(f'zone {self.label}: {problem}')
-        if self.expires is not None and not math.isfinite(self.expires):
-            raise ZonesError(f'zone {self.label}: expires: {self.expires} is not finite')
 
     @property
     def is_line(self) -> bool:
@@ -118,11 +115,6 @@ class Zone:
         """The zone for a person: its id, and its name where it has one."""
         return f'{self.id} ({self.name})' if self.name else self.id
 
-    @property
-    def vertices(self) -> int:
-        """Points of its outlines."""
-        return int(shapely.get_num_coordinates(self.geometry))
-
 
 def geometry_problem(geometry: BaseGeometry) -> str | None:
     """Say why a geometry cannot be a zone's, None where it can."""
@@ -152,7 +144,7 @@ class Zones:
             self._by_id[zone.id] = zone
         if len(self) > MAX_ZONES:
             raise ZonesError(f'{len(self)} zones are over {MAX_ZONES}; remove some')
-        count = sum(zone.vertices for zone in self)
+        count = int(shapely.get_num_coordinates([zone.geometry for zone in self]).sum())
         if count > MAX_TOTAL_VERTICES:
             raise ZonesError(
                 f'all zones together have {count} points, over {MAX_TOTAL_VERTICES}; '
