@@ -21,6 +21,7 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # Expansions between two looks at the stop flag and the clock: about half a millisecond.
 EXPANSION_SLICE = 16384
+EVERYWHERE = np.zeros((0, 0), dtype=np.bool_)
 # How a search ended, by what its kernel returns; the other codes say how to go on.
 ENDED = {
     kernels.FOUND: SearchStatus.FOUND,
@@ -112,6 +113,8 @@ class PlainSearch(SlicedSearch):
         enclosed = self.start != self.goal and not grid.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
             self.status = SearchStatus.EXHAUSTED
+        # Squares that paths may lie in, empty for all; see the kernel.
+        self.corridor = EVERYWHERE
         self._every_move = every_move or grid.cell_surcharge.size > 0
         self._control = self.workspace.control
         self._control[:] = 0
@@ -122,7 +125,8 @@ class PlainSearch(SlicedSearch):
         workspace, control = self.workspace, self._control
         ended = kernels.astar(
             self._cells, self.start, self.goal, self._every_move, self.distances, self.active,
-            self.generation, workspace.records, workspace.pool, workspace.heads, control, quota,
+            self.generation, workspace.records, workspace.pool, workspace.heads, control,
+            self.corridor, quota,
         )  # fmt: skip
         _, base, bucket, self.best, self.expansions, self.storage, *_ = control.tolist()
         self.work = self.expansions

@@ -78,6 +78,8 @@ CLOSED = 8
 BUCKET_BITS = 6
 # Entries of a block of a bucket; the first is the last entry of the block below.
 BLOCK = 16
+# A corridor is given by squares of 2^SQUARE_BITS cells a side.
+SQUARE_BITS = 3
 POLL_MASK = 2047
 LIMIT = 2**31 - 2**24  # a g above it may not fit an int32 after one more move
 NO_PATH = 2**62
@@ -255,6 +257,7 @@ def astar(
     pool: NDArray[np.int64],
     heads: NDArray[np.int32],
     control: NDArray[np.int64],
+    corridor: NDArray[np.bool_],
     quota: int,
 ) -> int:
     """Run or resume an exact A* for up to `quota` expansions; return how the call ended.
@@ -266,6 +269,7 @@ def astar(
     linked by their first entries. After NEED_SPACE call again with a longer pool that begins the
     same. `every_move` also tries the moves that uniform costs make pointless; graded costs need
     it. The caller may lower `control[A_BEST]` between calls to the cost of a path that it knows.
+    Where `corridor` is not empty, cells are entered only in its open squares of 8 x 8.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
@@ -354,6 +358,11 @@ def astar(
             f = other_g + estimate_to_goal(landmark_distances, active, other, distance)
             if f >= best:
                 continue
+            if corridor.size > 0:
+                row_of_squares = np.uint64(y + STEP_Y[move] >> SQUARE_BITS)
+                square = np.uint64(cell - y * width + STEP_X[move] >> SQUARE_BITS)
+                if not corridor[row_of_squares, square]:
+                    continue
             storage += new
             states[other] = tag | np.int64(move) << 32 | other_g
             if np.int64(other) == goal:
