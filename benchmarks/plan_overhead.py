@@ -17,11 +17,12 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import EXACT, GUIDED
-from llm_astar_planner.search.paper import PAPER_METHODS, compile_kernels
+from llm_astar_planner.search.paper import PAPER_METHODS
 from llm_astar_planner.search.result import Cell
 
 ROUNDS = 15

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.search.grid_graph import path_units
-from llm_astar_planner.search.paper import compile_kernels
 from numpy.typing import NDArray
 
 from benchmarks import any_waypoints, live_maps, memory, tables

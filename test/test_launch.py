@@ -15,12 +15,14 @@ MODULES = {
         'DeclareLaunchArgument',
         'GroupAction',
         'IncludeLaunchDescription',
+        'LogInfo',
         'Shutdown',
     ),
     'launch.conditions': ('IfCondition',),
     'launch.launch_description_sources': ('PythonLaunchDescriptionSource',),
     'launch.substitutions': ('LaunchConfiguration',),
     'launch_ros.actions': ('Node', 'SetParameter', 'SetRemap'),
+    'nav2_common.launch': ('RewrittenYaml',),
 }
 
 
@@ -106,11 +108,21 @@ def test_nav2_starts_with_its_planner_server_moved_aside(described):
     (included,) = of_kind(actions, 'IncludeLaunchDescription')
     assert included.values[0].values == ('/share/nav2_bringup/launch/navigation_launch.py',)
     passed = dict(included.launch_arguments)
-    assert set(arguments_of(actions)) == {*passed, 'planner_params_file'}
+    own = {'planner_params_file', 'respawn_planner', 'server_timeout', 'llm_client'}
+    assert set(arguments_of(actions)) == {*passed, *own}
+    assert passed['use_composition'] == 'False'
+    rewritten = passed['params_file']
+    assert rewritten.source_file.values == ('params_file',)
+    (timeout,) = rewritten.param_rewrites.values()
+    assert timeout.values == ('server_timeout',)
+    (told,) = of_kind(actions, 'LogInfo')
+    assert told.condition.values[0].values == ('use_composition',)
     # The remaps come before what they are for.
     assert actions.index(of_kind(actions, 'SetRemap')[-1]) < actions.index(included)
     nodes = nodes_of(actions)
     assert dict(nodes['planner_node'].remappings)['map'] == 'global_costmap/costmap'
+    assert nodes['planner_node'].respawn.values == ('respawn_planner',)
+    assert nodes['llm_client_node'].condition.values[0].values == ('llm_client',)
     (managed,) = nodes['lifecycle_manager_llm_astar'].parameters
     assert managed['node_names'] == ['planner_node']
 

@@ -68,6 +68,9 @@ FRAGMENTS = {
 # What only the slow variant runs, and where else it is run, much smaller.
 SLOW = {
     r'llm-astar bench .*--(scales|fail-under|map |source emb)': 'test_bench.py, test_grids.py',
+    r'llm-astar bench --dataset (paper|movingai|barriers|rooms )': 'test_named.py, test_grids.py',
+    r'llm-astar bench --format parquet .*--resume': 'test_large_runs.py',
+    r'llm-astar bench --source llm_astar_example': 'test_plugins.py',
     r'llm-astar report out/bench +#': 'test_bench.py',
     r'llm-astar draw .*(searches.gif|both.png)': 'benchmark.md draws the same',
     r'llm-astar run .*demo.yaml|llm-astar call .*(19$|7.0 3.0|--interpret)': 'README.md calls',

@@ -16,7 +16,6 @@ from llm_astar_planner.waypoints.learned.network import (
     hop_logits,
     place_nodes,
     read_weights,
-    write_weights,
 )
 from llm_astar_training.batches import (
     HELD_OUT_SEED,
@@ -28,6 +27,7 @@ from llm_astar_training.batches import (
     valid_share,
 )
 from llm_astar_training.evaluate import figures
+from llm_astar_training.export import write_weights
 from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
 from llm_astar_training.routes import lengths_to_goal
 

@@ -26,13 +26,14 @@ from typing import Any
 import numpy as np
 import torch
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_planner.waypoints.learned.network import featurise, write_weights
+from llm_astar_planner.waypoints.learned.network import featurise
 from torch import Tensor
 from torch.nn import functional as fn
 from tqdm import tqdm
 
 from llm_astar_training import batches
 from llm_astar_training.batches import Batch
+from llm_astar_training.export import write_weights
 from llm_astar_training.maps import KINDS, RECIPE
 from llm_astar_training.network import Network, Shape
 

@@ -117,16 +117,15 @@ def check_events(events: Iterable[yaml.Event]) -> None:
     """
     depth = 0
     for count, event in enumerate(events):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        problem = 'is nested too deeply' if depth > MAX_DEPTH else ''
         if isinstance(event, yaml.AliasEvent):
-            raise ValueError(f'line {event.start_mark.line + 1}: aliases are not supported')
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
+            problem = 'aliases are not supported'
         elif isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_SCALAR:
-            raise ValueError(f'line {event.start_mark.line + 1}: over {MAX_SCALAR} characters')
-        if depth > MAX_DEPTH:
-            raise ValueError(f'line {event.start_mark.line + 1}: is nested too deeply')
+            problem = f'over {MAX_SCALAR} characters'
+        if problem:
+            raise ValueError(f'line {event.start_mark.line + 1}: {problem}')
         if count > MAX_EVENTS:
             raise ValueError(f'over {MAX_EVENTS} values')
 

@@ -13,10 +13,17 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    GroupAction,
+    IncludeLaunchDescription,
+    LogInfo,
+)
+from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node, SetParameter, SetRemap
+from nav2_common.launch import RewrittenYaml
 
 PACKAGE = 'llm_astar_planner'
 ACTIONS = ('compute_path_to_pose', 'compute_path_through_poses')
@@ -45,64 +52,59 @@ def generate_launch_description() -> LaunchDescription:
         'autostart': ('true', 'Whether the lifecycle managers activate the nodes'),
         'params_file': (str(nav2 / 'params' / 'nav2_params.yaml'), "Parameters of Nav2's nodes"),
         'planner_params_file': (str(config / 'nav2.yaml'), 'Parameters of planner_node'),
-        'use_respawn': ('False', 'Whether nodes that have died are started again'),
+        'use_respawn': ('False', "Whether Nav2's nodes that have died are started again"),
+        'respawn_planner': ('True', 'Whether planner_node is started again, at once'),
+        'server_timeout': ('1000', 'Milliseconds in which a goal is to be acknowledged'),
+        'llm_client': ('False', 'Whether to start llm_client_node, to ask a language model'),
+        'use_composition': ('False', 'Not possible here: nodes are processes of their own'),
         'log_level': ('info', 'Log level of all nodes'),
     }
     value = {name: LaunchConfiguration(name) for name in arguments}
-    common = {
-        'namespace': value['namespace'],
-        'arguments': ['--ros-args', '--log-level', value['log_level']],
-        'output': 'screen',
-    }
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=sentence)
+        for name, (default, sentence) in arguments.items()
+    ]
     navigation = PythonLaunchDescriptionSource(str(nav2 / 'launch' / 'navigation_launch.py'))
-    passed = {name: value[name] for name in arguments if name != 'planner_params_file'}
-    ours = {'parameters': [value['planner_params_file']], 'respawn': value['use_respawn']}
-    return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=sentence)
-                for name, (default, sentence) in arguments.items()
-            ),
-            GroupAction(
-                [
-                    # For that node alone: bt_navigator must find the actions by these names.
-                    *(
-                        SetRemap(f'planner_server:{name}', f'nav2_planner/{name}')
-                        for name in MOVED_ASIDE
-                    ),
-                    IncludeLaunchDescription(navigation, launch_arguments=passed.items()),
-                ]
-            ),
-            GroupAction(
-                [
-                    SetParameter('use_sim_time', value['use_sim_time']),
-                    Node(
-                        package=PACKAGE,
-                        executable='planner_node',
-                        name='planner_node',
-                        # RViz's goal is for Nav2's behaviour tree, which calls the action.
-                        remappings=[*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')],
-                        **ours,
-                        **common,
-                    ),
-                    Node(
-                        package=PACKAGE,
-                        executable='llm_client_node',
-                        name='llm_client_node',
-                        remappings=COSTMAP,
-                        **ours,
-                        **common,
-                    ),
-                    Node(
-                        package='nav2_lifecycle_manager',
-                        executable='lifecycle_manager',
-                        name='lifecycle_manager_llm_astar',
-                        parameters=[
-                            {'autostart': value['autostart'], 'node_names': ['planner_node']}
-                        ],
-                        **common,
-                    ),
-                ]
-            ),
-        ]
+    names = ('namespace', 'use_sim_time', 'autostart', 'use_respawn', 'log_level')
+    passed = {name: value[name] for name in names} | {
+        'use_composition': 'False',
+        # bt_navigator gives up a goal after 20 ms, which is too soon on a busy computer.
+        'params_file': RewrittenYaml(
+            source_file=value['params_file'],
+            param_rewrites={'default_server_timeout': value['server_timeout']},
+            convert_types=True,
+        ),
+    }
+    refused = LogInfo(
+        msg='use_composition: planner_server gives up the names of its actions, which a '
+        'component cannot; all nodes are started as processes of their own',
+        condition=IfCondition(value['use_composition']),
     )
+    # For that node alone: bt_navigator must find the actions by these names.
+    moved = [SetRemap(f'planner_server:{name}', f'nav2_planner/{name}') for name in MOVED_ASIDE]
+    stack = [*moved, IncludeLaunchDescription(navigation, launch_arguments=passed.items())]
+
+    def node(package: str, executable: str, name: str, **options: object) -> Node:
+        return Node(
+            package=package,
+            executable=executable,
+            name=name,
+            namespace=value['namespace'],
+            arguments=['--ros-args', '--log-level', value['log_level']],
+            output='screen',
+            **options,
+        )
+
+    ours = {'parameters': [value['planner_params_file']], 'respawn': value['respawn_planner']}
+    asked = {'condition': IfCondition(value['llm_client']), 'remappings': COSTMAP}
+    # RViz's goal is for Nav2's behaviour tree, which calls the action.
+    remapped = [*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')]
+    manager = 'lifecycle_manager_llm_astar'
+    managed = {'autostart': value['autostart'], 'node_names': ['planner_node']}
+    nodes = [
+        SetParameter('use_sim_time', value['use_sim_time']),
+        node(PACKAGE, 'planner_node', 'planner_node', remappings=remapped, **ours),
+        node(PACKAGE, 'llm_client_node', 'llm_client_node', **asked, **ours),
+        node('nav2_lifecycle_manager', 'lifecycle_manager', manager, parameters=[managed]),
+    ]
+    return LaunchDescription([*declared, refused, GroupAction(stack), GroupAction(nodes)])

@@ -53,24 +53,19 @@ def generate_launch_description() -> LaunchDescription:
             **options,
         )
 
-    return LaunchDescription(
-        [
-            *(
-                DeclareLaunchArgument(name, default_value=default, description=sentence)
-                for name, (default, sentence) in arguments.items()
-            ),
-            SetParameter('use_sim_time', value['use_sim_time']),
-            node(
-                'map_node',
-                {'map_file': value['map_file'], 'map_id': value['map_id']},
-                condition=IfCondition(value['map']),
-                on_exit=Shutdown(reason='map_node has ended'),
-            ),
-            node('llm_client_node', {}),
-            node(
-                'planner_node',
-                {'autostart': value['autostart']},
-                on_exit=Shutdown(reason='planner_node has ended'),
-            ),
-        ]
-    )
+    def ends(name: str) -> Shutdown:
+        return Shutdown(reason=f'{name} has ended')
+
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=sentence)
+        for name, (default, sentence) in arguments.items()
+    ]
+    shown = {name: value[name] for name in ('map_file', 'map_id')}
+    wanted = IfCondition(value['map'])
+    nodes = [
+        node('map_node', shown, condition=wanted, on_exit=ends('map_node')),
+        node('llm_client_node', {}),
+        node('planner_node', {'autostart': value['autostart']}, on_exit=ends('planner_node')),
+    ]
+    use_sim_time = SetParameter('use_sim_time', value['use_sim_time'])
+    return LaunchDescription([*declared, use_sim_time, *nodes])

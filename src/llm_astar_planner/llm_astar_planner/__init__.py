@@ -25,13 +25,10 @@ __all__ = ['CostmapConfig', 'Plan', 'PlanRequest', 'Planner', 'ResultCode', 'Way
 
 # Imported when first used: the searches take a second, and `llm-astar --help` needs none.
 _HOMES = {
-    'CostmapConfig': 'costmap.config',
-    'Planner': 'planning.planner',
-    'Plan': 'planning.types',
-    'PlanRequest': 'planning.types',
-    'ResultCode': 'planning.types',
+    'CostmapConfig': 'costmap.config', 'Planner': 'planning.planner', 'Plan': 'planning.types',
+    'PlanRequest': 'planning.types', 'ResultCode': 'planning.types',
     'WaypointSource': 'waypoints.source',
-}
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - of the module's names

@@ -40,7 +40,5 @@ def find_drawing(name: str) -> EntryPoint:
 
 def not_installed(what: str) -> ParameterError:
     """Return the error that something is in the laboratory, which is not installed."""
-    return ParameterError(
-        f'{what} of the package {LAB}, which is not installed; `make install` or '
-        f'`pip install ./src/{LAB}` installs it'
-    )
+    ways = f'`make install` or `pip install ./src/{LAB}` installs it'
+    return ParameterError(f'{what} of the package {LAB}, which is not installed; {ways}')

@@ -100,9 +100,8 @@ class Parameter:
         if kind is float and type(value) is int:
             value = float(value)
         if type(value) is not kind:
-            raise ParameterError(
-                f'{self.name}: {kind.__name__} is expected, not {short_repr(value)}'
-            )
+            words = f'{kind.__name__} is expected, not {short_repr(value)}'
+            raise ParameterError(f'{self.name}: {words}')
         problem = self.problem(value)
         if problem:
             raise ParameterError(problem)

@@ -140,16 +140,14 @@ class Plugins:
         if name in self.own or name in self.loaded:
             return None
         if ':' in name:
-            return (
-                f'{short_repr(name)} names code, which is imported only where the command line or '
-                'a parameter file names it at the start'
-            )
+            where = 'the command line or a parameter file names it at the start'
+            return f'{short_repr(name)} names code, which is imported only where {where}'
         entries = self.installed.get(name, [])
         if len(entries) == 1:
             return None
-        names = [*self.own, *(other for other in self.installed if other != name)]
-        known = ', '.join(names)
         if not entries:
+            names = [*self.own, *self.installed]
+            known = ', '.join(names)
             return f'{short_repr(name)} is not one of {known}{nearest_name(name, names)}'
         values = ' and '.join(entry.value for entry in entries)
         return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
@@ -178,11 +176,10 @@ class Plugins:
         problem = self.problem(name)
         if problem:
             raise PluginError(f'{self.kind}: {problem}')
-        if name not in self.loaded:
-            if name in self.own:
-                self.loaded[name] = pkgutil.resolve_name(self.own[name])
-            else:
-                self.loaded[name] = self._import(name, self.installed[name][0].value)
+        if name in self.own and name not in self.loaded:
+            self.loaded[name] = pkgutil.resolve_name(self.own[name])
+        elif name not in self.loaded:
+            self.loaded[name] = self._import(name, self.installed[name][0].value)
         return self.loaded[name]
 
     def _import(self, name: str, place: str) -> Any:  # noqa: ANN401 - of any kind

@@ -41,14 +41,12 @@ def find_file(name: str, folder: str) -> Path:
     Its ending `.yaml` may be left out there: `depot` is the map of maps/depot.yaml. Raises
     FileNotFoundError naming the files that the folder holds.
     """
-    path = Path(name).expanduser()
-    if path.is_file():
-        return path
-    for share in share_folders():
-        for shipped in (share / folder / name, share / folder / f'{name}.yaml'):
-            if shipped.is_file():
-                return shipped
-    known = sorted({file.name for share in share_folders() for file in (share / folder).glob('*')})
-    stems = [Path(file).stem for file in known]
-    holds = f'{", ".join(known) or "nothing"}{nearest_name(name, stems)}'
+    folders = [share / folder for share in share_folders()]
+    shipped = (place / file for place in folders for file in (name, f'{name}.yaml'))
+    for path in (Path(name).expanduser(), *shipped):
+        if path.is_file():
+            return path
+    known = sorted({file.name for place in folders for file in place.glob('*')})
+    near = nearest_name(name, [Path(file).stem for file in known])
+    holds = f'{", ".join(known) or "nothing"}{near}'
     raise FileNotFoundError(f'{name!r} is not a file, and {folder}/ holds {holds}')

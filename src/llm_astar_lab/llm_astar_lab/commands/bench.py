@@ -45,6 +45,7 @@ from llm_astar_planner.waypoints.source import BASELINE_NAMES
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
+from llm_astar_lab.datasets.language_sets import READERS
 from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
@@ -86,9 +87,10 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
     option(
         either, '--dataset NAMES',
         f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER} and {named.READ[1]} and so on are read from --path', dest='named',
+        f'{named.PAPER}, {named.READ[1]} and so on, and {", ".join(READERS)} are read from '
+        '--path', dest='named',
     )  # fmt: skip
-    text = "the paper's file, or the folder with MovingAI's maps and scenarios"
+    text = "the dataset's file, or the folder with MovingAI's maps and scenarios"
     option(group, '--path PATH', text)
     text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
     option(group, '--maps N', text, dest='map_count', type=common.count)

@@ -26,7 +26,9 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, draw_pairs, load_maps
 from llm_astar_planner.lazy import ndimage
-from llm_astar_planner.search.paper import SearchOptions, astar
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.paper import astar
+from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from numpy.typing import NDArray
@@ -85,11 +87,11 @@ def detour(barrier_map: ProblemMap) -> float:
     cut on barrier maps alone.
     """
     blocked = barrier_map.to_grid().blocked()
-    options = SearchOptions('octile', corner_cutting=isinstance(barrier_map, BarrierMap))
+    grid = GridGraph(blocked, corner_cutting=isinstance(barrier_map, BarrierMap))
     ratios = []
     for sample in barrier_map.samples:
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-        result = astar(blocked, start, goal, [], options)
+        result = astar(SearchProblem(grid, start, goal, heuristic='octile'))
         length = result.length if result.status is SearchStatus.FOUND else math.inf
         ratios.append(length / max(octile(sample.start, sample.goal), 1e-9))
     return float(np.mean(ratios)) if ratios else 1.0

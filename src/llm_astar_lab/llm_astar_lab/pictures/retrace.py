@@ -20,7 +20,8 @@ from llm_astar_planner.search.astar import EXPANSION_SLICE, PlainSearch
 from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
 from llm_astar_planner.search.guided import GuidedSearch
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
-from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
+from llm_astar_planner.search.paper import PAPER_METHODS
+from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
 
 
@@ -94,12 +95,11 @@ def search_again(
             return search.result().status
     if request.method == EXACT:
         return record_exact(PlainSearch(graph, *ends), recorder)
-    options = SearchOptions(
-        request.heuristic, request.weight, planner.config.corner_cutting, recorder=recorder
-    )
     targets = target_list(plan.checked_waypoints, *ends)[1:]
-    method = PAPER_METHODS[request.method]
-    return method(costmap.blocked, *ends, targets, options).status
+    problem = SearchProblem(
+        graph, *ends, targets, heuristic=request.heuristic, weight=request.weight
+    )
+    return PAPER_METHODS[request.method](problem, recorder).status
 
 
 def record_exact(search: PlainSearch, recorder: ExpansionRecorder) -> SearchStatus:

@@ -14,7 +14,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.planning.types import describe_expansions
 from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
-from llm_astar_planner.search.paper import SearchOptions, astar, llm_astar
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.paper import astar, llm_astar
+from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import Cell, SearchResult
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -180,8 +182,9 @@ def traced(
 ) -> tuple[ExpansionOrder, NDArray[np.int32]]:
     """Search on the showcase, chebyshev; return the order of expansion and the path [n, 2]."""
     recorder = ExpansionRecorder(blocked.shape, blocked.size)
-    options = SearchOptions('chebyshev', recorder=recorder)
-    path = method(blocked, *SHOWCASE_ENDPOINTS, targets, options).path
+    grid = GridGraph(blocked, corner_cutting=True)
+    problem = SearchProblem(grid, *SHOWCASE_ENDPOINTS, targets, heuristic='chebyshev')
+    path = method(problem, recorder).path
     return recorder.order(), path
 
 

@@ -218,7 +218,6 @@ def test_a_grid_problem_is_read_back_unchanged(tmp_path):
     assert again == problem
     assert hash(again) == hash(problem)
     assert again != GridProblem(0, problem.grid_map)
-    assert math.isnan(GridProblem(0, problem.grid_map).published(0))
     assert problem.scale(1) is problem
 
 

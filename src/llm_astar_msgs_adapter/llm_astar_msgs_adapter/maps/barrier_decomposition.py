@@ -59,16 +59,11 @@ def decompose_barriers(blocked: NDArray[np.bool_], limit: int = 30) -> BarrierMa
         if complete or is_last:
             break
         coarse, factor = halve(coarse), 2 * factor
-    barriers: dict[bool, list[Barrier]] = {True: [], False: []}
-    for stretch in chosen:
-        barriers[stretch.horizontal].append(to_barrier(stretch, factor, (height, width)))
-    return BarrierMap(
-        id=0,
-        range_x=(0, width),
-        range_y=(0, height),
-        horizontal_barriers=tuple(sorted(barriers[True])),
-        vertical_barriers=tuple(sorted(barriers[False])),
+    horizontal, vertical = (
+        tuple(sorted(to_barrier(s, factor, blocked.shape) for s in chosen if s.horizontal is kind))
+        for kind in (True, False)
     )
+    return BarrierMap(0, (0, width), (0, height), horizontal, vertical)
 
 
 def halve(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -105,8 +100,7 @@ def cover(
     missing[:, [0, -1]] = False
     found = [stretches(blocked), stretches(blocked.T)]
     counts = np.concatenate([count_cells(missing, found[0]), count_cells(missing.T, found[1])])
-    most = np.sort(counts)[-limit:].sum()
-    if only_all and most < np.count_nonzero(missing):
+    if only_all and np.sort(counts)[-limit:].sum() < np.count_nonzero(missing):
         return [], False
     ends = np.concatenate(found).tolist()
     # What a stretch adds only shrinks, so an old count is an upper bound: lazy greedy cover.
@@ -142,11 +136,10 @@ def count_cells(cells: NDArray[np.bool_], stretches: NDArray[np.int64]) -> NDArr
     line, first, last = stretches.T
     before = np.zeros((cells.shape[0], cells.shape[1] + 1), dtype=np.int64)
     np.cumsum(cells, axis=1, out=before[:, 1:])
-    counts: NDArray[np.int64] = before[line, last + 1] - before[line, first]
-    return counts
+    return np.asarray(before[line, last + 1] - before[line, first])
 
 
-def to_barrier(stretch: Stretch, factor: int, shape: tuple[int, int]) -> Barrier:
+def to_barrier(stretch: Stretch, factor: int, shape: tuple[int, ...]) -> Barrier:
     """Turn a stretch of coarse cells into a barrier in cells, along the middle of its band."""
     across, along = shape if stretch.horizontal else shape[::-1]
     return Barrier(

@@ -11,7 +11,7 @@ Ours may have a `family` too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -118,15 +118,11 @@ class BarrierMap:
 
         This is how the paper's published waypoint filter treats barriers.
         """
-
-        def shorten(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
-            return tuple(b._replace(last=b.last - 1) for b in barriers if b.first < b.last)
-
-        return replace(
-            self,
-            horizontal_barriers=shorten(self.horizontal_barriers),
-            vertical_barriers=shorten(self.vertical_barriers),
+        horizontal, vertical = (
+            tuple(b._replace(last=b.last - 1) for b in barriers if b.first < b.last)
+            for barriers in (self.horizontal_barriers, self.vertical_barriers)
         )
+        return replace(self, horizontal_barriers=horizontal, vertical_barriers=vertical)
 
     def scale(self, factor: int) -> BarrierMap:
         """Multiply every coordinate by `factor` >= 1, the paper's scaled environments.
@@ -175,9 +171,9 @@ def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
 
 def parse_barrier_maps(data: object, path: str | Path) -> list[BarrierMap]:
     """Validate the contents of a dataset file; raises as `load_barrier_maps` does."""
-    if not isinstance(data, list) or not data:
-        raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
-    return parse_each(data, path, parse_barrier_map)
+    if isinstance(data, list) and data:
+        return parse_each(data, path, parse_barrier_map)
+    raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
 
 
 def parse_each(
@@ -211,9 +207,8 @@ def check_scale(factor: int, cells: int, map_id: int, error: type[LlmAstarError]
     if factor < 1:
         raise error(f'scale: {factor} is not 1 or more')
     if cells * factor**2 > MAX_CELLS:
-        raise error(
-            f'scale: {factor} gives map {map_id} over {MAX_CELLS} cells; choose a smaller one'
-        )
+        words = f'{factor} gives map {map_id} over {MAX_CELLS} cells; choose a smaller one'
+        raise error(f'scale: {words}')
 
 
 def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
@@ -227,8 +222,7 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
     for field in ('range_x', 'range_y'):
         if field not in held:
             raise BarrierMapError(f'{where}: {field}: is missing')
-    range_x = parse_range(held['range_x'], f'{where}: range_x')
-    range_y = parse_range(held['range_y'], f'{where}: range_y')
+    range_x, range_y = (parse_range(held[f], f'{where}: {f}') for f in ('range_x', 'range_y'))
     if (range_x[1] - range_x[0]) * (range_y[1] - range_y[0]) > MAX_CELLS:
         raise BarrierMapError(f'{where}: range_x, range_y: over {MAX_CELLS} cells')
 
@@ -256,9 +250,8 @@ def parse_family(entry: dict[str, Any], name: str) -> str:
     family = entry.get('family', '')
     if isinstance(family, str) and len(family) <= MAX_FAMILY and family.isprintable():
         return family
-    raise BarrierMapError(
-        f'{name}: up to {MAX_FAMILY} printable characters are expected, not {short_repr(family)}'
-    )
+    words = f'up to {MAX_FAMILY} printable characters are expected'
+    raise BarrierMapError(f'{name}: {words}, not {short_repr(family)}')
 
 
 def parse_integer(value: object, name: str) -> int:
@@ -270,27 +263,28 @@ def parse_integer(value: object, name: str) -> int:
     return int(value)
 
 
-def parse_integers(value: object, count: int, name: str) -> tuple[int, ...]:
-    """Return `count` whole numbers. Raises BarrierMapError, which begins with `name`."""
-    if not isinstance(value, (list, tuple)) or len(value) != count:
-        raise BarrierMapError(
-            f'{name}: {count} whole numbers are expected, not {short_repr(value)}'
-        )
-    return tuple(parse_integer(item, name) for item in value)
+def parse_integers(value: object, name: str, ranges: Mapping[str, Point]) -> list[int]:
+    """Return a whole number from the least to the greatest of each range.
+
+    Raises BarrierMapError, which begins with `name` and what the range is called.
+    """
+    if not isinstance(value, (list, tuple)) or len(value) != len(ranges):
+        words = f'{len(ranges)} whole numbers are expected'
+        raise BarrierMapError(f'{name}: {words}, not {short_repr(value)}')
+    numbers = [parse_integer(item, name) for item in value]
+    for number, (label, (low, high)) in zip(numbers, ranges.items()):
+        if not low <= number <= high:
+            raise BarrierMapError(f'{name}{label}: {number} is outside the range {low} to {high}')
+    return numbers
 
 
 def parse_range(value: object, name: str) -> Point:
     """Return a half-open range. Raises BarrierMapError, which begins with `name`."""
-    low, high = parse_integers(value, 2, name)
+    anything = -MAX_NUMBER, MAX_NUMBER
+    low, high = parse_integers(value, name, {' low': anything, ' high': anything})
     if high - low < 3:
         raise BarrierMapError(f'{name}: [{low}, {high}] leaves no room between its walls')
     return low, high
-
-
-def check_inside(value: int, low: int, high: int, name: str) -> None:
-    """Raise BarrierMapError, which begins with `name`, for a value outside low to high."""
-    if not low <= value <= high:
-        raise BarrierMapError(f'{name}: {value} is outside the range {low} to {high}')
 
 
 def parse_barrier(value: object, name: str, across: Point, along: Point) -> Barrier:
@@ -298,11 +292,9 @@ def parse_barrier(value: object, name: str, across: Point, along: Point) -> Barr
 
     Raises BarrierMapError, which begins with `name`.
     """
-    barrier = Barrier(*parse_integers(value, 3, name))
     # Up to the open end of the range, one past the last lattice line, as in the published data.
-    check_inside(barrier.line, *across, name)
-    check_inside(barrier.first, *along, name)
-    check_inside(barrier.last, *along, name)
+    ranges = {': line': across, ': first': along, ': last': along}
+    barrier = Barrier(*parse_integers(value, name, ranges))
     if barrier.first > barrier.last:
         raise BarrierMapError(f'{name}: ends {barrier.first} > {barrier.last}; swap them')
     return barrier
@@ -312,12 +304,10 @@ def parse_sample(value: object, name: str, range_x: Point, range_y: Point) -> Sa
     """Return a sample with both points in range. Raises BarrierMapError beginning with `name`."""
     if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
         raise BarrierMapError(f'{name}: [start, goal, query] is expected, not {short_repr(value)}')
-    points: list[Point] = []
-    for label, item in zip(('start', 'goal'), value):
-        x, y = parse_integers(item, 2, f'{name}: {label}')
-        check_inside(x, range_x[0], range_x[1] - 1, f'{name}: {label} x')
-        check_inside(y, range_y[0], range_y[1] - 1, f'{name}: {label} y')
-        points.append((x, y))
-    query = value[2] if len(value) == 3 else ''
-    text = expect(query, str, f'{name}: query', 'a string', BarrierMapError)
-    return Sample(points[0], points[1], text)
+    ranges = {' x': (range_x[0], range_x[1] - 1), ' y': (range_y[0], range_y[1] - 1)}
+    (x0, y0), (x1, y1) = (
+        parse_integers(item, f'{name}: {label}', ranges)
+        for label, item in zip(('start', 'goal'), value)
+    )
+    text = expect([*value, ''][2], str, f'{name}: query', 'a string', BarrierMapError)
+    return Sample((x0, y0), (x1, y1), text)

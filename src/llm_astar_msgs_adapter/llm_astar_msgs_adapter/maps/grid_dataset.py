@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample, check_scale, parse_family
@@ -79,19 +78,12 @@ class GridProblem:
             return self
         cells = self.grid_map.cells.repeat(factor, axis=0).repeat(factor, axis=1)
         finer = replace(self.grid_map, cells=cells, resolution=self.grid_map.resolution / factor)
-        return GridProblem(self.id, finer, self.scaled_samples(factor), family=self.family)
-
-    def scaled_samples(self, factor: int) -> tuple[Sample, ...]:
-        """Return the samples in the cells of the map at scale `factor`."""
 
         def middle(point: Point) -> Point:
             return point[0] * factor + factor // 2, point[1] * factor + factor // 2
 
-        return tuple(Sample(middle(item.start), middle(item.goal)) for item in self.samples)
-
-    def published(self, pair: int) -> float:
-        """Return the length in cells published for a sample, NaN where there is none."""
-        return self.optimal_lengths[pair] if pair < len(self.optimal_lengths) else math.nan
+        samples = tuple(Sample(middle(item.start), middle(item.goal)) for item in self.samples)
+        return GridProblem(self.id, finer, samples, family=self.family)
 
     def to_json(self) -> dict[str, Any]:
         """Return a JSON object that `parse_grid_problem` reads; the cells are compressed."""
@@ -118,8 +110,11 @@ def is_grid_problem(entry: object) -> bool:
 def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> GridProblem:
     """Read what `to_json` wrote. Raises GridProblemError that begins with `where`."""
     try:
-        cell_count(entry, where)
-        cells = unpack_cells(entry['cells'], (entry['height'], entry['width']))
+        count = cell_count(entry, where)
+        packed = base64.b64decode(entry['cells'], validate=True)
+        # Takes no more memory than the cells.
+        data = zlib.decompressobj().decompress(packed, count + 1)
+        cells = np.frombuffer(data, dtype=np.int8).reshape(entry['height'], entry['width'])
         origin = Pose2D(*entry.get('origin', ORIGIN))
         return GridProblem(
             int(entry['id']),
@@ -150,14 +145,3 @@ def cell_count(entry: Mapping[str, Any], where: str) -> int:
     if count > MAX_CELLS:
         raise GridProblemError(f'{where}: height, width: over {MAX_CELLS} cells')
     return count
-
-
-def unpack_cells(text: str, shape: tuple[int, int]) -> NDArray[np.int8]:
-    """Return the cells [height, width] of a text that `to_json` made of them.
-
-    Takes no more memory than cells of this shape. Raises zlib.error, ValueError or TypeError.
-    """
-    height, width = shape
-    packed = base64.b64decode(text, validate=True)
-    data = zlib.decompressobj().decompress(packed, height * width + 1)
-    return np.frombuffer(data, dtype=np.int8).reshape(height, width)

@@ -92,9 +92,8 @@ class GridMap:
         """Check the fields and make the cells read-only."""
         cells = np.asarray(self.cells)
         if cells.ndim != 2 or cells.size == 0:
-            raise GridMapError(
-                'cells', f'shape {cells.shape} is not [height, width], both above 0'
-            )
+            problem = f'shape {cells.shape} is not [height, width], both above 0'
+            raise GridMapError('cells', problem)
         if cells.min() < UNKNOWN or cells.max() > OCCUPIED:
             raise GridMapError('cells', 'values must lie in -1 to 100')
         if not (math.isfinite(self.resolution) and self.resolution > MIN_RESOLUTION):
@@ -179,9 +178,8 @@ class GridMap:
         """
         if not (math.isfinite(x) and math.isfinite(y)):
             raise GridMapError('point', f'({x}, {y}) is not finite')
-        x, y = min(max(x, -FAR), FAR), min(max(y, -FAR), FAR)
-        column, row = self.world_to_grid([[x, y]])[0] + 0.5 + BORDER_TOLERANCE
-        return math.floor(column), math.floor(row)
+        ((column, row),) = self.world_to_cells([[x, y]]).tolist()
+        return column, row
 
     def world_to_cells(self, points: ArrayLike) -> NDArray[np.int64]:
         """Return the cells (x, y) [n, 2] of points [n, 2] in metres, each as `world_to_cell` does.

@@ -77,9 +77,8 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     if not isinstance(mode, str) or mode not in MODES:
         raise MapServerError(f'{path}: mode: {short_repr(mode)} is not one of {", ".join(MODES)}')
     if not 0.0 <= free < occupied <= 1.0:
-        raise MapServerError(
-            f'{path}: free_thresh: {free} to occupied_thresh: {occupied} is not in 0 to 1'
-        )
+        words = f'free_thresh: {free} to occupied_thresh: {occupied} is not in 0 to 1'
+        raise MapServerError(f'{path}: {words}')
     image = fields.get('image')
     if not isinstance(image, str) or not image:
         raise MapServerError(f'{path}: image: a file name is expected, not {short_repr(image)}')

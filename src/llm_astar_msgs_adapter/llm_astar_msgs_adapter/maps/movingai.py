@@ -134,19 +134,17 @@ def parse_scenario(line: str, where: str) -> Scenario:
     if len(words) != 9:
         raise MovingAiError(f'{where}: {len(words)} fields, not 9')
     names = ('bucket', 'width', 'height', 'start x', 'start y', 'goal x', 'goal y')
-    values = [
-        parse_integer(word, f'{where}: {name}')
-        for name, word in zip(names, words[:1] + words[2:8])
-    ]
-    bucket, width, height, start_x, start_y, goal_x, goal_y = values
-    for name, x, y in (('start', start_x, start_y), ('goal', goal_x, goal_y)):
+    given = zip(names, words[:1] + words[2:8])
+    values = [parse_integer(word, f'{where}: {name}') for name, word in given]
+    bucket, width, height, *ends = values
+    start, goal = (ends[0], ends[1]), (ends[2], ends[3])
+    for name, (x, y) in (('start', start), ('goal', goal)):
         if not (0 <= x < width and 0 <= y < height):
             raise MovingAiError(f'{where}: {name}: ({x}, {y}) is off {width} x {height} cells')
     try:
         length = float(words[8])
     except ValueError:
         raise MovingAiError(f'{where}: optimal length: {short_repr(words[8])}') from None
-    start, goal = (start_x, start_y), (goal_x, goal_y)
     return Scenario(bucket, words[1], width, height, start, goal, length)
 
 

@@ -105,11 +105,11 @@ class Places:
     def with_tag(self, tag: str) -> tuple[Place, ...]:
         """Return the places of a kind or with a tag."""
         wanted = tag.casefold()
-        return tuple(
-            place
-            for place in self.places
-            if wanted in {name.casefold() for name in (place.kind, *place.tags)}
-        )
+
+        def has(place: Place) -> bool:
+            return wanted in {name.casefold() for name in (place.kind, *place.tags)}
+
+        return tuple(filter(has, self.places))
 
     @property
     def tags(self) -> tuple[str, ...]:
@@ -124,22 +124,18 @@ class Places:
 
     def to_geojson(self) -> dict[str, object]:
         """Return the FeatureCollection."""
-        return {
-            'type': 'FeatureCollection',
-            'features': [
-                {
-                    'type': 'Feature',
-                    'geometry': mapping(place.geometry),
-                    'properties': {
-                        'name': place.name,
-                        'aliases': list(place.aliases),
-                        'kind': place.kind,
-                        'tags': list(place.tags),
-                    },
-                }
-                for place in self.places
-            ],
-        }
+        features = [
+            {
+                'type': 'Feature',
+                'geometry': mapping(place.geometry),
+                'properties': {
+                    'name': place.name, 'aliases': list(place.aliases),
+                    'kind': place.kind, 'tags': list(place.tags),
+                },
+            }
+            for place in self.places
+        ]  # fmt: skip
+        return {'type': 'FeatureCollection', 'features': features}
 
 
 NO_PLACES = Places()
@@ -149,14 +145,11 @@ def places_from_polygons(entries: Mapping[str, Mapping[str, Any]]) -> Places:
     """Return places from `{name: {polygon, aliases, kind, tags}}`, the form of suites."""
     return Places(
         Place(
-            name,
-            shapely.Polygon(entry['polygon']),
-            str(entry.get('kind', DEFAULT_KIND)),
-            tuple(entry.get('aliases', ())),
-            tuple(entry.get('tags', ())),
+            name, shapely.Polygon(entry['polygon']), str(entry.get('kind', DEFAULT_KIND)),
+            tuple(entry.get('aliases', ())), tuple(entry.get('tags', ())),
         )
         for name, entry in entries.items()
-    )
+    )  # fmt: skip
 
 
 def load_places(path: str | Path) -> Places:
@@ -173,23 +166,23 @@ def places_from_geojson(collection: object, source: str) -> Places:
     Raises PlacesError, which names the source, the feature and the field.
     """
     places: list[Place] = []
-    frames: dict[str, str] = {}
-    owners: dict[str, str] = {}
+    frames, owners = dict[str, str](), dict[str, str]()
     for index, feature in enumerate(features_of(collection, source)):
         where = feature_label(source, index, feature)
         place = parse_feature(feature, where)
         if place is None:
             continue
         claim_names(place, where, owners)
-        frames.setdefault(parse_frame(feature['properties'], where), where)
+        # The node of a graph may name another one than `map`.
+        frame = feature['properties'].get('frame')
+        frame = 'map' if frame in (None, '') else parse_name(frame, f'{where}: frame')
+        frames.setdefault(frame, where)
         places.append(place)
         if len(places) > MAX_PLACES:
             raise PlacesError(f'{source}: features: over {MAX_PLACES} places; split the file')
     if len(frames) > 1:
-        raise PlacesError(
-            f'{source}: frame: the places are in several frames, {", ".join(frames)}; '
-            'keep those of one'
-        )
+        several = f'the places are in several frames, {", ".join(frames)}; keep those of one'
+        raise PlacesError(f'{source}: frame: {several}')
     return Places(places, next(iter(frames), 'map'))
 
 
@@ -264,12 +257,6 @@ def find_property(properties: Mapping[str, Any], name: str) -> Any:  # noqa: ANN
     return metadata.get(name) if isinstance(metadata, dict) else None
 
 
-def parse_frame(properties: Mapping[str, Any], where: str) -> str:
-    """Return the frame of a place, `map` unless the node of a graph names another."""
-    frame = properties.get('frame')
-    return 'map' if frame in (None, '') else parse_name(frame, f'{where}: frame')
-
-
 def parse_name(value: object, where: str) -> str:
     """Return a name as one clean line. Raises PlacesError, which begins with `where`."""
     if value is None:
@@ -335,12 +322,12 @@ def check_coordinates(value: object, depth: int, where: str) -> int:
 
 def claim_names(place: Place, where: str, owners: dict[str, str]) -> None:
     """Enter the names of a place under its label. Raises PlacesError for one that is taken."""
-    for name in dict.fromkeys(item.casefold() for item in (place.name, *place.aliases)):
-        other = owners.setdefault(name, where)
+    for name in (place.name, *place.aliases):
+        other = owners.setdefault(name.casefold(), where)
         if other is not where:
+            owner = other.rpartition(': ')[2]
             raise PlacesError(
-                f'{where}: {name!r} is also a name of {other.rpartition(": ")[2]}; '
-                'rename one of them'
+                f'{where}: {name.casefold()!r} is also a name of {owner}; rename one of them'
             )
 
 
@@ -349,12 +336,11 @@ def places_problems(places: Places, grid_map: GridMap) -> list[str]:
 
     None of them is an error: the places can be used as they are.
     """
-    problems = []
-    if places and places.frame_id != grid_map.frame_id:
-        problems.append(
-            f'the places are in frame {places.frame_id!r}, the map is in {grid_map.frame_id!r}'
-        )
-    outline, free = map_outline(grid_map), ~grid_map.blocked(allow_unknown=False)
+    problems, frames = [], (places.frame_id, grid_map.frame_id)
+    if places and frames[0] != frames[1]:
+        problems.append('the places are in frame {!r}, the map is in {!r}'.format(*frames))
+    free = ~grid_map.blocked(allow_unknown=False)
+    outline = map_outline(grid_map)
     for place in places:
         problem = position_problem(place, grid_map, outline, free)
         if problem is not None:

@@ -15,24 +15,10 @@ from typing import Any
 import numpy as np
 
 from llm_astar_msgs_adapter.files import naming, read_json
-from llm_astar_msgs_adapter.maps import map_server, movingai
-from llm_astar_msgs_adapter.maps.barrier_map import (
-    BarrierMap,
-    BarrierMapError,
-    Sample,
-    parse_barrier_map,
-    parse_barrier_maps,
-    parse_each,
-)
-from llm_astar_msgs_adapter.maps.grid_dataset import (
-    GridProblem,
-    GridProblemError,
-    cell_count,
-    is_grid_problem,
-    parse_grid_problem,
-)
+from llm_astar_msgs_adapter.maps import barrier_map, grid_dataset, map_server, movingai
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, Sample
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError, is_grid_problem
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS, GridMap
-from llm_astar_msgs_adapter.maps.movingai import Scenario
 
 SCENARIOS, YAML, BARE_MAP = ('.scen',), ('.yaml', '.yml'), ('.map',)
 # Pairs drawn on a map that has none, unless a limit is given.
@@ -49,12 +35,12 @@ def load_maps(path: str | Path, limit: int | None = None, seed: int = 0) -> list
     with `seed`. Raises BarrierMapError, GridProblemError, MovingAiError or MapServerError, which
     name the file and the field.
     """
-    if is_grid_dataset(path):
+    if Path(path).suffix.lower() in (*SCENARIOS, *YAML, *BARE_MAP):
         return [load_grid_problem(path, limit, seed)]
     entries = read_json(path, BarrierMapError)
     if isinstance(entries, list) and any(map(is_grid_problem, entries)):
         return parse_maps(entries, path)
-    return list(parse_barrier_maps(entries, path))
+    return list(barrier_map.parse_barrier_maps(entries, path))
 
 
 def save_maps(maps: Sequence[ProblemMap], path: str | Path) -> None:
@@ -72,9 +58,9 @@ def format_kept_maps(maps: Sequence[ProblemMap]) -> str:
 def load_kept_maps(path: str | Path) -> list[ProblemMap]:
     """Read the maps of a results folder. Raises BarrierMapError or GridProblemError."""
     entries = read_json(path, BarrierMapError)
-    if not isinstance(entries, list):
-        raise BarrierMapError(f'{path}: a JSON list of maps is expected')
-    return parse_maps(entries, path)
+    if isinstance(entries, list):
+        return parse_maps(entries, path)
+    raise BarrierMapError(f'{path}: a JSON list of maps is expected')
 
 
 def parse_maps(entries: Sequence[Any], path: str | Path) -> list[ProblemMap]:
@@ -82,20 +68,16 @@ def parse_maps(entries: Sequence[Any], path: str | Path) -> list[ProblemMap]:
     cells = 0
     for index, entry in enumerate(entries):
         if is_grid_problem(entry):
-            cells += cell_count(entry, f'{path}: map at index {index}')
+            cells += grid_dataset.cell_count(entry, f'{path}: map at index {index}')
         if cells > MAX_CELLS:
             raise GridProblemError(f'{path}: its maps have over {MAX_CELLS} cells')
-    return parse_each(entries, path, parse_map)
 
+    def parse(entry: Any, where: str) -> ProblemMap:  # noqa: ANN401 - any JSON value
+        if is_grid_problem(entry):
+            return grid_dataset.parse_grid_problem(entry, where)
+        return barrier_map.parse_barrier_map(entry, where)
 
-def parse_map(entry: Any, where: str) -> ProblemMap:  # noqa: ANN401 - any JSON value
-    """Read a barrier map or a grid. Raises an error that begins with `where`."""
-    return (parse_grid_problem if is_grid_problem(entry) else parse_barrier_map)(entry, where)
-
-
-def is_grid_dataset(path: str | Path) -> bool:
-    """Tell by the file name whether a dataset is a grid instead of barrier maps."""
-    return Path(path).suffix.lower() in (*SCENARIOS, *YAML, *BARE_MAP)
+    return barrier_map.parse_each(entries, path, parse)
 
 
 def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0) -> GridProblem:
@@ -105,8 +87,7 @@ def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0)
     (default 100) are drawn with `seed`. Raises GridProblemError, MovingAiError or MapServerError,
     which name the file and the field.
     """
-    path = Path(path)
-    suffix = path.suffix.lower()
+    path, suffix = Path(path), Path(path).suffix.lower()
     if suffix in YAML:
         grid_map = map_server.load_map(path)
         drawn = draw_pairs(grid_map, DEFAULT_PAIRS if pairs is None else pairs, seed)
@@ -114,8 +95,8 @@ def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0)
             raise GridProblemError(f'{path}: no two of its free cells are connected')
         return GridProblem(0, grid_map, drawn)
     if suffix in BARE_MAP:
-        message = f'{path}: a map has no start-goal pairs; name its scenario file, {path}.scen'
-        raise GridProblemError(message)
+        problem = f'a map has no start-goal pairs; name its scenario file, {path}.scen'
+        raise GridProblemError(f'{path}: {problem}')
     return load_scenario_problem(path, movingai.map_of(path))
 
 
@@ -125,8 +106,15 @@ def load_scenario_problem(
     """Load a `.scen` file with its map. Raises GridProblemError or MovingAiError."""
     grid_map = movingai.load_map(map_path)
     scenarios = movingai.load_scenarios(path)
+    size, blocked = (grid_map.width, grid_map.height), grid_map.blocked()
     for row, scenario in enumerate(scenarios):
-        check_scenario(scenario, grid_map, f'{path}: row {row}')
+        where, wanted = f'{path}: row {row}', (scenario.width, scenario.height)
+        if size != wanted:
+            cells = f'{size[0]} x {size[1]} cells, not {wanted[0]} x {wanted[1]}'
+            raise GridProblemError(f'{where}: width, height: the map has {cells}')
+        for name, (x, y) in (('start', scenario.start), ('goal', scenario.goal)):
+            if blocked[y, x]:
+                raise GridProblemError(f'{where}: {name}: ({x}, {y}) is blocked')
     samples = tuple(Sample(scenario.start, scenario.goal) for scenario in scenarios)
     # Some published files have the length 0 for pairs without a path, or for all of them.
     lengths = tuple(
@@ -162,16 +150,3 @@ def draw_pairs(grid_map: GridMap, count: int, seed: int) -> tuple[Sample, ...]:
         (y, x), (goal_y, goal_x) = divmod(start, grid_map.width), divmod(goal, grid_map.width)
         samples.append(Sample((x, y), (goal_x, goal_y)))
     return tuple(samples)
-
-
-def check_scenario(scenario: Scenario, grid_map: GridMap, where: str) -> None:
-    """Raise GridProblemError where a scenario does not fit the map."""
-    size, wanted = (grid_map.width, grid_map.height), (scenario.width, scenario.height)
-    if size != wanted:
-        raise GridProblemError(
-            f'{where}: width, height: the map has {size[0]} x {size[1]} cells, '
-            f'not {wanted[0]} x {wanted[1]}'
-        )
-    for name, (x, y) in (('start', scenario.start), ('goal', scenario.goal)):
-        if grid_map.blocked()[y, x]:
-            raise GridProblemError(f'{where}: {name}: ({x}, {y}) is blocked')

@@ -92,9 +92,8 @@ def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - live or deco
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     norm = math.sqrt(x * x + y * y + z * z + w * w)
     if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
-        raise GridMapError(
-            f'{field}.orientation', f'({x}, {y}, {z}, {w}) is not a unit quaternion'
-        )
+        problem = f'({x}, {y}, {z}, {w}) is not a unit quaternion'
+        raise GridMapError(f'{field}.orientation', problem)
     if math.hypot(x, y) > QUATERNION_TOLERANCE:
         raise GridMapError(f'{field}.orientation', 'has roll or pitch; the map must be flat')
     return 2.0 * math.atan2(z, w)

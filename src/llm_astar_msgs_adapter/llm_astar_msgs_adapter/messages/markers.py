@@ -69,19 +69,12 @@ class Shape(NamedTuple):
     text: str = ''
     offset: float = 0.0
 
-    def to_marker(self, number: int, position: Point, frame_id: str, stamp: Time) -> Marker:
-        """Return the marker with this id, at a position in metres."""
-        marker = Marker(ns=self.namespace, id=number, type=self.kind, action=Marker.ADD)
-        marker.header.frame_id = frame_id
-        marker.header.stamp = stamp
-        marker.pose.position = position
-        marker.pose.position.y += self.offset * self.size
-        marker.pose.orientation.w = 1.0
+    def to_marker(self, x: float, y: float) -> Marker:
+        """Return the marker at a position in metres."""
+        colour, z = rgba(self.colour), self.size if self.text else 0.0
+        marker = Marker(ns=self.namespace, type=self.kind, color=colour, text=self.text)
+        marker.pose.position = Point(x=x, y=y + self.offset * self.size, z=z)
         marker.scale.x = marker.scale.y = marker.scale.z = self.size
-        marker.color = rgba(self.colour)
-        if self.text:
-            marker.text = self.text
-            marker.pose.position.z = self.size
         return marker
 
 
@@ -117,11 +110,8 @@ def waypoints_to_markers(
     top_left = (-6.0 * cells, grid_map.height - 1.0)
     shapes += legend([status for *_, status in waypoints], top_left, cells, size)
     positions = grid_map.grid_to_world([shape.point for shape in shapes]).tolist()
-    markers = [
-        shape.to_marker(number, Point(x=x, y=y, z=0.0), grid_map.frame_id, stamp)
-        for number, (shape, (x, y)) in enumerate(zip(shapes, positions), start=1)
-    ]
-    return MarkerArray(markers=[clear_all(grid_map.frame_id), *markers])
+    markers = [shape.to_marker(x, y) for shape, (x, y) in zip(shapes, positions)]
+    return numbered(markers, grid_map.frame_id, stamp)
 
 
 def label(
@@ -137,15 +127,11 @@ def legend(statuses: Sequence[str], top_left: Point2D, cells: float, size: float
     found = [status for status in STATUS_COLOURS if counts[status]]
     return [
         Shape(
-            'legend',
-            Marker.TEXT_VIEW_FACING,
-            (top_left[0], top_left[1] - 1.5 * cells * line),
-            STATUS_COLOURS[status],
-            size,
-            f'{counts[status]} {status.replace("_", " ")}',
+            'legend', Marker.TEXT_VIEW_FACING, (top_left[0], top_left[1] - 1.5 * cells * line),
+            STATUS_COLOURS[status], size, f'{counts[status]} {status.replace("_", " ")}',
         )
         for line, status in enumerate(found)
-    ]
+    ]  # fmt: skip
 
 
 def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: Time) -> GridCells:
@@ -243,19 +229,20 @@ def areas_to_markers(
 ) -> MarkerArray:
     """Return the markers of areas in one namespace, after one that deletes those before."""
     markers = [marker for area in areas for marker in area.markers()]
+    for marker in markers:
+        marker.ns = namespace
+    return numbered(markers, frame_id, stamp)
+
+
+def numbered(markers: Sequence[Marker], frame_id: str, stamp: Time) -> MarkerArray:
+    """Return markers with ids, after one that deletes all markers of the topic."""
+    clear = Marker(action=Marker.DELETEALL)
+    clear.header.frame_id = frame_id
     for number, marker in enumerate(markers, start=1):
         marker.header.frame_id = frame_id
         marker.header.stamp = stamp
-        marker.ns, marker.id, marker.action = namespace, number, Marker.ADD
-        marker.pose.orientation.w = 1.0
-    return MarkerArray(markers=[clear_all(frame_id), *markers])
-
-
-def clear_all(frame_id: str) -> Marker:
-    """Return the marker that deletes all markers of its topic."""
-    clear = Marker(action=Marker.DELETEALL)
-    clear.header.frame_id = frame_id
-    return clear
+        marker.id, marker.action, marker.pose.orientation.w = number, Marker.ADD, 1.0
+    return MarkerArray(markers=[clear, *markers])
 
 
 def rgba(colour: Colour) -> ColorRGBA:

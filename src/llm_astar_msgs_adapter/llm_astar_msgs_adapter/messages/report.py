@@ -108,12 +108,11 @@ class PlanReport:
         else:
             statuses = Counter(status.replace('_', ' ') for *_, status in self.waypoints)
             counts = ', '.join(f'{count} {status}' for status, count in statuses.items())
-            helped = self.guided_by != 'none'
-            text = self.source
-            if helped and self.guided_by != text:
-                text = self.guided_by.replace(':', ': ', 1)
-            text = f'{counts or "none"}, from {text}'
-            text += '' if helped else '; the path was found without them'
+            name, end = self.source, '; the path was found without them'
+            if self.guided_by != 'none':
+                name, end = self.guided_by, ''
+            shown = name if name == self.source else name.replace(':', ': ', 1)
+            text = f'{counts or "none"}, from {shown}{end}'
         return replace_lone_surrogates(text)
 
 
@@ -145,8 +144,7 @@ class ExchangeReport:
     @property
     def level(self) -> bytes:
         """OK for an answer, WARN for none."""
-        fine = self.status in ('OK', 'NONE')
-        return OK if fine else WARN
+        return OK if self.status in ('OK', 'NONE') else WARN
 
     @property
     def summary(self) -> str:

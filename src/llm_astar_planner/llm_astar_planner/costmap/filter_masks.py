@@ -54,9 +54,8 @@ class FilterMask(NamedTuple):
 def filter_info(kind: int, topic: str, base: float, multiplier: float) -> FilterInfo:
     """Return the fields of a CostmapFilterInfo, checked. Raises ZonesError."""
     if kind not in tuple(FilterKind):
-        raise ZonesError(
-            f'type: {kind} is none of 0 (keepout), 1 (speed in percent), 2 (speed in m/s)'
-        )
+        kinds = '0 (keepout), 1 (speed in percent), 2 (speed in m/s)'
+        raise ZonesError(f'type: {kind} is none of {kinds}')
     if not topic:
         raise ZonesError('filter_mask_topic: is empty; name the topic of the mask')
     if not (math.isfinite(base) and math.isfinite(multiplier)):

@@ -116,5 +116,4 @@ def crossing_moves(
     shapely.prepare(geometry)
     moves, lines = (part[shapely.intersects(geometry, lines)] for part in (moves, lines))
     inside = shapely.length(shapely.intersection(lines, geometry))
-    crossing: NDArray[np.int64] = moves[inside > ON_BORDER * grid_map.resolution]
-    return crossing
+    return np.asarray(moves[inside > ON_BORDER * grid_map.resolution])

@@ -32,7 +32,7 @@ from llm_astar_planner.instructions.reader.interpreter import NAME as READER
 from llm_astar_planner.instructions.reader.interpreter import ReaderInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
-from llm_astar_planner.waypoints.llm.client import make_client
+from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.source import MESSAGE
 
 _LOG = logging.getLogger(__name__)
@@ -209,7 +209,7 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     )
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
-    return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)
+    return ModelInterpreter(ChatClient(asked), examples=examples, recorder=recorder)
 
 
 class BackgroundInterpreter:

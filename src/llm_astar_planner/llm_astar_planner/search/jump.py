@@ -54,9 +54,8 @@ class JumpSearch(PlainSearch):
             self.start, self.goal, self.distances, self.active, self.generation,
             workspace.records, workspace.pool, self._heads, control, quota,
         )  # fmt: skip
-        (
-            _, origin, bucket, self.best, self.expansions, self.storage, self._found, self.work, _
-        ) = control.tolist()  # fmt: skip
+        _, origin, bucket, self.best, self.expansions, *others = control.tolist()
+        self.storage, self._found, self.work, _ = others
         self.bound = max(self.bound, min(origin + (bucket << kernels.BUCKET_BITS), self.best))
         if ended in (FOUND, EXHAUSTED):
             ended = FOUND if self.best < NO_PATH else EXHAUSTED

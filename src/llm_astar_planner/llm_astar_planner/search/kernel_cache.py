@@ -82,10 +82,8 @@ def writable_folder() -> Path:
         if is_writable(folder):
             return folder
     folder = temporary_folder()
-    say(
-        f'neither the installation nor a home can be written, so compiled searches are kept in '
-        f'{folder}; NUMBA_CACHE_DIR may name another folder'
-    )
+    words = 'neither the installation nor a home can be written, so compiled searches are kept in'
+    say(f'{words} {folder}; NUMBA_CACHE_DIR may name another folder')
     return folder
 
 

@@ -68,15 +68,12 @@ class PluginMethod:
             log_failure(self.name, error)
             raise PluginError(f'search method {self.name}: {error}') from None
         finally:
-            self.close(answer)
-
-    def close(self, answer: Any) -> None:  # noqa: ANN401 - of foreign code
-        """End a generator that has not ended, and with it what it holds open."""
-        if isinstance(answer, Generator):
-            try:
-                call(answer.close)
-            except PluginError as error:
-                log_failure(self.name, error)
+            # One that has not ended ends, and with it what it holds open.
+            if isinstance(answer, Generator):
+                try:
+                    call(answer.close)
+                except PluginError as error:
+                    log_failure(self.name, error)
 
 
 def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN401 - foreign
@@ -119,14 +116,12 @@ def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa
     if not isinstance(answer, SearchResult):
         raise PluginError(f'returned {type(answer).__name__}, not a SearchResult')
     path = checked_path(answer.path, problem)
-    return SearchResult(
-        SearchStatus(answer.status),
-        checked_count(answer.expansions, 'expansions'),
-        checked_count(answer.storage, 'storage'),
-        expanded_cells(answer.expanded, problem),
-        path,
-        float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) else float('nan'),
-    )
+    length = float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) else float('nan')
+    expansions = checked_count(answer.expansions, 'expansions')
+    storage = checked_count(answer.storage, 'storage')
+    expanded = expanded_cells(answer.expanded, problem)
+    status = SearchStatus(answer.status)
+    return SearchResult(status, expansions, storage, expanded, path, length)
 
 
 def checked_path(path: Any, problem: SearchProblem) -> NDArray[np.int32]:  # noqa: ANN401
@@ -169,7 +164,7 @@ SEARCH_METHODS = Plugins(
     {
         GUIDED: f'{HERE}.guided:guided_method',
         EXACT: f'{HERE}.astar:exact_method',
-        **{name: f'{HERE}.paper:{name}_method' for name in PAPER_NAMES},
+        **{name: f'{HERE}.paper:{name}' for name in PAPER_NAMES},
     },
     make_plugin_method,
     # What `bench` calls rows without a search, now and before.

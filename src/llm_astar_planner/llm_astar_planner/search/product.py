@@ -113,18 +113,15 @@ def product_search(
 def check_problem(graph: GridGraph, problem: ProductProblem) -> None:
     """Raise ProductProblemError if a problem is not one of the graph."""
     shape = graph.blocked.shape
-    for name, values, most in (
-        ('regions', problem.regions, MAX_REGIONS),
-        ('automata', problem.automata, MAX_AUTOMATA),
-    ):
-        if len(values) > most:
-            raise ProductProblemError(f'{name}: {len(values)} are over {most}')
+    for name, most in (('regions', MAX_REGIONS), ('automata', MAX_AUTOMATA)):
+        count = len(getattr(problem, name))
+        if count > most:
+            raise ProductProblemError(f'{name}: {count} are over {most}')
     masks = [(f'regions[{index}]', mask) for index, mask in enumerate(problem.regions)]
     for name, array in (*masks, ('goals', problem.goals), ('price', problem.price)):
         if array is not None and array.shape != shape:
-            raise ProductProblemError(
-                f'{name}: shape {array.shape} is not that of the grid, {shape}'
-            )
+            problem_of = f'shape {array.shape} is not that of the grid, {shape}'
+            raise ProductProblemError(f'{name}: {problem_of}')
     for number in chain.from_iterable(automaton.regions for automaton in problem.automata):
         if not 0 <= number < len(problem.regions):
             raise ProductProblemError(f'there is no region {number}: {len(problem.regions)} given')
@@ -183,10 +180,8 @@ class ProductSearch:
 
     def add_space(self) -> None:
         """Make what is nearly full twice as long. Raises ProductTooLargeError."""
-        search = self._search
-        top, blocks, slots = search.control[
-            [kernels.C_TOP, kernels.C_BLOCKS, kernels.C_SLOTS]
-        ].tolist()
+        search, used = self._search, [kernels.C_TOP, kernels.C_BLOCKS, kernels.C_SLOTS]
+        top, blocks, slots = search.control[used].tolist()
         if slots + 8 > MAX_STATES:
             raise ProductTooLargeError(f'the search enters over {MAX_STATES} states of automata')
         queue, states, layers = search.queue, search.states, search.layers
@@ -198,8 +193,7 @@ class ProductSearch:
             layers = kernels.Layers(*map(doubled, cast('Any', layers)))
         self._search = search._replace(queue=queue, states=states, layers=layers)
         arrays: list[NDArray[Any]] = [*queue, *states, *layers]
-        taken = sum(array.nbytes for array in arrays)
-        if taken > MAX_BYTES:
+        if sum(array.nbytes for array in arrays) > MAX_BYTES:
             raise ProductTooLargeError(f'the search takes over {MAX_BYTES / 1e9:g} GB')
 
     def result(self, status: SearchStatus, *, want_expanded: bool) -> ProductResult:
@@ -233,10 +227,9 @@ class ProductSearch:
         columns, rows = path.T
         inside = [mask[rows, columns] for mask in problem.regions]
         for number, automaton in enumerate(problem.automata):
-            letters = sum(
-                (inside[region].astype(np.int64) << bit)
-                for bit, region in enumerate(automaton.regions)
-            ) + np.zeros(len(path), dtype=np.int64)
+            letters = np.zeros(len(path), dtype=np.int64)
+            for bit, region in enumerate(automaton.regions):
+                letters |= inside[region].astype(np.int64) << bit
             state = 0
             for index, letter in enumerate(letters.tolist()):
                 state = states[index, number] = automaton.after[state, letter]
@@ -409,15 +402,11 @@ def make_search(tables: kernels.Tables, guide: kernels.Guide, letters: int) -> k
     pages = kernels.page_of.py_func(tables.grid.width, tables.grid.width - 1, height - 1) + 1
     places, slots = guide.boxes.shape[0], 16
     layers = kernels.Layers(
-        np.zeros((slots, tables.offsets.size), dtype=np.int32),
-        np.zeros(slots, dtype=np.bool_),
-        np.zeros((slots, letters), dtype=np.int32),
-        np.zeros((slots, letters)),
-        np.zeros((slots, pages), dtype=np.int32),
-        np.zeros(slots, dtype=np.int64),
-        np.zeros((slots, places), dtype=np.int32),
-        np.zeros((slots, places)),
-    )
+        np.zeros((slots, tables.offsets.size), dtype=np.int32), np.zeros(slots, dtype=np.bool_),
+        np.zeros((slots, letters), dtype=np.int32), np.zeros((slots, letters)),
+        np.zeros((slots, pages), dtype=np.int32), np.zeros(slots, dtype=np.int64),
+        np.zeros((slots, places), dtype=np.int32), np.zeros((slots, places)),
+    )  # fmt: skip
     blocks = (64, kernels.BLOCK_STATES)
     states = kernels.States(
         np.zeros(blocks[0], dtype=np.int64), np.zeros(blocks),

@@ -15,23 +15,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from llm_astar_planner.plugins import PluginError, checked_count
+from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
-from llm_astar_planner.waypoints.source import (
-    Provenance,
-    SourceStatus,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
-    checked_point,
-    checked_seconds,
-    limit_waypoints,
-)
+from llm_astar_planner.waypoints import source as sources
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 _LOG = logging.getLogger(__name__)
 # A source that keeps its time limit replies at that time, and with a more exact reason than ours:
@@ -41,17 +31,10 @@ GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 IDLE_SECONDS = 5.0
 NEWER_CAME = 'not asked, since newer queries came'
 TOO_LATE = 'not asked: its time was over before its turn'
-# What the fields of a reply are, but for its waypoints.
-PLAIN: dict[str, type] = {
-    **dict.fromkeys(('label', 'detail', 'text', 'model', 'prompt'), str),
-    'status': SourceStatus,
-    'messages': tuple,
-    'provenance': Provenance,
-}
 
 
 def query_source(
-    source: WaypointSource, query: WaypointQuery, stop: StopFlag | None = None
+    source: sources.WaypointSource, query: WaypointQuery, stop: StopFlag | None = None
 ) -> tuple[WaypointReply, float]:
     """Query a source; return its reply and the seconds it took.
 
@@ -98,7 +81,7 @@ class QueryTask:
             self.finish(WaypointReply(status=SourceStatus.TIMEOUT, detail=TOO_LATE))
             return
         try:
-            reply = plain_reply(self.ask(self._stop))
+            reply = sources.checked_reply(self.ask(self._stop))
         except BaseException as error:  # noqa: BLE001 - no source may ever stop a plan or a thread
             _LOG.exception('the waypoint source failed')
             detail = f'{type(error).__name__} in source {self.name}'
@@ -234,7 +217,7 @@ PLANS = QueryQueue(at_a_time=32, threads=64, waiting=32)
 
 
 def start_query(
-    source: WaypointSource,
+    source: sources.WaypointSource,
     query: WaypointQuery,
     on_reply: Callable[[WaypointReply], None],
     queue: QueryQueue = PLANS,
@@ -258,26 +241,3 @@ def name_of(source: object) -> str:
     except Exception:  # noqa: BLE001 - of foreign code
         name = None
     return name if type(name) is str else type(source).__name__
-
-
-def plain_reply(reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
-    """Return a reply that is made of plain values. Raises PluginError, which names the field."""
-    if not isinstance(reply, WaypointReply):
-        raise PluginError(f'returned {type(reply).__name__}, not a WaypointReply')
-    for name, kind in PLAIN.items():
-        if type(value := getattr(reply, name)) is not kind:
-            raise PluginError(f'{name}: is a {type(value).__name__}, not a {kind.__name__}')
-    for name in ('prompt_tokens', 'completion_tokens', 'unit'):
-        checked_count(getattr(reply, name), name)
-    checked_seconds(reply.seconds)
-    if not isinstance(reply.waypoints, (tuple, list, np.ndarray)):
-        raise PluginError(f'waypoints: is a {type(reply.waypoints).__name__}, not a tuple')
-    limited = limit_waypoints(reply)
-    return replace(limited, waypoints=tuple(map(plain_point, limited.waypoints)))
-
-
-def plain_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
-    """Return a waypoint as two numbers of Python, whole ones as they are. Raises PluginError."""
-    x, y = checked_point(point)
-    is_plain = type(point) is tuple and {type(value) for value in point} <= {int, float}
-    return point if is_plain else (x, y)

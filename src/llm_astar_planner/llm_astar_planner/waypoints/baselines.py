@@ -25,16 +25,9 @@ from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.config import SourceContext, SourceSettings, make_source
-from llm_astar_planner.waypoints.source import (
-    BASELINE_NAMES,
-    SourceStatus,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
-)
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 Corners = tuple[Waypoint, ...]
 # The published noisy oracle displaces a point by up to three cells on the unscaled maps.
@@ -76,9 +69,9 @@ class BaselineSource:
         return WaypointReply(waypoints, label=self.name, status=status, detail=detail)
 
 
-def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
+def baseline_sources(seed: int = 0) -> dict[str, sources.WaypointSource]:
     """Return every baseline source by name; `noisy` and `random` draw from `seed`."""
-    settings = [SourceSettings(source=name) for name in BASELINE_NAMES]
+    settings = [SourceSettings(source=name) for name in sources.BASELINE_NAMES]
     return {item.source: make_source(item, seed=seed) for item in settings}
 
 
@@ -96,9 +89,9 @@ def coarse_points(query: WaypointQuery) -> Sequence[Cell] | None:
     where it is missing. The first query on a map prepares its graph: about as long as an exact
     search takes. Raises TimeoutError.
     """
-    begin = time.monotonic()
+    deadline = time.monotonic() + query.time_limit
     graph = query.costmap.coarse_graph
-    left = query.time_limit - (time.monotonic() - begin)
+    left = deadline - time.monotonic()
     most = EVERY_NODE if left == math.inf else max(0, int(left * NODES_A_SECOND))
     turns = graph.turns(query.start, query.goal, most)
     return None if turns is None else [(x, y) for x, y in turns.tolist()]
@@ -149,15 +142,6 @@ POINTS: dict[str, Callable[[WaypointQuery, int], Sequence[Waypoint] | None]] = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class VisibilityGraph:
-    """Corner cells [n, 2] and the distances [n, n] between those that see each other, else 0."""
-
-    sight: LineOfSightChecker
-    corners: NDArray[np.int64]
-    distances: NDArray[np.float64]
-
-
 def corner_cells(costmap: Costmap) -> NDArray[np.int64]:
     """Return the free cells [n, 2] around wall ends, where shortest paths may bend.
 
@@ -182,8 +166,11 @@ def visibility_problem(costmap: Costmap) -> str | None:
 
 
 @cached(GRAPHS_KEPT, key=lambda costmap: costmap.key)
-def visibility_graph(costmap: Costmap) -> VisibilityGraph:
-    """Return the visibility graph of a map's corners. Raises TooManyCornersError."""
+def visibility_graph(costmap: Costmap) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the corners [n, 2] of a map and the distances [n, n] of those in sight, else 0.
+
+    Raises TooManyCornersError.
+    """
     problem = visibility_problem(costmap)
     if problem:
         raise TooManyCornersError(problem)
@@ -193,13 +180,10 @@ def visibility_graph(costmap: Costmap) -> VisibilityGraph:
     seen = costmap.line_of_sight.clear(corners[i], corners[j])
     i, j = i[seen], j[seen]
     distances[i, j] = distances[j, i] = np.hypot(*(corners[i] - corners[j]).T)
-    return VisibilityGraph(costmap.line_of_sight, corners, distances)
+    return corners, distances
 
 
-@cached(
-    ROUTES_KEPT,
-    key=lambda costmap, start, goal: (costmap.key, start, goal),
-)
+@cached(ROUTES_KEPT, key=lambda costmap, start, goal: (costmap.key, start, goal))
 def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, float]:
     """Return the corners of the shortest any-angle path, and its length in cells.
 
@@ -209,24 +193,23 @@ def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, 
     from scipy.sparse import csr_matrix  # noqa: PLC0415 - takes a tenth of a second
     from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415
 
-    graph = visibility_graph(costmap)
-    endpoints = np.array([start, goal])
-    if graph.sight.clear(endpoints[:1], endpoints[1:])[0]:
+    (corners, distances), sight = visibility_graph(costmap), costmap.line_of_sight
+    endpoints, count = np.array([start, goal]), len(corners)
+    if sight.clear(endpoints[:1], endpoints[1:])[0]:
         return (), float(np.hypot(*(endpoints[1] - endpoints[0])))
-    count = len(graph.corners)
     weights = np.zeros((count + 2, count + 2))
-    weights[:count, :count] = graph.distances
+    weights[:count, :count] = distances
     for index, endpoint in enumerate(endpoints, start=count):
-        seen = graph.sight.clear(np.broadcast_to(endpoint, (count, 2)), graph.corners)
+        seen = sight.clear(np.broadcast_to(endpoint, (count, 2)), corners)
         # Zero means "no edge", so an endpoint that is itself a corner gets a tiny distance.
-        away = np.maximum(np.hypot(*(graph.corners - endpoint).T), 1e-9)
+        away = np.maximum(np.hypot(*(corners - endpoint).T), 1e-9)
         weights[index, :count] = weights[:count, index] = np.where(seen, away, 0.0)
     lengths, before = dijkstra(csr_matrix(weights), indices=count, return_predecessors=True)
     points: list[Waypoint] = []
     node = before[count + 1]
     while 0 <= node < count:
-        corner = graph.corners[node]
-        if not (corner == endpoints).all(axis=1).any():
-            points.append((float(corner[0]), float(corner[1])))
+        x, y = corners[node].tolist()
+        if (x, y) not in (start, goal):
+            points.insert(0, (float(x), float(y)))
         node = before[node]
-    return tuple(points[::-1]), float(lengths[count + 1])
+    return tuple(points), float(lengths[count + 1])

@@ -16,6 +16,8 @@ from llm_astar_planner.waypoints.source import SOURCES, WaypointSource
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
+    from llm_astar_planner.waypoints.prompts.template import Template
+
 DEFAULT_PROMPT = 'few_shot'
 SOURCE_NAMES = tuple(SOURCES.own)
 
@@ -148,28 +150,29 @@ class SourceSettings:
                 raise SettingsError(problem)
         if self.source != 'endpoint':
             return
-        # Only who asks a model needs these.
+        # Only who asks a model needs this.
         from llm_astar_planner.waypoints.llm.credentials import Endpoint  # noqa: PLC0415
-        from llm_astar_planner.waypoints.prompts.template import load_template  # noqa: PLC0415
 
         try:
             Endpoint(self.base_url, self.api_key_env, self.api_key_names)
-            template = load_template(self.prompt or DEFAULT_PROMPT)
+            template = self.template
         except ValueError as error:
             raise SettingsError(str(error)) from None
         if self.retrieved_examples and template.thinks:
-            raise SettingsError(
-                f'retrieved_examples: these hold no thoughts, which the prompt {template.name} '
-                'asks for; use few_shot or zero_shot'
-            )
+            words = f'these hold no thoughts, which the prompt {template.name} asks for'
+            raise SettingsError(f'retrieved_examples: {words}; use few_shot or zero_shot')
+
+    @property
+    def template(self) -> Template:
+        """The template of the prompt. Raises TemplateError."""
+        from llm_astar_planner.waypoints.prompts.template import load_template  # noqa: PLC0415
+
+        return load_template(self.prompt or DEFAULT_PROMPT)
 
     @property
     def prompt_name(self) -> str:
         """The name of the prompt in replies, rows and transcripts. Raises TemplateError."""
-        from llm_astar_planner.waypoints.prompts import template as templates  # noqa: PLC0415
-
-        template = templates.load_template(self.prompt or DEFAULT_PROMPT)
-        return templates.prompt_name(template.name, self.prompt_form, self.retrieved_examples)
+        return self.template.prompt_name(self.prompt_form, self.retrieved_examples)
 
 
 # The parameters, by field name.

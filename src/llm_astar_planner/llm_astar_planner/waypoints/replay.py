@@ -20,6 +20,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
+from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.config import SettingsError, SourceContext
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
@@ -28,7 +29,6 @@ from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
     WaypointReply,
-    WaypointSource,
 )
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, read_transcript
 
@@ -66,10 +66,8 @@ class FixedReply:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the points of the text, in grid coordinates."""
-        del query
         answer = read_answer(self.text)
-        x_min, y_min = self.offset
-        points = tuple((x - x_min, y - y_min) for x, y in answer.waypoints)
+        points = Lattice(*self.offset).to_cells(answer.waypoints, query)
         return replace(answer, waypoints=points, label=self.name)
 
 
@@ -132,14 +130,12 @@ class ReplaySource:
             exchange = self._exchanges.get(key)
             if exchange is not None:
                 return self._replay(query, exchange, own)
+        asked = f'map {sample.map}, pair {sample.pair}, scale {sample.scale}'
+        detail = f'no exchange for {asked}, model {self.model}, prompt {self.prompt}'
         return WaypointReply(
-            label=f'replay:{self.model}',
-            status=SourceStatus.MISSING,
-            detail=f'{self._path}: no exchange for map {sample.map}, pair {sample.pair}, '
-            f'scale {sample.scale}, model {self.model}, prompt {self.prompt}',
-            model=self.model,
-            prompt=self.prompt,
-        )
+            label=f'replay:{self.model}', status=SourceStatus.MISSING,
+            detail=f'{self._path}: {detail}', model=self.model, prompt=self.prompt,
+        )  # fmt: skip
 
     def _replay(self, query: WaypointQuery, exchange: Exchange, lattice: Lattice) -> WaypointReply:
         """Return the reply of an exchange whose points are in the coordinates of `lattice`."""
@@ -148,13 +144,9 @@ class ReplaySource:
             status = answer.status if exchange.status is SourceStatus.OK else exchange.status
             detail = f'recorded without an answer: {exchange.status.value}'
             answer = replace(answer, status=status, detail=detail)
-        return replace(
-            answer,
-            waypoints=lattice.coarsened(exchange.unit).to_cells(answer.waypoints, query),
-            label=f'replay:{self.model}',
-            provenance=exchange.provenance,
-            **{name: getattr(exchange, name) for name in SHARED},
-        )
+        points = lattice.coarsened(exchange.unit).to_cells(answer.waypoints, query)
+        shared = {name: getattr(exchange, name) for name in (*SHARED, 'provenance')}
+        return replace(answer, waypoints=points, label=f'replay:{self.model}', **shared)
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
         """Return the only (model, prompt) of the transcript that fits the given ones."""
@@ -168,20 +160,21 @@ class ReplaySource:
         raise ReplayError(f'{self._path}: {asked} {problem}; it holds: {listing}')
 
 
+@dataclass(eq=False)
 class RecordingSource:
-    """Passes queries on to a source and writes each exchange to a transcript, for replays."""
+    """Passes queries on to a source and writes each exchange to a transcript, for replays.
 
-    def __init__(
-        self,
-        inner: WaypointSource,
-        writer: TranscriptWriter,
-        dataset: Sequence[BarrierMap] | None = None,
-    ) -> None:
-        """Wrap `inner`. `dataset` lets exchanges be keyed by its map ids and pairs."""
-        self.inner = inner
-        self._writer = writer
-        self._resolver = SampleResolver(dataset)
-        self._dataset_digest = dataset_digest(dataset or ())
+    `dataset` lets exchanges be keyed by its map ids and pairs.
+    """
+
+    inner: sources.WaypointSource
+    writer: TranscriptWriter
+    dataset: Sequence[BarrierMap] | None = None
+
+    def __post_init__(self) -> None:
+        """Prepare to recognise the samples of the dataset."""
+        self._resolver = SampleResolver(self.dataset)
+        self._dataset_digest = dataset_digest(self.dataset or ())
 
     @property
     def name(self) -> str:
@@ -193,9 +186,9 @@ class RecordingSource:
         reply = self.inner.waypoints(query)
         if reply.status not in _NOT_ASKED:
             try:
-                self._writer.write(self._exchange(query, reply))
+                self.writer.write(self._exchange(query, reply))
             except (OSError, ValueError) as error:
-                _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
+                _LOG.warning('%s: cannot be written: %s', self.writer.path, error)
         return reply
 
     def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
@@ -205,12 +198,9 @@ class RecordingSource:
             dataset_digest=self._dataset_digest if isinstance(sample.map, int) else '',
             time=datetime.now(timezone.utc).isoformat(timespec='seconds'),
         )
+        shared = {name: getattr(reply, name) for name in SHARED}
         return Exchange(
-            *sample,
-            response=reply.text,
-            status=reply.status,
-            provenance=provenance,
-            **{name: getattr(reply, name) for name in SHARED},
+            *sample, response=reply.text, status=reply.status, provenance=provenance, **shared
         )
 
 
@@ -241,9 +231,6 @@ class SampleResolver:
 
     def _find(self, grid_map: GridMap) -> tuple[BarrierMap, Lattice, int] | None:
         """Return the scaled barrier map with exactly these cells, its lattice and its scale."""
-        if not self._maps:
-            return None
-        digest = cells_digest(grid_map)
         sizes = {item.size for item in self._maps}
         for scale in range(1, MAX_SCALE + 1):
             if (grid_map.width, grid_map.height) not in {(w * scale, h * scale) for w, h in sizes}:
@@ -251,7 +238,7 @@ class SampleResolver:
             if scale not in self._indices:
                 scaled = [barrier_map.scale(scale) for barrier_map in self._maps]
                 self._indices[scale] = {cells_digest(item.to_grid()): item for item in scaled}
-            found = self._indices[scale].get(digest)
+            found = self._indices[scale].get(cells_digest(grid_map))
             if found is not None:
                 return found, Lattice(*found.offset), scale
         return None

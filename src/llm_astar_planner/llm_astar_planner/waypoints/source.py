@@ -195,29 +195,38 @@ GROUP = 'llm_astar.waypoint_sources'
 MAX_TEXT, MAX_DETAIL = 100_000, 500
 # Seconds that a model may be said to have taken: a day.
 MAX_SECONDS = 86_400.0
+# What the fields of a reply are, but for its waypoints.
+COUNTS = ('prompt_tokens', 'completion_tokens', 'unit')
+PLAIN: dict[str, type] = {
+    **dict.fromkeys(('label', 'detail', 'text', 'model', 'prompt'), str),
+    'status': SourceStatus,
+    'messages': tuple,
+    'provenance': Provenance,
+}
 
 
-@dataclass(frozen=True)
-class PluginFactory:
-    """Makes the source of a plug-in by its factory, a function of a SourceContext."""
+def plugin_factory(
+    name: str, factory: Callable[[Any], WaypointSource]
+) -> Callable[[Any], WaypointSource]:
+    """Return what makes the source of a plug-in of a SourceContext, by the plug-in's function.
 
-    name: str
-    factory: Callable[[Any], WaypointSource]
+    It raises PluginError where the function makes none.
+    """
 
-    def __call__(self, context: Any) -> WaypointSource:  # noqa: ANN401 - a SourceContext
-        """Return the source. Raises PluginError where the factory makes none."""
+    def make(context: Any) -> WaypointSource:  # noqa: ANN401 - a SourceContext
+        source = factory(context)
+        if not callable(getattr(source, 'waypoints', None)):
+            kind = type(source).__name__
+            raise PluginError(f'its factory returned {kind}, which has no waypoints(query)')
+        return PluginSource(name, source)
 
-        def make() -> WaypointSource:
-            source = self.factory(context)
-            if not callable(getattr(source, 'waypoints', None)):
-                kind = type(source).__name__
-                raise PluginError(f'its factory returned {kind}, which has no waypoints(query)')
-            return source
-
+    def make_or_say_why(context: Any) -> WaypointSource:  # noqa: ANN401 - a SourceContext
         try:
-            return PluginSource(self.name, call(make))
+            return call(lambda: make(context))
         except PluginError as error:
-            raise PluginError(f'source {self.name}: {error}') from None
+            raise PluginError(f'source {name}: {error}') from None
+
+    return make_or_say_why
 
 
 @dataclass(frozen=True)
@@ -233,65 +242,68 @@ class PluginSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the plug-in's reply, or one with status ERROR that says why."""
         try:
-            return call(lambda: checked_reply(self.name, self.inner.waypoints(query)))
+            return call(lambda: plugin_reply(self.name, self.inner.waypoints(query)))
         except PluginError as error:
             log_failure(self.name, error)
             return WaypointReply(label=self.name, status=SourceStatus.ERROR, detail=str(error))
 
 
-def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
-    """Return a plug-in's reply made of plain values, with at most MAX_WAYPOINTS waypoints.
-
-    Raises PluginError, which names the field.
-    """
-    if not isinstance(reply, WaypointReply):
-        raise PluginError(f'returned {type(reply).__name__}, not a WaypointReply')
+def plugin_reply(name: str, answer: object) -> WaypointReply:
+    """Return a plug-in's reply named after it, its texts bounded. Raises PluginError."""
+    reply = as_reply(answer)
     model, prompt = str(reply.model), str(reply.prompt)
     problem = name_problem(model) or name_problem(prompt)
     if problem:
         raise PluginError(f'model or prompt: {problem}')
     # It may yield without end.
-    points = map(checked_point, islice(reply.waypoints, MAX_WAYPOINTS + 1))
-    checked = WaypointReply(
-        tuple(points),
-        name,
-        SourceStatus(reply.status),
-        printable(str(reply.detail)[:MAX_DETAIL]),
-        str(reply.text)[:MAX_TEXT],
-        model,
-        prompt,
-        checked_count(reply.prompt_tokens, 'prompt_tokens'),
-        checked_count(reply.completion_tokens, 'completion_tokens'),
-        checked_seconds(reply.seconds),
-    )
-    return limit_waypoints(checked)
+    points = tuple(islice(reply.waypoints, MAX_WAYPOINTS + 1))
+    detail, text = printable(str(reply.detail)[:MAX_DETAIL]), str(reply.text)[:MAX_TEXT]
+    adopted = WaypointReply(
+        points, name, SourceStatus(reply.status), detail, text, model, prompt,
+        reply.prompt_tokens, reply.completion_tokens, reply.seconds,
+    )  # fmt: skip
+    return checked_reply(adopted)
 
 
-def limit_waypoints(reply: WaypointReply) -> WaypointReply:
-    """Return the reply with at most MAX_WAYPOINTS waypoints; the detail says if some were cut."""
-    if len(reply.waypoints) <= MAX_WAYPOINTS:
-        return reply
-    detail = '; '.join(filter(None, (reply.detail, f'only its first {MAX_WAYPOINTS} waypoints')))
-    return replace(reply, waypoints=reply.waypoints[:MAX_WAYPOINTS], detail=detail)
+def as_reply(answer: object) -> WaypointReply:
+    """Return what a source has returned. Raises PluginError where that is no reply."""
+    if isinstance(answer, WaypointReply):
+        return answer
+    raise PluginError(f'returned {type(answer).__name__}, not a WaypointReply')
+
+
+def checked_reply(answer: object) -> WaypointReply:
+    """Return a reply that is made of plain values, with at most MAX_WAYPOINTS waypoints.
+
+    Its detail says if some were cut off. Raises PluginError, which names the field.
+    """
+    reply = as_reply(answer)
+    for name, kind in PLAIN.items():
+        if type(value := getattr(reply, name)) is not kind:
+            raise PluginError(f'{name}: is a {type(value).__name__}, not a {kind.__name__}')
+    counts: dict[str, Any] = {n: checked_count(getattr(reply, n), n) for n in COUNTS}
+    if not (isinstance(reply.seconds, (int, float)) and 0 <= reply.seconds <= MAX_SECONDS):
+        raise PluginError(f'seconds: {short_repr(reply.seconds)} is not a time of 0 or more')
+    if not isinstance(reply.waypoints, (tuple, list, np.ndarray)):
+        raise PluginError(f'waypoints: is a {type(reply.waypoints).__name__}, not a tuple')
+    detail = reply.detail
+    if len(reply.waypoints) > MAX_WAYPOINTS:
+        cut = f'only its first {MAX_WAYPOINTS} waypoints'
+        detail = f'{detail}; {cut}' if detail else cut
+    points = tuple(map(checked_point, reply.waypoints[:MAX_WAYPOINTS]))
+    return replace(reply, waypoints=points, detail=detail, **counts)
 
 
 def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
-    """Return a waypoint as two finite floats. Raises PluginError."""
+    """Return a waypoint as two finite numbers, whole ones as they are. Raises PluginError."""
     try:
         x, y = map(float, () if isinstance(point, str | bytes | Set | Mapping) else point)
     except Exception:  # noqa: BLE001 - of foreign code
-        x = math.nan
-    else:
-        if math.isfinite(x) and math.isfinite(y):
-            return x, y
-    raise PluginError(f'waypoints: {short_repr(point)} is not two finite numbers (x, y)')
-
-
-def checked_seconds(value: Any) -> float:  # noqa: ANN401 - of foreign code
-    """Return how long a model took. Raises PluginError."""
-    if isinstance(value, (int, float)) and 0 <= value <= MAX_SECONDS:
-        return float(value)
-    raise PluginError(f'seconds: {short_repr(value)} is not a time of 0 or more')
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise PluginError(f'waypoints: {short_repr(point)} is not two finite numbers (x, y)')
+    is_plain = type(point) is tuple and {type(value) for value in point} <= {int, float}
+    return point if is_plain else (x, y)
 
 
 # The package's own by name, in the order in which they are listed; each is a function of a
@@ -309,7 +321,7 @@ SOURCES = Plugins(
         'endpoint': f'{HERE}.llm.source:make_endpoint',
         **dict.fromkeys(BASELINE_NAMES, f'{HERE}.baselines:make_baseline'),
     },
-    PluginFactory,
+    plugin_factory,
     # What `bench` calls the embedded model's other rows.
     frozenset({'embedded-best-of-8'}),
 )

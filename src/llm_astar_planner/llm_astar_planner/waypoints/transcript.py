@@ -22,19 +22,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Any, Protocol, TypeGuard
+from typing import Any, TypeGuard
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
 from llm_astar_msgs_adapter.files import parse_json, read_text
 
-from llm_astar_planner.waypoints.source import (
-    UNKNOWN_PROVENANCE,
-    Message,
-    Provenance,
-    SampleKey,
-    SourceStatus,
-    name_problem,
-)
+from llm_astar_planner.waypoints import source as sources
+from llm_astar_planner.waypoints.source import Message, Provenance, SampleKey, SourceStatus
 
 _LOG = logging.getLogger(__name__)
 # Of a transcript: a few thousand exchanges with long prompts.
@@ -72,7 +66,7 @@ class Exchange:
     seconds: float
     status: SourceStatus
     unit: int = 1
-    provenance: Provenance = UNKNOWN_PROVENANCE
+    provenance: Provenance = sources.UNKNOWN_PROVENANCE
 
     @property
     def sample(self) -> SampleKey:
@@ -111,7 +105,7 @@ _LIMITS = {
 }
 # The fields that stand in logs and tables, and those that a line may leave out.
 _NAMES = {'model', 'prompt', *Provenance._fields}
-_DEFAULTS: dict[str, Any] = {'unit': 1, **UNKNOWN_PROVENANCE._asdict()}
+_DEFAULTS: dict[str, Any] = {'unit': 1, **sources.UNKNOWN_PROVENANCE._asdict()}
 
 
 def read_transcript(path: str | Path) -> list[Exchange]:
@@ -168,10 +162,9 @@ def read_lines(path: Path) -> Iterator[tuple[str, object, str]]:
 
 def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
     """Validate one record. Raises TranscriptError that begins with `where` and names the field."""
-    if not isinstance(record, dict):
-        raise TranscriptError(f'{where}: an object is expected, not {str(record)[:60]!r}')
-    known = {name: record[name] for name in Provenance._fields if record.get(name) is not None}
-    values = _DEFAULTS | record | known
+    held = expect(record, dict, where, 'an object', TranscriptError)
+    known = {name: held[name] for name in Provenance._fields if held.get(name) is not None}
+    values = _DEFAULTS | held | known
     for name in (*_FIELDS, *known):
         if name not in values:
             raise TranscriptError(f'{where}: {name}: is missing')
@@ -181,8 +174,7 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         for index, message in enumerate(values['messages'])
     )
     values['status'] = SourceStatus(values['status'])
-    fields_of_line = {name: values[name] for name in _FIELDS}
-    return Exchange(**fields_of_line, provenance=Provenance(**known))
+    return Exchange(**{name: values[name] for name in _FIELDS}, provenance=Provenance(**known))
 
 
 def check_field(name: str, value: Any, where: str) -> None:  # noqa: ANN401 - any JSON value
@@ -221,25 +213,17 @@ def check_type(value: object, types: tuple[type, ...], name: str) -> None:
 def check_names(values: Mapping[str, Any], where: str, *fields: str) -> None:
     """Raise TranscriptError where a field is no name: it stands in logs and tables."""
     for field in fields:
-        problem = name_problem(values[field])
+        problem = sources.name_problem(values[field])
         if problem:
             raise TranscriptError(f'{where}: {field}: {problem}')
 
 
 def parse_message(value: object, name: str) -> Message:
     """Validate one message of a chat. Raises TranscriptError that begins with `name`."""
-    if not isinstance(value, dict):
-        raise TranscriptError(f'{name}: an object is expected, not {str(value)[:60]!r}')
+    held = expect(value, dict, name, 'an object', TranscriptError)
     for field in ('role', 'content'):
-        check_type(value.get(field), (str,), f'{name}: {field}')
-    return Message(value['role'], value['content'])
-
-
-class TranscriptEntry(Protocol):
-    """What a line of a transcript is made of."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON object of the line."""
+        check_type(held.get(field), (str,), f'{name}: {field}')
+    return Message(held['role'], held['content'])
 
 
 class TranscriptWriter:
@@ -260,8 +244,8 @@ class TranscriptWriter:
         except OSError as error:
             raise TranscriptError(f'{self.path}: {error.strerror or error}') from None
 
-    def write(self, exchange: TranscriptEntry) -> None:
-        """Append one exchange, whole or not at all.
+    def write(self, exchange: Any) -> None:  # noqa: ANN401 - what has to_json()
+        """Append one exchange, whole or not at all: the object of its `to_json`.
 
         Raises OSError where the disk refuses it, ValueError for a number that JSON does not have.
         """

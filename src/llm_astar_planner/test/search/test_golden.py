@@ -17,10 +17,10 @@ from pathlib import Path
 import pytest
 from llm_astar_lab.results.row import parse_points
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import WaypointReply
 

@@ -4,13 +4,16 @@ import heapq
 import itertools
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search import paper
-from llm_astar_planner.search.paper import HEURISTICS, PAPER_METHODS, SearchOptions
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.paper import HEURISTICS, PAPER_METHODS
+from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.stop import no_stop
 
@@ -73,6 +76,14 @@ def plain_search(blocked, start, goal, targets=(), weight=1.0, decay=1.0, kind='
                 heapq.heappush(queue, (key(neighbour), neighbour))
 
 
+def search(name, blocked, start, goal, targets=(), corner_cutting=True, weight=2.0, **options):
+    """Search by one of the paper's methods."""
+    graph = GridGraph(blocked, corner_cutting=corner_cutting)
+    return PAPER_METHODS[name](
+        SearchProblem(graph, start, goal, targets, weight=weight, **options)
+    )
+
+
 @st.composite
 def problems(draw):
     """Draw a small grid of random obstacles with free start and goal."""
@@ -102,7 +113,6 @@ def check(result, expected):
 @given(problems(), st.sampled_from(sorted(HEURISTICS)))
 def test_every_method_counts_as_the_pseudocode_does(problem, heuristic):
     blocked, start, goal, targets = problem
-    options = SearchOptions(heuristic, weight=1.7)
     settings_of = {
         'astar': {},
         'weighted_astar': {'weight': 1.7},
@@ -110,11 +120,8 @@ def test_every_method_counts_as_the_pseudocode_does(problem, heuristic):
         'llm_astar': {'targets': targets},
     }
     for name, extra in settings_of.items():
-        result = PAPER_METHODS[name](blocked, start, goal, targets, options)
+        result = search(name, blocked, start, goal, targets, heuristic=heuristic, weight=1.7)
         check(result, plain_search(blocked, start, goal, kind=heuristic, **extra))
-
-
-NO_CORNER_CUTTING = SearchOptions(corner_cutting=False)
 
 
 def grid(*rows):
@@ -132,12 +139,11 @@ WALL = grid(
 
 
 def test_counts_around_a_wall():
-    options = SearchOptions()
     counts = {
         name: (result.expansions, result.storage, round(result.length, 6))
-        for name, method in PAPER_METHODS.items()
+        for name in PAPER_METHODS
         if name in ('astar', 'weighted_astar', 'dynamic_weighted_astar', 'llm_astar')
-        for result in [method(WALL, (1, 1), (5, 1), [(3, 4), (5, 1)], options)]
+        for result in [search(name, WALL, (1, 1), (5, 1), [(3, 4), (5, 1)])]
     }
     assert counts == {
         'astar': (17, 28, 7.656854),
@@ -148,7 +154,7 @@ def test_counts_around_a_wall():
 
 
 def test_the_path_runs_over_the_wall():
-    path = PAPER_METHODS['astar'](WALL, (1, 1), (5, 1), [], SearchOptions()).path.tolist()
+    path = search('astar', WALL, (1, 1), (5, 1), []).path.tolist()
     assert path[0] == [1, 1]
     assert path[-1] == [5, 1]
     assert [3, 4] in path
@@ -156,32 +162,30 @@ def test_the_path_runs_over_the_wall():
 
 def test_with_a_target_between_lattice_points_the_goal_is_still_reached():
     free = np.zeros((9, 9), dtype=bool)
-    result = PAPER_METHODS['llm_astar'](
-        free, (1, 1), (7, 7), [(2.5, 6.0), (7, 7)], SearchOptions()
-    )
+    result = search('llm_astar', free, (1, 1), (7, 7), [(2.5, 6.0), (7, 7)])
     assert result.status is SearchStatus.FOUND
 
 
 def test_a_blocked_target_still_counts_as_reached():
     blocked = np.zeros((9, 9), dtype=bool)
     blocked[4, 4] = True
-    met = PAPER_METHODS['llm_astar'](blocked, (1, 4), (7, 4), [(4, 4), (7, 4)], SearchOptions())
+    met = search('llm_astar', blocked, (1, 4), (7, 4), [(4, 4), (7, 4)])
     assert met.status is SearchStatus.FOUND
     assert met.expansions == plain_search(blocked, (1, 4), (7, 4), [(4, 4), (7, 4)])[0]
 
 
 def test_passing_between_diagonal_obstacles_needs_corner_cutting():
     gap = grid('.#', '#.')
-    allowed = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], SearchOptions())
+    allowed = search('astar', gap, (0, 1), (1, 0), [])
     assert allowed.length == pytest.approx(math.sqrt(2))
-    forbidden = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], NO_CORNER_CUTTING)
+    forbidden = search('astar', gap, (0, 1), (1, 0), [], corner_cutting=False)
     assert forbidden.status is SearchStatus.EXHAUSTED
 
 
 def test_without_corner_cutting_the_path_goes_around_a_corner():
     corner = grid('..', '#.')
-    cut = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], SearchOptions())
-    walked = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], NO_CORNER_CUTTING)
+    cut = search('astar', corner, (0, 1), (1, 0), [])
+    walked = search('astar', corner, (0, 1), (1, 0), [], corner_cutting=False)
     assert cut.length == pytest.approx(math.sqrt(2))
     assert walked.length == pytest.approx(2.0)
 
@@ -189,7 +193,7 @@ def test_without_corner_cutting_the_path_goes_around_a_corner():
 @pytest.mark.parametrize('name', sorted(PAPER_METHODS))
 def test_start_equal_to_goal_is_a_path_of_one_cell(name):
     free = np.zeros((5, 5), dtype=bool)
-    result = PAPER_METHODS[name](free, (2, 3), (2, 3), [(2, 3)], SearchOptions())
+    result = search(name, free, (2, 3), (2, 3), [(2, 3)])
     assert result.path.tolist() == [[2, 3]]
     assert result.length == 0.0
 
@@ -199,7 +203,7 @@ def test_a_raised_stop_flag_stops_the_search(name):
     stop = no_stop()
     stop[0] = 1
     free = np.zeros((50, 50), dtype=bool)
-    result = PAPER_METHODS[name](free, (1, 1), (48, 40), [(48, 40)], SearchOptions(stop=stop))
+    result = search(name, free, (1, 1), (48, 40), [(48, 40)], stop=stop)
     assert result.status is SearchStatus.STOPPED
     assert len(result.path) == 0
 
@@ -208,12 +212,12 @@ def test_a_raised_stop_flag_stops_the_search(name):
 @given(problems())
 def test_a_search_in_slices_is_the_same_search(problem):
     blocked, start, goal, targets = problem
-    for method in PAPER_METHODS.values():
-        whole = method(blocked, start, goal, targets, SearchOptions())
+    for name in PAPER_METHODS:
+        whole = search(name, blocked, start, goal, targets)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(paper, 'SLICE', 1)
             patch.setattr(paper, '_FIRST_HEAP', 9)
-            sliced = method(blocked, start, goal, targets, SearchOptions())
+            sliced = search(name, blocked, start, goal, targets)
         assert sliced.status is whole.status
         assert (sliced.expansions, sliced.storage) == (whole.expansions, whole.storage)
         np.testing.assert_array_equal(sliced.path, whole.path)
@@ -224,24 +228,25 @@ def test_a_search_in_slices_is_the_same_search(problem):
 def test_a_search_ends_at_its_deadline(name):
     blocked = np.zeros((2000, 2000), dtype=bool)
     blocked[1:, 1000] = True
-    start, goal, begin = (800, 1900), (1200, 1900), time.monotonic()
-    options = SearchOptions('chebyshev', deadline=begin + 0.1)
-    result = PAPER_METHODS[name](blocked, start, goal, [(900, 1950), goal], options)
+    graph, start, goal = GridGraph(blocked, corner_cutting=True), (800, 1900), (1200, 1900)
+    begin, targets = time.monotonic(), [(900, 1950), goal]
+    problem = SearchProblem(graph, start, goal, targets, deadline=begin + 0.1)
+    result = PAPER_METHODS[name](replace(problem, heuristic='chebyshev'))
     assert result.status is SearchStatus.STOPPED
     assert result.expansions > 0
-    past = PAPER_METHODS[name](blocked, start, start, [], SearchOptions(deadline=begin))
+    past = search(name, blocked, start, start, [], deadline=begin)
     assert (past.status, past.expansions) == (SearchStatus.STOPPED, 0)
 
 
 def test_expanded_cells_are_returned_only_if_wanted():
-    result = PAPER_METHODS['astar'](WALL, (1, 1), (5, 1), [], SearchOptions(want_expanded=False))
+    result = search('astar', WALL, (1, 1), (5, 1), [], want_expanded=False)
     assert result.expanded.shape == (0, 0)
     assert result.expansions > 0
 
 
 def test_expanded_cells_are_marked_by_row_and_column():
     blocked = grid('#####', '#...#', '#####')
-    result = PAPER_METHODS['astar'](blocked, (1, 1), (3, 1), [], SearchOptions())
+    result = search('astar', blocked, (1, 1), (3, 1), [])
     expected = np.zeros_like(blocked)
     expanded = [(1, 1), (2, 1), (3, 1)]
     for x, y in expanded:

@@ -22,11 +22,11 @@ from llm_astar_planner.waypoints.config import (
 )
 from llm_astar_planner.waypoints.source import (
     SOURCES,
-    PluginFactory,
     PluginSource,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
+    plugin_factory,
 )
 
 QUERY = WaypointQuery(Costmap(GridMap(np.zeros((9, 9), np.int8))), (1, 1), (7, 7), 5.0)
@@ -209,7 +209,7 @@ def test_every_source_of_the_package_comes_from_the_same_table():
     assert 'straight' in SOURCE_NAMES
     settings = SourceSettings(source='straight')
     assert make_source(settings) == SOURCES.load('straight')(SourceContext(settings))
-    broken = Plugins('source', 'no.such.group', {'mine': 'no_such:thing'}, PluginFactory)
+    broken = Plugins('source', 'no.such.group', {'mine': 'no_such:thing'}, plugin_factory)
     assert broken.problem('mine') is None, 'nothing is imported to check a name'
     with pytest.raises(ModuleNotFoundError):
         broken.load('mine')

@@ -23,7 +23,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,11 +69,8 @@ def featurise(
     """Compute the network's inputs; `size` [n, 2] is width and height in cells."""
     cells = place_nodes(barriers, endpoints).astype(np.float32)
     side = size.max(axis=1).astype(np.float32)
-    return Features(
-        node_features(barriers, size, cells, side),
-        barrier_features(barriers, cells, side),
-        pair_features(cells, side),
-    )
+    nodes = node_features(barriers, size, cells, side)
+    return Features(nodes, barrier_features(barriers, cells, side), pair_features(cells, side))
 
 
 def node_features(
@@ -127,11 +123,9 @@ def barrier_features(barriers: NDArray[np.int32], cells: Floats, side: Floats) -
     for k in range(barriers.shape[1]):
         own[:, 2 + 2 * k : 4 + 2 * k, k] = 1
     parts = [
-        from_ends * (PARTS / side[:, None, None, None]),
-        np.tanh(from_ends / 2),
-        own[..., None],
-        np.ones_like(own)[..., None],
-    ]
+        from_ends * (PARTS / side[:, None, None, None]), np.tanh(from_ends / 2),
+        own[..., None], np.ones_like(own)[..., None],
+    ]  # fmt: skip
     return np.concatenate(parts, axis=-1, dtype=np.float32)
 
 
@@ -189,8 +183,7 @@ class Weights:
         """Apply a layer norm to the last axis."""
         x = x - x.mean(axis=-1, keepdims=True)
         scale = np.sqrt(np.square(x).mean(axis=-1, keepdims=True) + _EPSILON)
-        result: Floats = x / scale * self.arrays[f'{name}.weight'] + self.arrays[f'{name}.bias']
-        return result
+        return np.asarray(x / scale * self.arrays[f'{name}.weight'] + self.arrays[f'{name}.bias'])
 
 
 @lru_cache(maxsize=1)
@@ -201,7 +194,7 @@ def packaged_weights() -> Weights:
 
 
 def read_weights(data: bytes, name: str = 'weights') -> Weights:
-    """Read a file that `write_weights` wrote. Raises WeightsError."""
+    """Read a file that the training has written. Raises WeightsError."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
@@ -214,13 +207,6 @@ def read_weights(data: bytes, name: str = 'weights') -> Weights:
     if header.pop('format', None) != FORMAT:
         raise WeightsError(f'{name}: format: is not {FORMAT}; export the weights again')
     return Weights(arrays, header, hashlib.sha256(data).hexdigest()[:12])
-
-
-def write_weights(path: Path, arrays: Mapping[str, Floats], shape: Mapping[str, int]) -> None:
-    """Write weights as float16 under their torch names, and the network's sizes, to one .npz."""
-    halves: dict[str, Any] = {name: array.astype(np.float16) for name, array in arrays.items()}
-    header = json.dumps({'format': FORMAT, **shape}, sort_keys=True)
-    np.savez_compressed(path, header=np.frombuffer(header.encode(), np.uint8), **halves)
 
 
 def hop_logits(weights: Weights, features: Features) -> Floats:
@@ -251,8 +237,7 @@ def forward(weights: Weights, features: Features) -> Floats:
     logits = query @ key.swapaxes(1, 2) * np.float32(x.shape[-1] ** -0.5)
     pair = weights.linear('left', x)[:, :, None] + weights.linear('right', x)[:, None]
     pair = pair + weights.linear('across', edge.transpose(0, 2, 3, 1))
-    result: Floats = logits + weights.linear('hop', relu(pair))[..., 0]
-    return result
+    return np.asarray(logits + weights.linear('hop', relu(pair))[..., 0])
 
 
 def edge_features(weights: Weights, features: Features) -> Floats:
@@ -260,9 +245,8 @@ def edge_features(weights: Weights, features: Features) -> Floats:
     pairs = features.pairs
     n, nodes, each, _ = features.barriers.shape
     forms, rank = weights.shape['forms'], weights.shape['rank']
-    views = np.concatenate(
-        [relu(weights.linear('edges.view', features.barriers)), features.barriers], axis=-1
-    )
+    seen = relu(weights.linear('edges.view', features.barriers))
+    views = np.concatenate([seen, features.barriers], axis=-1)
     left, right = (
         weights.linear(f'edges.{side}', views).reshape(n, nodes, each, forms, rank)
         for side in ('left', 'right')
@@ -295,9 +279,8 @@ def apply_layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
     attention = softmax(scores + bias.reshape(n, heads, nodes, nodes))
     mixed = (attention @ v).swapaxes(1, 2).reshape(n, nodes, width)
     along = attention.swapaxes(1, 2) @ edge.transpose(0, 2, 3, 1)
-    x = x + weights.linear(
-        f'{name}.out', np.concatenate([mixed, along.reshape(n, nodes, -1)], axis=-1)
-    )
+    both = np.concatenate([mixed, along.reshape(n, nodes, -1)], axis=-1)
+    x = x + weights.linear(f'{name}.out', both)
     inner = relu(weights.linear(f'{name}.up', weights.norm(f'{name}.second', x)))
     return x + weights.linear(f'{name}.down', inner)
 
@@ -311,5 +294,4 @@ def relu(x: Floats) -> Floats:
 def softmax(x: Floats) -> Floats:
     """Return the softmax over the last axis."""
     x = np.exp(x - x.max(axis=-1, keepdims=True))
-    result: NDArray[np.float32] = x / x.sum(axis=-1, keepdims=True)
-    return result
+    return np.asarray(x / x.sum(axis=-1, keepdims=True))

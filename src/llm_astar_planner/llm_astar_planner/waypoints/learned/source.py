@@ -70,13 +70,10 @@ class EmbeddedSource:
             route = shortest_in_sight(routes, cells, query.costmap.line_of_sight)
         turns = () if route is None else route[1:-1]
         points = tuple((float(x), float(y)) for x, y in cells[list(turns)])
-        return WaypointReply(
-            points,
-            label=self.label,
-            status=SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS,
-            detail='' if route else f'none of {len(routes)} routes drawn is in sight',
-            model=network.packaged_weights().digest,
-        )
+        status = SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS
+        detail = '' if route else f'none of {len(routes)} routes drawn is in sight'
+        model = network.packaged_weights().digest
+        return WaypointReply(points, self.label, status, detail, model=model)
 
     def _routes(self, query: WaypointQuery) -> tuple[NDArray[np.int32], list[Route]]:
         """Return the cells [N, 2] of the nodes, and routes over them, the greedy one first."""

@@ -16,9 +16,9 @@ import logging
 import threading
 import time
 import zlib
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import httpx
@@ -58,24 +58,28 @@ def keep_silent() -> None:
 keep_silent()
 
 
-@dataclass
 class ChatClient:
     """One endpoint and model, with retries, breaker, limits and the dialect learnt so far.
 
-    At most `max_concurrent` requests run at a time. Thread-safe.
+    At most `max_concurrent` requests of the settings run at a time. Thread-safe.
     """
 
-    endpoint: Endpoint
-    model: str = ''
-    dialect: protocol.Dialect = field(default_factory=protocol.Dialect)
-    max_retries: int = 2
-    budget: resilience.CallBudget = field(default_factory=resilience.CallBudget)
-    breaker: resilience.CircuitBreaker = field(default_factory=resilience.CircuitBreaker)
-    max_concurrent: int = 2
+    def __init__(self, settings: SourceSettings, stop: str = '') -> None:
+        """Take the endpoint that settings name. Raises EndpointError.
 
-    def __post_init__(self) -> None:
-        """Make the semaphore that bounds concurrent requests."""
-        self._slots = threading.BoundedSemaphore(self.max_concurrent)
+        A text completion ends where the model writes `stop`.
+        """
+        self.endpoint = Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names)
+        self.model, self._settings = settings.model, settings
+        self.dialect = protocol.Dialect(
+            settings.max_output_tokens, settings.temperature, settings.response_format,
+            is_completion=settings.prompt_form == COMPLETION, stop=stop,
+        )  # fmt: skip
+        self.budget = resilience.CallBudget(
+            settings.max_calls_per_hour, settings.max_tokens_per_day
+        )
+        self.breaker = resilience.CircuitBreaker()
+        self._slots = threading.BoundedSemaphore(settings.max_concurrent)
 
     def complete(
         self,
@@ -90,31 +94,28 @@ class ChatClient:
         running at the deadline may go on for `late_s` seconds; no new one is made.
         Raises EndpointFailure; its text holds no key.
         """
-
-        def ask(dialect: protocol.Dialect) -> Completion:
-            return self._request(dialect.body(self.model, messages, schema), deadline + late_s)
-
         with self.breaker.watched():
             if time.monotonic() >= deadline:
                 raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-            completion = self._ask_again(ask, deadline)
+            completion = self._ask_again(messages, deadline, schema, late_s)
         return self.dialect.ended(completion)
 
     def _ask_again(
-        self, ask: Callable[[protocol.Dialect], Completion], deadline: float
+        self, messages: Sequence[Message], deadline: float, schema: dict[str, Any], late_s: float
     ) -> Completion:
         """Ask, and again in another dialect or after a pause where that may help."""
         dialect, attempt = self.dialect, 0
         while True:
+            body = dialect.body(self.model, messages, schema)
             try:
-                completion = ask(dialect)
+                completion = self._request(body, deadline + late_s)
             except EndpointFailure as failure:
                 adapted = dialect.adapted_to(failure)
                 if adapted is not None and time.monotonic() < deadline:
                     dialect = adapted
                     continue
                 attempt += 1
-                delay = resilience.retry_delay(failure, attempt, self.max_retries)
+                delay = resilience.retry_delay(failure, attempt, self._settings.max_retries)
                 if delay is None or time.monotonic() + delay >= deadline:
                     raise
             else:
@@ -134,17 +135,15 @@ class ChatClient:
         """Make one request, when a slot is free and the limits allow it."""
         key = self.endpoint.key()
         if not self._slots.acquire(timeout=max(0.0, deadline - time.monotonic())):
-            busy = f'{self.max_concurrent} requests are running already'
+            busy = f'{self._settings.max_concurrent} requests are running already'
             raise EndpointFailure(SourceStatus.TIMEOUT, busy, is_ours=True)
         try:
             self.budget.admit()
             reply = post_json(
-                self.endpoint.url(self.dialect.path),
-                body,
-                {'Authorization': f'Bearer {key}'} if key else {},
-                deadline - time.monotonic(),
+                self.endpoint.url(self.dialect.path), body,
+                {'Authorization': f'Bearer {key}'} if key else {}, deadline - time.monotonic(),
                 use_proxies=not self.endpoint.is_loopback,
-            )
+            )  # fmt: skip
             # A server may echo the request: remove the key before anything else sees the reply.
             completion = protocol.read_completion(reply, functools.partial(redact, secret=key))
         except EndpointFailure as failure:
@@ -163,27 +162,6 @@ def count_tokens(completion: Completion, body: dict[str, Any]) -> int:
     return counted or (asked + len(completion.text)) // CHARS_PER_TOKEN
 
 
-def make_client(settings: SourceSettings, stop: str = '') -> ChatClient:
-    """Make the client of the endpoint that settings name. Raises EndpointError.
-
-    A text completion ends where the model writes `stop`.
-    """
-    return ChatClient(
-        Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names),
-        settings.model,
-        protocol.Dialect(
-            settings.max_output_tokens,
-            settings.temperature,
-            settings.response_format,
-            is_completion=settings.prompt_form == COMPLETION,
-            stop=stop,
-        ),
-        settings.max_retries,
-        resilience.CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
-        max_concurrent=settings.max_concurrent,
-    )
-
-
 def post_json(
     url: str, body: object, headers: Mapping[str, str], limit: float, *, use_proxies: bool
 ) -> HttpReply:
@@ -196,9 +174,8 @@ def post_json(
     loop = asyncio.new_event_loop()
     ours = _IS_OURS.set(True)
     try:
-        return loop.run_until_complete(
-            wait_at_most(limit, post(url, body, headers, limit, use_proxies=use_proxies))
-        )
+        request = post(url, body, headers, limit, use_proxies=use_proxies)
+        return loop.run_until_complete(wait_at_most(limit, request))
     finally:
         loop.run_until_complete(loop.shutdown_asyncgens())
         loop.close()

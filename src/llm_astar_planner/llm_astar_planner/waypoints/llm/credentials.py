@@ -83,13 +83,11 @@ class Endpoint:
             # The value may be a pasted key.
             raise EndpointError('api_key_env: the NAME of a variable, in capitals, is expected')
         patterns = key_patterns(self.api_key_names)
-        if self.api_key_env and not any(
-            fnmatch.fnmatchcase(self.api_key_env, pattern) for pattern in patterns
-        ):
-            raise EndpointError(
-                f'api_key_env: the name must match {" or ".join(patterns) or "none"}; to allow '
-                'others, start with api_key_names'
-            )
+        is_known = any(fnmatch.fnmatchcase(self.api_key_env, pattern) for pattern in patterns)
+        if self.api_key_env and not is_known:
+            known = ' or '.join(patterns) or 'none'
+            problem = f'the name must match {known}; to allow others, start with api_key_names'
+            raise EndpointError(f'api_key_env: {problem}')
         parts = urlsplit(self.base_url)
         try:
             whole = parts.scheme in ('http', 'https') and parts.hostname and parts.port != 0
@@ -98,9 +96,8 @@ class Endpoint:
         if not whole:
             raise EndpointError('base_url: http://host[:port]/path or https://... is expected')
         if parts.username is not None or parts.query or parts.fragment:
-            raise EndpointError(
-                'base_url: must not hold a user, query or fragment; api_key_env names the key'
-            )
+            words = 'must not hold a user, query or fragment; api_key_env names the key'
+            raise EndpointError(f'base_url: {words}')
 
     def url(self, path: str) -> str:
         """Return the address of a path below the base URL."""
@@ -156,10 +153,8 @@ def key_patterns(names: str) -> list[str]:
     """Split `api_key_names`. Raises EndpointError for what is no pattern of a variable's name."""
     patterns = [name.strip() for name in names.split(',') if name.strip()]
     if not all(map(_PATTERN.fullmatch, patterns)):
-        raise EndpointError(
-            'api_key_names: names of variables, in capitals, with * for any part, separated by '
-            'commas, are expected'
-        )
+        words = 'names of variables, in capitals, with * for any part, separated by commas'
+        raise EndpointError(f'api_key_names: {words}, are expected')
     return patterns
 
 

@@ -13,14 +13,10 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import printable
 
+from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
-from llm_astar_planner.waypoints.source import (
-    MAX_NAME,
-    RESPONSE_FORMATS,
-    Message,
-    SourceStatus,
-)
+from llm_astar_planner.waypoints.source import RESPONSE_FORMATS, Message, SourceStatus
 
 # Removes the key from a text.
 Clean = Callable[[str], str]
@@ -60,25 +56,20 @@ class Dialect:
         self, model: str, messages: Sequence[Message], schema: dict[str, Any]
     ) -> dict[str, Any]:
         """Return the JSON body of a request that is not streamed."""
-        body: dict[str, Any] = {'stream': False}
+        body: dict[str, Any] = {'messages': [message._asdict() for message in messages]}
         if self.is_completion:
-            body['prompt'] = text_to_complete(messages)
-            if self.stop:
-                body['stop'] = [self.stop]
-        else:
-            body['messages'] = [message._asdict() for message in messages]
-        if model:
-            body['model'] = model
-        if self.tokens_field:
-            body[self.tokens_field] = self.max_output_tokens
-        if self.temperature is not None:
-            body['temperature'] = self.temperature
+            body = {'prompt': text_to_complete(messages), 'stop': self.stop and [self.stop]}
+        body |= {'model': model, 'temperature': self.temperature}
+        if self.response_format != 'text':
+            body['response_format'] = {'type': self.response_format}
         if self.response_format == 'json_schema':
             named = {'name': 'reply', 'strict': True, 'schema': schema}
-            body['response_format'] = {'type': 'json_schema', 'json_schema': named}
-        elif self.response_format == 'json_object':
-            body['response_format'] = {'type': 'json_object'}
-        return body
+            body['response_format']['json_schema'] = named
+        if self.tokens_field:
+            body[self.tokens_field] = self.max_output_tokens
+        # What is empty is left to the server.
+        given = {name: value for name, value in body.items() if value not in (None, '')}
+        return {'stream': False, **given}
 
     def ended(self, completion: Completion) -> Completion:
         """Return a completion that ends at `stop`, which some servers ignore."""
@@ -111,11 +102,11 @@ def text_to_complete(messages: Sequence[Message]) -> str:
     for a path.
     """
     first, *others = messages
-    more = (
-        f' {content.strip()}' if role == 'assistant' else f'\n\n{content}\nGenerated Path:'
-        for role, content in others
-    )
-    return first.content + ''.join(more)
+    text = first.content
+    for role, content in others:
+        answer, question = f' {content.strip()}', f'\n\n{content}\nGenerated Path:'
+        text += answer if role == 'assistant' else question
+    return text
 
 
 def is_context_too_long(error: str) -> bool:
@@ -161,23 +152,19 @@ def read_completion(reply: HttpReply, clean: Clean) -> Completion:
         refusal = message_text(message.get('refusal'))[:MAX_ERROR_CHARS]
         reason = message_text(choice.get('finish_reason'))[:MAX_ERROR_CHARS]
     except (TypeError, KeyError, IndexError, AttributeError):
-        words = error_words(reply.body, data, clean)
+        status, problem = SourceStatus.MALFORMED, 'the reply is no completion'
         if error_in(data) is not None:
-            problem = f'the endpoint says{words}'
-            raise EndpointFailure(SourceStatus.ERROR, problem) from None
-        problem = f'the reply is no completion{words}'
-        raise EndpointFailure(SourceStatus.MALFORMED, problem) from None
+            status, problem = SourceStatus.ERROR, 'the endpoint says'
+        words = error_words(reply.body, data, clean)
+        raise EndpointFailure(status, f'{problem}{words}') from None
     usage = data.get('usage')
     if reason == 'content_filter' and not refusal:
         refusal = 'stopped by a content filter'
-    return Completion(
-        text=clean(text).translate(_CONTROLS),
-        finish_reason=printable(clean(reason)),
-        refusal=printable(clean(refusal)),
-        prompt_tokens=token_count(usage, 'prompt_tokens'),
-        completion_tokens=token_count(usage, 'completion_tokens'),
-        fingerprint=printable(clean(message_text(data.get('system_fingerprint'))))[:MAX_NAME],
-    )
+    others = reason, refusal, message_text(data.get('system_fingerprint'))
+    reason, refusal, fingerprint = (printable(clean(word)) for word in others)
+    asked, answered = (token_count(usage, f'{kind}_tokens') for kind in ('prompt', 'completion'))
+    text = clean(text).translate(_CONTROLS)
+    return Completion(text, reason, refusal, asked, answered, fingerprint[: sources.MAX_NAME])
 
 
 def read_json(body: bytes) -> Any:  # noqa: ANN401 - any JSON value
@@ -227,14 +214,11 @@ def http_failure(reply: HttpReply, data: Any, clean: Clean) -> EndpointFailure: 
     status = _STATUS_OF.get(reply.status, SourceStatus.ERROR)
     if 'insufficient_quota' in body:
         status = SourceStatus.REFUSED
+    detail = f'HTTP {reply.status}{error_words(reply.body, data, clean)}'
     return EndpointFailure(
-        status,
-        f'HTTP {reply.status}{error_words(reply.body, data, clean)}',
-        http=reply.status,
-        body=clean(body),
-        retryable=is_retryable(reply.status, body),
-        retry_after=retry_after(reply.headers),
-    )
+        status, detail, http=reply.status, body=clean(body),
+        retryable=is_retryable(reply.status, body), retry_after=retry_after(reply.headers),
+    )  # fmt: skip
 
 
 def message_text(content: Any) -> str:  # noqa: ANN401 - any JSON value

@@ -12,7 +12,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, field
 from email.utils import parsedate_to_datetime
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
@@ -91,26 +91,27 @@ def retry_after(headers: Mapping[str, str]) -> float | None:
     return max(0.0, seconds) if math.isfinite(seconds) else None
 
 
+@dataclass(eq=False)
 class CircuitBreaker:
     """Stops requests to an endpoint that keeps failing.
 
     It opens for COOLDOWN_S after THRESHOLD failures in a row, for as long as Retry-After says
     after a REFUSED, and for good after an AUTH failure: new parameters make a new source with a
-    new breaker. Thread-safe.
+    new breaker. `clock` returns seconds. Thread-safe.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start closed; `clock` returns seconds."""
-        self._clock = clock
+    clock: Callable[[], float] = time.monotonic
+
+    def __post_init__(self) -> None:
+        """Start closed."""
         self._lock = threading.Lock()
-        self._failures = 0
-        self._open_until = -math.inf
+        self._failures, self._open_until = 0, -math.inf
         self._last = EndpointFailure(SourceStatus.ERROR, '')
 
     def check(self) -> None:
         """Raise the failure that opened the breaker, while it is open."""
         with self._lock:
-            left = self._open_until - self._clock()
+            left = self._open_until - self.clock()
             last = self._last
         if left <= 0:
             return
@@ -139,41 +140,40 @@ class CircuitBreaker:
                 self._open_until = math.inf
             elif failure.status is SourceStatus.REFUSED:
                 wait = COOLDOWN_S if failure.retry_after is None else failure.retry_after
-                self._open_until = self._clock() + min(MAX_COOLDOWN_S, wait)
+                self._open_until = self.clock() + min(MAX_COOLDOWN_S, wait)
             elif failure.status in _COUNTED:
                 self._failures += 1
                 if self._failures >= THRESHOLD:
-                    self._open_until = self._clock() + COOLDOWN_S
+                    self._open_until = self.clock() + COOLDOWN_S
 
 
+@dataclass(eq=False)
 class Window:
     """What was used in the last `seconds`, of at most `limit`; 0 means no limit."""
 
-    def __init__(self, limit: int, seconds: float, clock: Callable[[], float]) -> None:
-        """Start with nothing used."""
-        self.limit = limit
-        self.total = 0
-        self._seconds = seconds
-        self._clock = clock
-        self._used = 0
-        self._entries: deque[tuple[float, int]] = deque()
+    limit: int
+    seconds: float
+    clock: Callable[[], float]
+    total: int = 0
+    # The amounts that still count, each with the time when it no longer does.
+    counted: deque[tuple[float, int]] = field(default_factory=deque)
 
     def add(self, amount: int) -> None:
         """Count what is used now."""
         self.total += amount
         if self.limit:
-            self._used += amount
-            self._entries.append((self._clock(), amount))
+            self.counted.append((self.clock() + self.seconds, amount))
 
     def left(self) -> int | None:
         """Return how much may still be used, None without a limit."""
-        while self._entries and self.wait() <= 0:
-            self._used -= self._entries.popleft()[1]
-        return max(0, self.limit - self._used) if self.limit else None
+        while self.counted and self.wait() <= 0:
+            self.counted.popleft()
+        used = sum(amount for _, amount in self.counted)
+        return max(0, self.limit - used) if self.limit else None
 
     def wait(self) -> float:
         """Return the seconds until the oldest entry no longer counts."""
-        return self._entries[0][0] + self._seconds - self._clock()
+        return self.counted[0][0] - self.clock()
 
 
 class CallBudget:
@@ -183,23 +183,17 @@ class CallBudget:
     """
 
     def __init__(
-        self,
-        max_calls_per_hour: int = 0,
-        max_tokens_per_day: int = 0,
-        clock: Callable[[], float] = time.monotonic,
+        self, calls: int = 0, tokens: int = 0, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Start with nothing used; `clock` returns seconds."""
         self._lock = threading.Lock()
-        self.calls = Window(max_calls_per_hour, HOUR_S, clock)
-        self.tokens = Window(max_tokens_per_day, DAY_S, clock)
+        self.calls, self.tokens = Window(calls, HOUR_S, clock), Window(tokens, DAY_S, clock)
 
     def admit(self) -> None:
         """Count one request. Raises EndpointFailure REFUSED where a limit does not allow it."""
         with self._lock:
-            for name, window, verb in (
-                ('max_calls_per_hour', self.calls, 'made'),
-                ('max_tokens_per_day', self.tokens, 'used'),
-            ):
+            made = 'max_calls_per_hour', self.calls, 'made'
+            for name, window, verb in (made, ('max_tokens_per_day', self.tokens, 'used')):
                 if window.left() == 0:
                     refusal = f'{name}: {window.limit} are {verb}; next in {window.wait():.0f} s'
                     raise EndpointFailure(SourceStatus.REFUSED, refusal, is_ours=True)
@@ -213,9 +207,6 @@ class CallBudget:
     def values(self) -> dict[str, int | None]:
         """Return what was used since the start, and what is left now (None: no limit)."""
         with self._lock:
-            return {
-                'calls_made': self.calls.total,
-                'calls_left': self.calls.left(),
-                'tokens_used': self.tokens.total,
-                'tokens_left': self.tokens.left(),
-            }
+            calls, tokens = self.calls, self.tokens
+            used = {'calls_made': calls.total, 'tokens_used': tokens.total}
+            return used | {'calls_left': calls.left(), 'tokens_left': tokens.left()}

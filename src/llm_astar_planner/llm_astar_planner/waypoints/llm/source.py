@@ -12,9 +12,10 @@ from collections.abc import Hashable, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from llm_astar_planner.caches import Recent
+from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
-from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
-from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
+from llm_astar_planner.waypoints.config import SourceContext, SourceSettings
+from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts import examples as prompts
@@ -22,15 +23,7 @@ from llm_astar_planner.waypoints.prompts import map_description as maps
 from llm_astar_planner.waypoints.prompts import template as templates
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.replay import RecordingSource, SampleResolver
-from llm_astar_planner.waypoints.source import (
-    MAX_NAME,
-    Message,
-    Provenance,
-    SourceStatus,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
-)
+from llm_astar_planner.waypoints.source import Message, SourceStatus, WaypointQuery, WaypointReply
 from llm_astar_planner.waypoints.transcript import TranscriptWriter
 
 # How many seconds a request that missed its deadline may go on, to answer the next query.
@@ -82,27 +75,12 @@ class EndpointSource:
         deadline = time.monotonic() + min(self.settings.timeout_s, query.time_limit)
         conversation = Conversation(self, query, deadline)
         try:
-            self._ask(conversation, query)
+            conversation.begin()
             conversation.ask_for_a_list()
             conversation.repair(self.settings.repair_rounds)
         except EndpointFailure as failure:
             return replace(conversation.reply(), status=failure.status, detail=str(failure))
         return conversation.reply()
-
-    def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
-        """Ask; if that is too long, once more with a coarser map and half of the examples."""
-        _, lattice = self.resolver.resolve(query)
-        most = self.settings.max_prompt_tokens
-        description = maps.describe(query, lattice=lattice, max_tokens=most)
-        examples = self.prompt.examples(query, description, most)
-        try:
-            conversation.ask(description, examples)
-        except EndpointFailure as failure:
-            if not (failure.http == 413 or is_context_too_long(failure.body)):
-                raise
-            coarser = maps.describe_coarser(description, query)
-            # The most similar examples come last.
-            conversation.ask(coarser, examples and examples[(len(examples) + 1) // 2 :])
 
 
 @dataclass(eq=False)
@@ -123,13 +101,28 @@ class Conversation:
     last_seconds: float = 0.0
     started: float = field(default_factory=time.monotonic)
 
-    def ask(
-        self, description: maps.Description, examples: Sequence[templates.Example] | None
-    ) -> None:
-        """Ask for a path on the described map; `examples` replace the template's own.
+    def begin(self) -> None:
+        """Ask; if that is too long, once more with a coarser map and half of the examples.
 
         Raises EndpointFailure.
         """
+        _, lattice = self.source.resolver.resolve(self.query)
+        most = self.source.settings.max_prompt_tokens
+        description = maps.describe(self.query, lattice=lattice, max_tokens=most)
+        examples = self.source.prompt.examples(self.query, description, most)
+        try:
+            self._ask(description, examples)
+        except EndpointFailure as failure:
+            if not (failure.http == 413 or is_context_too_long(failure.body)):
+                raise
+            coarser = maps.describe_coarser(description, self.query)
+            # The most similar examples come last.
+            self._ask(coarser, examples and examples[(len(examples) + 1) // 2 :])
+
+    def _ask(
+        self, description: maps.Description, examples: Sequence[templates.Example] | None
+    ) -> None:
+        """Ask for a path on the described map; `examples` replace the template's own."""
         prompt = self.source.prompt
         self.lattice = description.lattice
         messages = prompt.template.render(description, prompt.form, examples)
@@ -148,31 +141,25 @@ class Conversation:
         """Tell the model what collides, up to `rounds` times; keep the route with least faults."""
         faults = self._faults() if rounds else []
         for _ in range(rounds):
-            before = self.turn
+            before, known = self.turn, len(faults)
             if not faults or before.status is not SourceStatus.OK or not self._has_time():
                 return
-            try:
+            with contextlib.suppress(EndpointFailure):
                 self._follow_up(prompts.follow_up(faults))
-            except EndpointFailure:
-                return
-            new_faults = self._faults()
-            if self.turn.status is not SourceStatus.OK or len(new_faults) > len(faults):
+            faults = self._faults()
+            if self.turn.status is not SourceStatus.OK or len(faults) > known:
                 self.turn = before
+            if self.turn is before:
                 return
-            faults = new_faults
 
     def reply(self) -> WaypointReply:
         """Return the reply to the query: the turn that counts."""
+        source = self.source
         return replace(
-            self.turn,
-            label=self.source.label,
-            model=self.source.client.model,
-            prompt=self.source.prompt.name,
-            prompt_tokens=self.prompt_tokens,
-            completion_tokens=self.completion_tokens,
-            seconds=time.monotonic() - self.started,
-            unit=self.lattice.unit,
-        )
+            self.turn, label=source.label, model=source.client.model, prompt=source.prompt.name,
+            prompt_tokens=self.prompt_tokens, completion_tokens=self.completion_tokens,
+            seconds=time.monotonic() - self.started, unit=self.lattice.unit,
+        )  # fmt: skip
 
     def _has_time(self) -> bool:
         """Return whether an answer as slow as the last one would still come in time."""
@@ -189,22 +176,18 @@ class Conversation:
 
     def _send(self, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer. Raises EndpointFailure."""
-        asked = time.monotonic()
-        schema = templates.path_schema(thinks=self.source.prompt.template.thinks)
-        completion = self.source.client.complete(
-            messages, self.deadline, schema, self.source.late_s
-        )
+        asked, client, prompt = time.monotonic(), self.source.client, self.source.prompt
+        schema = templates.path_schema(thinks=prompt.template.thinks)
+        completion = client.complete(messages, self.deadline, schema, self.source.late_s)
         self.last_seconds = time.monotonic() - asked
         self.prompt_tokens += completion.prompt_tokens
         self.completion_tokens += completion.completion_tokens
         answer = answer_of(completion)
         waypoints = self.lattice.to_cells(answer.waypoints, self.query)
-        provenance = Provenance(
-            finish_reason=completion.finish_reason[:MAX_NAME],
-            model_digest=completion.fingerprint,
-            prompt_digest=self.source.prompt.digest,
-            temperature=self.source.client.dialect.temperature,
-        )
+        provenance = sources.Provenance(
+            completion.finish_reason[: sources.MAX_NAME], completion.fingerprint, prompt.digest,
+            temperature=client.dialect.temperature,
+        )  # fmt: skip
         self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
 
 
@@ -218,7 +201,7 @@ class CachedSource:
     `model` and `prompt` label the replies of failures. Thread-safe.
     """
 
-    inner: WaypointSource
+    inner: sources.WaypointSource
     _: KW_ONLY
     model: str = ''
     prompt: str = ''
@@ -246,16 +229,15 @@ class CachedSource:
         with self._lock:
             kept = self._replies.get(key)
             if kept is not None:
-                detail = '; '.join(part for part in ('from the cache', kept.detail) if part)
+                detail = f'from the cache; {kept.detail}' if kept.detail else 'from the cache'
                 return replace(
                     kept, detail=detail, prompt_tokens=0, completion_tokens=0, seconds=0.0
                 )
             task = self._running.get(key)
             if task is None:
                 if len(self._running) >= MAX_PENDING:
-                    return self._failure(
-                        SourceStatus.REFUSED, f'{MAX_PENDING} queries are running', started
-                    )
+                    detail = f'{MAX_PENDING} queries are running'
+                    return self._failure(SourceStatus.REFUSED, detail, started)
                 task = self._running[key] = start_query(
                     self.inner, query, lambda reply: self._store(key, reply), self._queue
                 )
@@ -276,41 +258,33 @@ class CachedSource:
 
     def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
         return WaypointReply(
-            label=f'{self.name}:{self.model}',
-            status=status,
-            detail=detail,
-            model=self.model,
-            prompt=self.prompt,
-            seconds=time.monotonic() - started,
-        )
+            label=f'{self.name}:{self.model}', status=status, detail=detail, model=self.model,
+            prompt=self.prompt, seconds=time.monotonic() - started,
+        )  # fmt: skip
 
 
-def make_endpoint(context: SourceContext) -> WaypointSource:
+def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     """Make the source that asks a language model, with a cache and, if set, a recording.
 
     Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
     """
     settings = context.settings
-    template = templates.load_template(settings.prompt or DEFAULT_PROMPT)
-    count = settings.retrieved_examples
+    template, count = settings.template, settings.retrieved_examples
     library = prompts.load_example_library(settings.examples_file, count) if count else None
     prompt = prompts.Prompt(template, settings.prompt_form, library, count)
-    client = make_client(settings, template.stop)
-    source: WaypointSource = EndpointSource(
-        client, prompt, settings, LATE_S, SampleResolver(context.dataset)
-    )
+    source: sources.WaypointSource = EndpointSource(
+        ChatClient(settings, template.stop), prompt, settings, LATE_S,
+        SampleResolver(context.dataset),
+    )  # fmt: skip
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
-        source,
-        model=settings.model,
-        prompt=prompt.name,
-        size=settings.cache_size,
+        source, model=settings.model, prompt=prompt.name, size=settings.cache_size,
         timeout_s=settings.timeout_s,
-    )
+    )  # fmt: skip
 
 
-def client_of(source: WaypointSource) -> ChatClient | None:
+def client_of(source: sources.WaypointSource) -> ChatClient | None:
     """Return the endpoint's client inside a source, for its state and counts, or None."""
     inner: object = source
     while isinstance(inner, (CachedSource, RecordingSource)):

@@ -22,7 +22,7 @@ from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts import map_description as descriptions
-from llm_astar_planner.waypoints.prompts.template import Example, Template, prompt_name
+from llm_astar_planner.waypoints.prompts.template import Example, Template
 from llm_astar_planner.waypoints.source import MESSAGE, Waypoint, WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
@@ -57,19 +57,14 @@ class ExampleLibrary:
         """Take the maps; each may have MAX_CELLS cells and MAX_BARRIERS barriers."""
         self._maps = tuple(maps)
         self._samples = [
-            (index, sample) for index, item in enumerate(maps) for sample in item.samples
+            (index, item.to_cell(sample.start), item.to_cell(sample.goal))
+            for index, item in enumerate(maps)
+            for sample in item.samples
         ]
         self._tiles = np.array([occupied_tiles(item.to_grid().blocked()) for item in maps])
-        self._map_of = np.array([index for index, _ in self._samples], dtype=np.intp)
-        self._endpoints = np.array([
-            relative(maps[i].to_cell(s.start), maps[i].to_cell(s.goal), maps[i].size)
-            for i, s in self._samples
-        ])  # fmt: skip
+        self._map_of = np.array([index for index, *_ in self._samples], dtype=np.intp)
+        self._endpoints = np.array([relative(s, g, maps[i].size) for i, s, g in self._samples])
         self._solved: dict[int, SolvedSample | None] = {}
-
-    def __len__(self) -> int:
-        """Return how many samples there are."""
-        return len(self._samples)
 
     def nearest(self, query: WaypointQuery) -> Iterator[SolvedSample]:
         """Yield solved samples, the most similar to a query first.
@@ -92,10 +87,8 @@ class ExampleLibrary:
     def solve(self, index: int) -> SolvedSample | None:
         """Return a sample with its shortest path, None where a prompt can show none."""
         if index not in self._solved:
-            map_index, sample = self._samples[index]
-            barrier_map = self._maps[map_index]
-            endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-            self._solved[index] = solve(barrier_map, *endpoints)
+            map_index, *ends = self._samples[index]
+            self._solved[index] = solve(self._maps[map_index], *ends)
         return self._solved[index]
 
 
@@ -149,7 +142,7 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     lattice = descriptions.Lattice(*barrier_map.offset)
     description = descriptions.describe(WaypointQuery(costmap, start, goal), lattice=lattice)
     cells = (start, *((round(x), round(y)) for x, y in corners), goal)
-    path = tuple(description.lattice.to_lattice(cell) for cell in cells)
+    path = tuple(map(description.lattice.to_lattice, cells))
     (x_min, x_max), (y_min, y_max) = description.x_bounds, description.y_bounds
     if not all(x_min <= x <= x_max and y_min <= y <= y_max for x, y in path[1:-1]):
         return None
@@ -180,9 +173,8 @@ def is_same_map(barrier_map: BarrierMap, blocked: NDArray[np.bool_]) -> bool:
     A grid with more obstacles than the map counts too. `blocked` is bool [height, width].
     """
     height, width = blocked.shape
-    own_width, own_height = barrier_map.size
-    factor = width // own_width
-    if factor < 1 or (width, height) != (own_width * factor, own_height * factor):
+    factor = width // barrier_map.size[0]
+    if factor < 1 or (width, height) != tuple(side * factor for side in barrier_map.size):
         return False
     scaled = barrier_map.scale(factor)
     x0, y0 = scaled.offset
@@ -213,7 +205,7 @@ class Prompt:
     @property
     def name(self) -> str:
         """The name in replies, rows and transcripts."""
-        return prompt_name(self.template.name, self.form, self.retrieved)
+        return self.template.prompt_name(self.form, self.retrieved)
 
     @property
     def digest(self) -> str:
@@ -243,11 +235,8 @@ class Prompt:
 
 
 MAX_FAULTS_NAMED = 8
-ASK_FOR_A_LIST = (
-    'That holds no list of points. Reply with the route alone, in the form '
-    '"Generated Path: [[x1, y1], [x2, y2], ...]".'
-)
-
+_FORM = 'in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
+ASK_FOR_A_LIST = f'That holds no list of points. Reply with the route alone, {_FORM}'
 _DOES_NOT_WORK = 'This route does not work:'
 
 
@@ -260,24 +249,27 @@ def find_faults(
     that meet one. The sentences are in the coordinates of `lattice`.
     """
     blocked, goal = query.costmap.blocked, query.goal
+
+    def name(point: Waypoint) -> list[int]:
+        return list(lattice.to_lattice((round(point[0]), round(point[1]))))
+
     faults: list[str] = []
     good: list[Waypoint] = [(float(query.start[0]), float(query.start[1]))]
     for point in waypoints:
         cell = round(point[0]), round(point[1])
         if not query.grid_map.contains(cell):
-            faults.append(f'- The point {point_name(point, lattice)} lies off the map.')
+            faults.append(f'- The point {name(point)} lies off the map.')
         elif blocked[cell[1], cell[0]]:
-            faults.append(f'- The point {point_name(point, lattice)} lies on a barrier.')
+            faults.append(f'- The point {name(point)} lies on a barrier.')
         elif point != good[-1]:
             good.append(point)
     if good[-1] != goal:
         good.append((float(goal[0]), float(goal[1])))
-    for ends in pairwise(good):
-        at = first_blocked_cell(blocked, *ends)
+    for a, b in pairwise(good):
+        at = first_blocked_cell(blocked, a, b)
         if at is not None:
-            names = [point_name(point, lattice) for point in (*ends, at)]
-            way = '- The straight way from {} to {} meets a barrier at {}.'
-            faults.append(way.format(*names))
+            way = f'from {name(a)} to {name(b)} meets a barrier at {name(at)}'
+            faults.append(f'- The straight way {way}.')
     return faults
 
 
@@ -286,11 +278,7 @@ def follow_up(faults: Sequence[str]) -> str:
     lines = [_DOES_NOT_WORK, *faults[:MAX_FAULTS_NAMED]]
     if len(faults) > MAX_FAULTS_NAMED:
         lines.append(f'- and {len(faults) - MAX_FAULTS_NAMED} more like these.')
-    lines.append(
-        'Correct it. End the reply with the whole new route in the form '
-        '"Generated Path: [[x1, y1], [x2, y2], ...]".'
-    )
-    return '\n'.join(lines)
+    return '\n'.join([*lines, f'Correct it. End the reply with the whole new route {_FORM}'])
 
 
 def is_follow_up(text: str) -> bool:
@@ -298,15 +286,13 @@ def is_follow_up(text: str) -> bool:
     return text == ASK_FOR_A_LIST or text.startswith(_DOES_NOT_WORK)
 
 
-def point_name(point: Waypoint, lattice: descriptions.Lattice) -> str:
-    """Return a point of the grid as a prompt writes it."""
-    return str(list(lattice.to_lattice((round(point[0]), round(point[1])))))
-
-
 def first_blocked_cell(blocked: NDArray[np.bool_], a: Waypoint, b: Waypoint) -> Cell | None:
     """Return the first blocked cell (x, y) on the straight segment from a to b, None if free."""
     steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1]))) + 1
-    x = np.rint(np.linspace(a[0], b[0], steps + 1)).astype(int)
-    y = np.rint(np.linspace(a[1], b[1], steps + 1)).astype(int)
-    hits = np.flatnonzero(blocked[y, x])
-    return (int(x[hits[0]]), int(y[hits[0]])) if hits.size else None
+    lines = [np.linspace(*ends, steps + 1) for ends in zip(a, b)]
+    cells = np.rint(np.stack(lines, axis=1)).astype(int)
+    hits = np.flatnonzero(blocked[cells[:, 1], cells[:, 0]])
+    if not hits.size:
+        return None
+    x, y = cells[hits[0]].tolist()
+    return x, y

@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -22,9 +22,6 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import Waypoint, WaypointQuery
-
-if TYPE_CHECKING:
-    pass
 
 # A longer side is described on a coarser lattice; the demonstrations are 51 x 31.
 MAX_LATTICE_SIDE = 100
@@ -92,16 +89,14 @@ class Description:
 
     def values(self) -> dict[str, str]:
         """Return the text for each placeholder of a template."""
-        return {
-            'start': str(list(self.start)),
-            'goal': str(list(self.goal)),
-            'horizontal_barriers': str(list(map(list, self.horizontal_barriers))),
-            'vertical_barriers': str(list(map(list, self.vertical_barriers))),
-            'x_min': str(self.x_bounds[0]),
-            'x_max': str(self.x_bounds[1]),
-            'y_min': str(self.y_bounds[0]),
-            'y_max': str(self.y_bounds[1]),
-        }
+        (x_min, x_max), (y_min, y_max) = self.x_bounds, self.y_bounds
+        values = {
+            'start': list(self.start),
+            'goal': list(self.goal),
+            'horizontal_barriers': list(map(list, self.horizontal_barriers)),
+            'vertical_barriers': list(map(list, self.vertical_barriers)),
+        } | {'x_min': x_min, 'x_max': x_max, 'y_min': y_min, 'y_max': y_max}
+        return {name: str(value) for name, value in values.items()}
 
 
 def describe(
@@ -131,9 +126,8 @@ def describe(
 
 def describe_coarser(fine: Description, query: WaypointQuery) -> Description:
     """Describe a query again, by half as many barriers on a lattice twice as coarse."""
-    count = len(fine.horizontal_barriers) + len(fine.vertical_barriers)
     lattice = fine.lattice.coarsened(2 * fine.lattice.unit)
-    limit = max(1, count // 2)
+    limit = max(1, (len(fine.horizontal_barriers) + len(fine.vertical_barriers)) // 2)
     walls = coarsen(query.costmap.blocked, lattice.unit, minimum=lattice.unit)
     return make_description(decompose_barriers(walls, limit), query, lattice, 16 * limit)
 
@@ -142,22 +136,20 @@ def make_description(
     barriers: BarrierMap, query: WaypointQuery, lattice: Lattice, budget: int
 ) -> Description:
     """Return the description; the shortest barriers are dropped until the text fits `budget`."""
-    horizontal = [shift(b, lattice.y, lattice.x) for b in barriers.horizontal_barriers]
-    vertical = [shift(b, lattice.x, lattice.y) for b in barriers.vertical_barriers]
+    x, y, unit = lattice
+    horizontal = [shift(b, y, x) for b in barriers.horizontal_barriers]
+    vertical = [shift(b, x, y) for b in barriers.vertical_barriers]
     kept = [(True, barrier) for barrier in horizontal] + [(False, barrier) for barrier in vertical]
     kept.sort(key=lambda item: item[1].first - item[1].last)
     while len(kept) > MIN_BARRIERS and sum(len(str(list(b))) + 2 for _, b in kept) > budget:
         kept.pop()
     height, width = query.costmap.blocked.shape
     return Description(
-        lattice,
-        lattice.to_lattice(query.start),
-        lattice.to_lattice(query.goal),
-        waypoint_bounds(width, lattice.unit, lattice.x),
-        waypoint_bounds(height, lattice.unit, lattice.y),
+        lattice, lattice.to_lattice(query.start), lattice.to_lattice(query.goal),
+        waypoint_bounds(width, unit, x), waypoint_bounds(height, unit, y),
         tuple(barrier for barrier in horizontal if (True, barrier) in kept),
         tuple(barrier for barrier in vertical if (False, barrier) in kept),
-    )
+    )  # fmt: skip
 
 
 def exact_barriers(blocked: NDArray[np.bool_], limit: int) -> BarrierMap | None:
@@ -168,9 +160,8 @@ def exact_barriers(blocked: NDArray[np.bool_], limit: int) -> BarrierMap | None:
     if max(blocked.shape) > MAX_SIDE:
         return None
     barriers = decompose_barriers(blocked, limit)
-    inner = slice(1, -1)
-    described = barriers.to_grid().blocked()[inner, inner]
-    return barriers if np.array_equal(described, blocked[inner, inner]) else None
+    differs = barriers.to_grid().blocked() != blocked
+    return None if differs[1:-1, 1:-1].any() else barriers
 
 
 def shift(barrier: Barrier, across: int, along: int) -> Barrier:
@@ -219,22 +210,18 @@ def parse_query(text: str) -> BarrierMap:
             'avoids horizontal barriers centered at [[y, x0, x1], ...] and vertical barriers at '
             '[[x, y0, y1], ...]."'
         )
-    entry = {
-        'range_x': [0, int(match['width'])],
-        'range_y': [0, int(match['height'])],
-        'horizontal_barriers': read_barriers(match['horizontal']),
-        'vertical_barriers': read_barriers(match['vertical']),
-        'start_goal': [[read_integers(match['start']), read_integers(match['goal'])]],
+    numbers = {
+        name: [int(value) for value in re.findall(r'-?\d+', part)]
+        for name, part in match.groupdict().items()
     }
-    return parse_barrier_map(entry, 'query')
-
-
-def read_integers(text: str) -> list[int]:
-    """Return every integer in a text."""
-    return [int(value) for value in re.findall(r'-?\d+', text)]
-
-
-def read_barriers(text: str) -> list[list[int]]:
-    """Return every three integers in a text as a barrier, the lower end first."""
-    numbers = iter(read_integers(text))
-    return [[line, *sorted(ends)] for line, *ends in zip(numbers, numbers, numbers)]
+    barriers = {}
+    for kind in ('horizontal', 'vertical'):
+        # Every three numbers are one; the lower end comes first.
+        each = zip(*[iter(numbers[kind])] * 3)
+        barriers[f'{kind}_barriers'] = [[line, *sorted(ends)] for line, *ends in each]
+    entry = {
+        'range_x': [0, *numbers['width']],
+        'range_y': [0, *numbers['height']],
+        'start_goal': [[numbers['start'], numbers['goal']]],
+    }
+    return parse_barrier_map(entry | barriers, 'query')

@@ -101,14 +101,13 @@ def labelled_lists(text: str) -> list[tuple[Waypoint, ...]]:
     Reads as much of `text` as `parse_reply` does.
     """
     text = text[-MAX_REPLY_CHARS:].translate(_FULL_WIDTH)
-    runs = group_runs(text, [bracket_group(match) for match in _ITEM.finditer(text)])
+    runs = group_runs(text)
     return [tuple(run.waypoints) for run in runs if run.is_labelled and len(run.waypoints) > 1]
 
 
 def points_in_text(text: str) -> list[Waypoint] | None:
     """Return the last list of points, else the selected points, else the last bare run."""
-    items = [bracket_group(match) for match in _ITEM.finditer(text)]
-    runs = group_runs(text, items)
+    runs = group_runs(text)
     for run in reversed(runs):
         if (run.is_nested or run.is_labelled) and not run.is_barrier_list:
             if run.waypoints:
@@ -117,7 +116,8 @@ def points_in_text(text: str) -> list[Waypoint] | None:
                 return []
     selected = [
         item.point
-        for item in items
+        for run in runs
+        for item in run.items
         if item.point is not None and _SELECTED.search(text[max(0, item.start - 40) : item.start])
     ]
     if selected:
@@ -133,19 +133,17 @@ def bracket_group(match: re.Match[str]) -> BracketGroup:
     start, end, group = match.start(), match.end(), match.group()
     if group[0] == '{':
         x, y = _OBJECT_X.search(group), _OBJECT_Y.search(group)
-        return BracketGroup(start, end, make_point(x.group(1), y.group(1)) if x and y else None)
+        return BracketGroup(start, end, make_point(x[1], y[1]) if x and y else None)
     pair = _PAIR.fullmatch(group)
     if pair:
-        return BracketGroup(
-            start, end, make_point(pair.group(1), pair.group(2)), pair.group(3) is not None
-        )
+        return BracketGroup(start, end, make_point(pair[1], pair[2]), pair[3] is not None)
     return BracketGroup(start, end, None, is_empty=not group[1:-1].strip())
 
 
-def group_runs(text: str, items: list[BracketGroup]) -> list[GroupRun]:
-    """Split the bracket groups where other text stands between them."""
+def group_runs(text: str) -> list[GroupRun]:
+    """Return the bracket groups of a text, split where other text stands between them."""
     runs: list[list[BracketGroup]] = []
-    for item in items:
+    for item in map(bracket_group, _ITEM.finditer(text)):
         if runs and _BETWEEN.fullmatch(text, runs[-1][-1].end, item.start):
             runs[-1].append(item)
         else:

@@ -31,12 +31,6 @@ NAMES = (*NEEDED, 'x_min', 'x_max', 'y_min', 'y_max')
 MAX_TEMPLATE_BYTES = 65536
 _PLACEHOLDER = re.compile(r'\{(' + '|'.join(NAMES) + r')\}')
 _NEEDED = tuple('{' + name + '}' for name in NEEDED)
-_POINT: dict[str, Any] = {
-    'type': 'object',
-    'properties': {'x': {'type': 'number'}, 'y': {'type': 'number'}},
-    'required': ['x', 'y'],
-    'additionalProperties': False,
-}
 _JSON_REQUEST = (
     'Write the whole reply as one JSON object: {thought}"path": [{{"x": 5, "y": 5}}, ...]}}, '
     'with the points of the generated path in order, and nothing around it.'
@@ -86,6 +80,15 @@ class Template:
         label = line_labels(self.parts.question)[0].strip()
         return f'\n{label}' if label else ''
 
+    def prompt_name(self, form: str, retrieved: int) -> str:
+        """Return the name of a prompt in replies, rows and transcripts, such as `few_shot+turns`.
+
+        It says which template it was, in which form if that is not `message`, and how many
+        examples were retrieved if any were.
+        """
+        parts = [self.name] if form == MESSAGE else [self.name, form]
+        return '+'.join(parts + ([f'retrieved_{retrieved}'] if retrieved else []))
+
     def example(self, description: Description, path: Sequence[Cell]) -> Example:
         """Return a solved question in the template's words; `path` has lattice points (x, y)."""
         values = description.values()
@@ -107,14 +110,15 @@ class Template:
         values, parts = description.values(), self.parts
         if form == TURNS:
             system = [Message('system', parts.instruction)] if parts.instruction else []
-            turns = chat_turns(parts.examples if examples is None else examples)
-            messages = (*system, *turns, Message('user', parts.question))
-            return tuple(Message(role, fill(text, values)) for role, text in messages)
+            shown = parts.examples if examples is None else examples
+            turns = (turn for example in shown for turn in zip(('user', 'assistant'), example))
+            asked = (*system, *turns, ('user', parts.question))
+            return tuple(Message(role, fill(content, values)) for role, content in asked)
         text = self.text
         if examples is not None:
             solved = (f'{question}\n{answer}' for question, answer in examples)
-            asked = f'{parts.question}\n{parts.cue}'
-            text = '\n\n'.join((parts.instruction, *solved, asked))
+            question = f'{parts.question}\n{parts.cue}'
+            text = '\n\n'.join((parts.instruction, *solved, question))
         return (Message('user', fill(text, values)),)
 
 
@@ -144,21 +148,10 @@ def line_labels(question: str) -> list[str]:
 
 def read_example(paragraph: str, labels: Sequence[str]) -> Example | None:
     """Return the example that a paragraph holds if its lines begin with `labels`, else None."""
-    lines = paragraph.split('\n')
-    if len(lines) <= len(labels) or not any(labels):
-        return None
-    if not all(line.startswith(label) for line, label in zip(lines, labels)):
-        return None
-    return Example('\n'.join(lines[: len(labels)]), '\n'.join(lines[len(labels) :]))
-
-
-def chat_turns(examples: Sequence[Example]) -> list[Message]:
-    """Return a turn of the user and one of the assistant for each example."""
-    return [
-        message
-        for question, answer in examples
-        for message in (Message('user', question), Message('assistant', answer))
-    ]
+    lines, count = paragraph.split('\n'), len(labels)
+    if len(lines) > count and any(labels) and all(map(str.startswith, lines, labels)):
+        return Example('\n'.join(lines[:count]), '\n'.join(lines[count:]))
+    return None
 
 
 def fill(text: str, values: Mapping[str, str]) -> str:
@@ -166,20 +159,11 @@ def fill(text: str, values: Mapping[str, str]) -> str:
     return _PLACEHOLDER.sub(lambda match: values[match.group(1)], text).strip()
 
 
-def prompt_name(template: str, form: str, retrieved: int) -> str:
-    """Return the name of a prompt in replies, rows and transcripts, such as `few_shot+turns`.
-
-    It says which template it was, in which form if that is not `message`, and how many examples
-    were retrieved if any were.
-    """
-    parts = [template] if form == MESSAGE else [template, form]
-    return '+'.join(parts + ([f'retrieved_{retrieved}'] if retrieved else []))
-
-
 def template_path(name: str) -> Path:
     """Return the file of a shipped template, for users to copy. Raises TemplateError."""
     if name not in TEMPLATES:
-        raise TemplateError(f'prompt: {name!r} is none of {", ".join(TEMPLATES)}')
+        known = ', '.join(TEMPLATES)
+        raise TemplateError(f'prompt: {name!r} is none of {known}, and no path to a file')
     return Path(__file__).with_name(f'{name}.txt')
 
 
@@ -188,14 +172,8 @@ def load_template(prompt: str) -> Template:
 
     Raises TemplateError where there is none, or where a needed placeholder is missing.
     """
-    if prompt in TEMPLATES:
-        path = template_path(prompt)
-    elif '/' in prompt or prompt.endswith('.txt'):
-        path = Path(prompt).expanduser()
-    else:
-        raise TemplateError(
-            f'prompt: {prompt!r} is none of {", ".join(TEMPLATES)}, and no path to a file'
-        )
+    is_path = prompt not in TEMPLATES and ('/' in prompt or prompt.endswith('.txt'))
+    path = Path(prompt).expanduser() if is_path else template_path(prompt)
     try:
         text = read_text(path, TemplateError, limit=MAX_TEMPLATE_BYTES)
     except TemplateError as error:
@@ -209,13 +187,15 @@ def load_template(prompt: str) -> Template:
 def path_schema(*, thinks: bool) -> dict[str, Any]:
     """Return the JSON schema of a path, after a `thought` where the prompt asks for one."""
     properties: dict[str, Any] = {'thought': {'type': 'string'}} if thinks else {}
-    properties['path'] = {'type': 'array', 'items': _POINT}
-    return {
-        'type': 'object',
-        'properties': properties,
-        'required': list(properties),
-        'additionalProperties': False,
-    }
+    point = json_object({'x': {'type': 'number'}, 'y': {'type': 'number'}})
+    properties['path'] = {'type': 'array', 'items': point}
+    return json_object(properties)
+
+
+def json_object(properties: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema of an object that has all these properties and no others."""
+    closed = {'required': list(properties), 'additionalProperties': False}
+    return {'type': 'object', 'properties': properties, **closed}
 
 
 def ask_for_json(messages: tuple[Message, ...], *, thinks: bool) -> tuple[Message, ...]:

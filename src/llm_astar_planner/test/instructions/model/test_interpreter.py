@@ -16,7 +16,7 @@ from llm_astar_planner.instructions.model.prompt import (
 )
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.llm.client import make_client
+from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.transcript import TranscriptError, read_transcript
 from local_llm import LocalLlm, needs_llm
 
@@ -33,7 +33,7 @@ def brief_pauses(monkeypatch):
 
 def interpreter(base_url, recorder=None, examples=None, **settings):
     defaults = {'response_format': 'json_schema', 'model': 'tiny', 'max_output_tokens': 200}
-    client = make_client(
+    client = ChatClient(
         SourceSettings(source='endpoint', base_url=base_url, **{**defaults, **settings})
     )
     return ModelInterpreter(client, examples=examples or shipped_examples(), recorder=recorder)

@@ -10,7 +10,6 @@ from llm_astar_planner.waypoints.prompts.template import (
     Example,
     Template,
     load_template,
-    prompt_name,
 )
 from llm_astar_planner.waypoints.source import Message, WaypointQuery
 
@@ -131,9 +130,9 @@ def test_an_example_is_written_in_the_words_of_its_template():
 
 
 def test_the_name_of_a_prompt_says_how_it_was_asked():
-    assert prompt_name('few_shot', 'message', 0) == 'few_shot'
-    assert prompt_name('zero_shot', 'turns', 0) == 'zero_shot+turns'
-    assert prompt_name('mine', 'completion', 3) == 'mine+completion+retrieved_3'
+    assert Template('few_shot', '').prompt_name('message', 0) == 'few_shot'
+    assert Template('zero_shot', '').prompt_name('turns', 0) == 'zero_shot+turns'
+    assert Template('mine', '').prompt_name('completion', 3) == 'mine+completion+retrieved_3'
 
 
 def test_only_a_completion_has_a_text_and_a_stop():
