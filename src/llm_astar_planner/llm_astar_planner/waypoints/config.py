@@ -33,8 +33,7 @@ class SourceSettings:
     source: str = parameter(
         'auto',
         'Where waypoints come from. `auto` is `embedded` on maps of a few dozen straight '
-        'barriers, `coarse` on maps with graded costs that are too large for landmarks, and '
-        '`none` on others, where the search takes less time than any source. `embedded` is a '
+        'barriers, and `none` on others, where the search takes less time than any source. `embedded` is a '
         'learned waypoint model, not an LLM; `endpoint` is a language model behind an '
         'OpenAI-compatible API; `replay` answers from '
         'a recorded transcript; `coarse` is the cheapest route on a coarser map, without a model; '
