@@ -57,7 +57,7 @@ from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_exam
 from llm_astar_planner.instructions.specification import from_json
 from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.parameter_file import read_parameter_files
+from llm_astar_planner.planning.parameters import read_parameter_files
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.learned.network import read_weights
 from llm_astar_planner.waypoints.llm.credentials import redact

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 import yaml
 from llm_astar_planner.nodes.planner.goals import INTROSPECTION_STATES
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import NODES
+from llm_astar_planner.planning.parameters import NODES, read_parameter_files
 
 CONFIG = Path(__file__).parents[1] / 'config'
 FILES = sorted(path.name for path in CONFIG.glob('*.yaml'))

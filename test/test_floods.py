@@ -230,7 +230,7 @@ def test_every_one_of_many_callers_at_once_hears_and_a_late_turn_is_no_plan(call
         start, goal, arrived = request().start, request().goal, time.monotonic()
         assert node.set_parameters([Parameter('max_planning_time', value=0.01)])[0].successful
         time.sleep(0.02)
-        late = node.answer_goal(PlanGoal((goal,), start), CancellationToken(arrived))
+        late = node.answer(PlanGoal((goal,), start), CancellationToken(arrived))
         assert late.plan.code is ResultCode.TIMEOUT
         assert 'its turn came after' in late.plan.message
         assert node.set_parameters([Parameter('max_planning_time', value=5.0)])[0].successful

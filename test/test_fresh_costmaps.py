@@ -131,7 +131,7 @@ def robot_in(namespace, **parameters):
     with running(planner), calling(namespace) as caller:
         wait_for(lambda: planner._server and planner.is_active, 'the start')
         # Maps that change are prepared at once.
-        compiler = planner._server.handler._compiler
+        compiler = planner._server.handler.compiler
         wait_for(lambda: compiler.done >= 4, 'the compilation')  # of maps that change, too
         costmap = Costmap(caller.node)
         robot = Robot(planner, caller, costmap)

@@ -42,15 +42,15 @@ ROOMS = {
 # And each room of the laboratory of its others; all may import the planner.
 RESULTS = {'results', 'datasets', 'runner', 'analysis', 'evaluation', 'bags'}
 LAB_ROOMS = {
-    'bags': set(),
+    'bags': {'templates'},
     'pictures': set(),
     'play': {'pictures', 'datasets'},
-    'results': set(),
+    'results': {'templates'},
     'datasets': set(),
     'analysis': {'results'},
     'runner': {'results', 'datasets', 'analysis'},
     'evaluation': {'results', 'datasets', 'runner', 'bags', 'templates'},
-    'report': RESULTS | {'pictures'},
+    'report': RESULTS | {'pictures', 'templates'},
     'instruct_bench': RESULTS | {'report', 'pictures', 'templates'},
     'nodes': RESULTS | {'report', 'pictures', 'play'},
 }

@@ -21,8 +21,7 @@ from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, r
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import NODES, defaults
+from llm_astar_planner.planning.parameters import NODES, defaults, read_parameter_files
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import WaypointQuery

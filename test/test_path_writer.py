@@ -7,8 +7,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message, yaw_of
-from llm_astar_planner.nodes.planner.publishers import POSE_SECONDS, PathWriter
-from llm_astar_planner.planning.endpoints import cell_of
+from llm_astar_planner.nodes.planner.publishers import POSE_SECONDS, PathWriter, cell_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.any_angle import turning_points

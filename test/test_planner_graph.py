@@ -158,8 +158,9 @@ def world(slow_graph):
 
 def forget(world):
     """Drop the waypoints and the path of an earlier test."""
-    world.planner._server._cache.clear()
-    world.planner._server.monitor.forget()
+    server = world.planner._server
+    server._client.cache.clear()
+    server.monitor.tasks.put(server.monitor.forget)
 
 
 def yaws(path):
@@ -180,7 +181,7 @@ def test_goals_that_are_published_back_to_back_are_taken_in_their_order(world, m
         rows[token] = goal.goals[0].pose.position.y
 
     monkeypatch.setattr(server._goals, 'begin', begun)
-    monkeypatch.setattr(server, '_answer', answer)
+    monkeypatch.setattr(world.planner, 'answer', answer)
     sys.setswitchinterval(1e-6)
     try:
         for _ in range(10):

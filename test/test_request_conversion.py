@@ -117,13 +117,14 @@ def answered(buffer, max_planning_time=LONG, token=None):
     node.get_clock().now().nanoseconds = 10**9 * STAMP.sec + STAMP.nanosec
     newest = PlanningMap(Planner(MAP), 0.0)
     handler = RequestHandler(
-        node,
-        settings,
-        SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
-        RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
+        node=node,
+        settings=settings,
+        maps=SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
+        converter=RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
         compiler=SimpleNamespace(is_ready=True),
         publisher=Mock(wants_expanded=False),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),
+        monitor=Mock(),
     )
     handler.activate()
     goal = PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0))
@@ -499,7 +500,7 @@ class LateAnswerer:
     def __init__(self, goal):
         self.goal = goal
 
-    def answer_goal(self, _, token, on_better):
+    def answer(self, _, token, on_better):
         assert token.stop[0]
         Timer(0.05, setattr, (self.goal, 'is_cancel_requested', True)).start()
         return response(ResultCode.NONE, points=[(1.0, 1.0)])
@@ -509,7 +510,7 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(
     monkeypatch.setattr(goals, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
-    goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal).answer_goal, lambda: True)
+    goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal))
     goal.action.on_cancel(goal)
     goal.action.on_accepted(goal)
     assert goal.ended == 'c'
@@ -519,7 +520,7 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(
 
 def test_goals_of_an_action_beyond_a_limit_are_rejected_until_some_have_ended(monkeypatch):
     monkeypatch.setattr(goals, 'ActionServer', Mock())
-    action = PathAction(Mock(), SimpleNamespace(), 'plan', Mock(), lambda: True)
+    action = PathAction(Mock(), SimpleNamespace(), 'plan', Mock(is_active=True))
     under_way = [SimpleNamespace(goal_id=SimpleNamespace(uuid=[n])) for n in range(goals.CALLERS)]
     for handle in under_way:
         assert action.on_goal(None) is goals.GoalResponse.ACCEPT

@@ -15,34 +15,34 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 41_030, 332
+ALL_LINES, ALL_MODULES = 39_030, 324
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
-    ADAPTER: {'': 124, 'maps': 1_150, 'messages': 570},
+    ADAPTER: {'': 124, 'maps': 1_100, 'messages': 570},
     PLANNER: {
-        '': 500,
+        '': 480,
         'search': 5_370,
-        'costmap': 930,
-        'planning': 4_510,
-        'waypoints': 2_950,
-        'instructions': 8_090,
-        'nodes': 4_200,
+        'costmap': 1_130,
+        'planning': 4_480,
+        'waypoints': 2_760,
+        'instructions': 7_120,
+        'nodes': 4_210,
         'cli': 1_620,
     },
     LAB: {
         '': 20,
-        'bags': 1_050,
-        'evaluation': 730,
-        'datasets': 520,
-        'runner': 850,
+        'bags': 980,
+        'evaluation': 700,
+        'datasets': 570,
+        'runner': 860,
         'results': 650,
-        'analysis': 930,
-        'report': 1_390,
-        'instruct_bench': 1_130,
-        'pictures': 960,
-        'play': 1_020,
-        'commands': 1_290,
-        'nodes': 580,
+        'analysis': 800,
+        'report': 940,
+        'instruct_bench': 1_020,
+        'pictures': 940,
+        'play': 900,
+        'commands': 1_230,
+        'nodes': 530,
     },
 }
 ROOMS = [(package, room) for package, rooms in LIMITS.items() for room in rooms]

@@ -31,7 +31,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 SPACE = '/zones'
 START, GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5)
@@ -163,6 +163,26 @@ def test_a_keepout_zone_across_the_last_path_is_replanned_around_and_expires(gra
     again, report = graph.plan()
     assert again.tolist() == straight.tolist()
     assert report.zones == ()
+
+
+def test_a_one_way_against_the_last_path_is_replanned_around_and_drawn_with_an_arrow(graph):
+    straight, _ = graph.plan()
+    wait_for(lambda: graph.plans, 'the first path')
+    graph.plans.clear()
+    seen = []
+    graph.caller.node.create_subscription(MarkerArray, 'planner_node/zones', seen.append, LATCHED)
+    rule = {'kind': 'one_way', 'heading': 180.0}
+    assert graph.add(zone(id='west', **rule)) == (True, 'added west; 1 in all')
+    wait_for(
+        lambda: graph.plans and not within(path_from_message(graph.plans[-1])), 'the path around'
+    )
+    back, report = graph.plan(GOAL, START)
+    assert report.zones == ('west',)
+    assert len(back) == len(straight)
+    wait_for(
+        lambda: seen and any(one.type == Marker.ARROW for one in seen[-1].markers), 'an arrow'
+    )
+    wait_for(lambda: '"kind": "one_way"' in graph.shown[-1].data, 'the zone')
 
 
 def test_a_cost_is_gone_around_where_that_is_cheaper(graph):

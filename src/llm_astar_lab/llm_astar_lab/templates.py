@@ -7,7 +7,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 
 TEMPLATES = Environment(
     loader=PackageLoader('llm_astar_lab', '.'),
-    autoescape=select_autoescape(),
+    autoescape=select_autoescape(['html.j2']),
     trim_blocks=True,
     lstrip_blocks=True,
 )

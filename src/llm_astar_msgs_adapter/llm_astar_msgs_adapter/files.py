@@ -100,7 +100,11 @@ def read_yaml(path: str | Path, kind: type[LlmAstarError], limit: int = MAX_YAML
 
     Raises an error of this kind.
     """
-    text = read_text(path, kind, limit=limit)
+    return parse_yaml(read_text(path, kind, limit=limit), path, kind)
+
+
+def parse_yaml(text: str, path: str | Path, kind: type[LlmAstarError]) -> Any:  # noqa: ANN401 - any yaml value
+    """Return the value in a yaml text, as `read_yaml` does; messages name `path`."""
     try:
         check_events(yaml.parse(text, YAML_LOADER))
         return yaml.load(text, YAML_LOADER)  # noqa: S506 - a safe loader

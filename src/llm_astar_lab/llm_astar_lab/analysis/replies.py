@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from enum import Enum
 from functools import lru_cache
 
 import numpy as np
@@ -30,56 +29,40 @@ REPLIES, PARSED, WRONG_ENDS = 'replies', 'parsed', 'wrong_start_or_goal'
 # that others made with these prompts and that keep no messages.
 PUBLISHED_PROMPTS = ('few_shot', 'cot', 'repe')
 PUBLISHED_ROUTES: tuple[Route, ...] = (
-    ((5, 5), (26, 9), (25, 23), (20, 20)),
-    ((2, 3), (11, 6), (18, 8)),
-    ((40, 20), (31, 15), (20, 3), (10, 10)),
-    ((4, 4), (16, 16)),
+    ((5, 5), (26, 9), (25, 23), (20, 20)), ((2, 3), (11, 6), (18, 8)),
+    ((40, 20), (31, 15), (20, 3), (10, 10)), ((4, 4), (16, 16)),
     ((25, 25), (21, 7), (10, 6), (4, 4)),
-)
+)  # fmt: skip
 
 
-class ReplyProblem(str, Enum):
-    """What can be wrong with a reply."""
-
-    NO_LIST = 'no_list'  # it holds no list of points
-    EMPTY = 'empty'  # its list is empty
-    CUT = 'cut'  # it ends at the token limit
-    WRONG_START = 'wrong_start'
-    WRONG_GOAL = 'wrong_goal'
-    OFF_MAP = 'off_map'
-    ON_OBSTACLE = 'on_obstacle'
-    CROSSES_BARRIER = 'crosses_barrier'  # between two of its points that are free
-    EXAMPLE_REPEATED = 'example_repeated'  # its route is that of an example in the prompt
-    IN_PROMPT = 'in_prompt'  # an example in the prompt has the start and goal of the sample
+# What can be wrong with a reply: it holds no list of points, the list is empty, it ends at the
+# token limit, ... There is a barrier between two of its points that are free; its route is that of
+# an example in the prompt; an example in the prompt has the start and goal of the sample.
+PROBLEMS = (
+    'no_list', 'empty', 'cut', 'wrong_start', 'wrong_goal', 'off_map', 'on_obstacle',
+    'crosses_barrier', 'example_repeated', 'in_prompt',
+)  # fmt: skip
 
 
 def problems_column(reply: WaypointReply, costmap: Costmap, start: Cell, goal: Cell) -> str:
-    """Return what is wrong with a reply, names joined by `;`; '' where no model has replied."""
+    """Return what is wrong with a reply to a query from `start` to `goal` (cells).
+
+    These are names of PROBLEMS joined by `;`, about the list of points that counts; '' where no
+    model has replied. The end of a reply that was cut is not the goal it would have named.
+    """
     if not reply.text and reply.status is not SourceStatus.MALFORMED:
         return ''
-    found = reply_problems(reply, costmap, start, goal)
-    return ';'.join(problem.value for problem in found) or NOTHING_WRONG
-
-
-def reply_problems(
-    reply: WaypointReply, costmap: Costmap, start: Cell, goal: Cell
-) -> list[ReplyProblem]:
-    """Judge the list of points that counts in a reply to a query from `start` to `goal` (cells).
-
-    The end of a reply that was cut is not the goal it would have named.
-    """
-    points = reply.waypoints
-    is_cut = was_cut(reply)
+    points, is_cut = reply.waypoints, was_cut(reply)
     checks = {
-        ReplyProblem.NO_LIST: reply.status is SourceStatus.MALFORMED,
-        ReplyProblem.EMPTY: reply.status is SourceStatus.NO_WAYPOINTS,
-        ReplyProblem.CUT: is_cut,
-        ReplyProblem.WRONG_START: bool(points) and points[0] != start,
-        ReplyProblem.WRONG_GOAL: bool(points) and not is_cut and points[-1] != goal,
+        'no_list': reply.status is SourceStatus.MALFORMED,
+        'empty': reply.status is SourceStatus.NO_WAYPOINTS,
+        'cut': is_cut,
+        'wrong_start': bool(points) and points[0] != start,
+        'wrong_goal': bool(points) and not is_cut and points[-1] != goal,
         **check_points(points, costmap),
         **check_examples(reply, costmap, start, goal),
     }
-    return [problem for problem in ReplyProblem if checks[problem]]
+    return ';'.join(name for name in PROBLEMS if checks[name]) or NOTHING_WRONG
 
 
 def was_cut(reply: WaypointReply) -> bool:
@@ -93,34 +76,34 @@ def was_cut(reply: WaypointReply) -> bool:
     return opened > closed
 
 
-def check_points(points: Sequence[Waypoint], costmap: Costmap) -> dict[ReplyProblem, bool]:
+def check_points(points: Sequence[Waypoint], costmap: Costmap) -> dict[str, bool]:
     """Check where points are, in cells, and the straight lines between those on free cells."""
-    cells = np.rint(np.array(points, dtype=float).reshape(-1, 2))
+    exact = np.array(points, dtype=float).reshape(-1, 2)
+    cells = np.rint(exact)
     height, width = costmap.blocked.shape
     on_map = ((cells >= 0) & (cells < (width, height))).all(axis=1)
     x, y = np.where(on_map[:, None], cells, 0).astype(int).T
     occupied = on_map & costmap.blocked[y, x]
     free = on_map & ~occupied
     lines = np.flatnonzero(free[:-1] & free[1:])
-    exact = np.array(points, dtype=float).reshape(-1, 2)
     clear = costmap.line_of_sight.clear(exact[lines], exact[lines + 1])
     return {
-        ReplyProblem.OFF_MAP: bool((~on_map).any()),
-        ReplyProblem.ON_OBSTACLE: bool(occupied.any()),
-        ReplyProblem.CROSSES_BARRIER: not clear.all(),
+        'off_map': bool((~on_map).any()),
+        'on_obstacle': bool(occupied.any()),
+        'crosses_barrier': not clear.all(),
     }
 
 
 def check_examples(
     reply: WaypointReply, costmap: Costmap, start: Cell, goal: Cell
-) -> dict[ReplyProblem, bool]:
+) -> dict[str, bool]:
     """Compare a reply and its query with the examples of the prompt, in its coordinates."""
     routes = example_routes(reply.messages, reply.prompt)
     lattice = lattice_of(costmap.grid_map).coarsened(reply.unit)
     ends = lattice.to_lattice(start), lattice.to_lattice(goal)
     return {
-        ReplyProblem.EXAMPLE_REPEATED: parse_reply(reply.text) in routes,
-        ReplyProblem.IN_PROMPT: any((route[0], route[-1]) == ends for route in routes),
+        'example_repeated': parse_reply(reply.text) in routes,
+        'in_prompt': any((route[0], route[-1]) == ends for route in routes),
     }
 
 
@@ -162,18 +145,17 @@ def count_problems(column: str) -> Iterator[str]:
     Besides its problems these are REPLIES, PARSED, WRONG_ENDS for a wrong start or goal, and
     NOTHING_WRONG. That a sample stands in the prompt is no fault of the reply.
     """
-    names = set(column.split(';')) - {NOTHING_WRONG}
-    yield REPLIES
-    yield from names
-    if ReplyProblem.NO_LIST.value not in names:
+    names = [name for name in column.split(';') if name != NOTHING_WRONG]
+    yield from (REPLIES, *names)
+    if 'no_list' not in names:
         yield PARSED
-    if names & {ReplyProblem.WRONG_START.value, ReplyProblem.WRONG_GOAL.value}:
+    if 'wrong_start' in names or 'wrong_goal' in names:
         yield WRONG_ENDS
-    if not names - {ReplyProblem.IN_PROMPT.value}:
+    if set(names) <= {'in_prompt'}:
         yield NOTHING_WRONG
 
 
 def reply_shares(counts: Mapping[str, int]) -> dict[str, Interval]:
     """Return the shares of all replies by the names of `count_problems`, with Wilson intervals."""
-    names = (PARSED, *(problem.value for problem in ReplyProblem), WRONG_ENDS, NOTHING_WRONG)
+    names = (PARSED, *PROBLEMS, WRONG_ENDS, NOTHING_WRONG)
     return {name: wilson_interval(counts.get(name, 0), counts[REPLIES]) for name in names}

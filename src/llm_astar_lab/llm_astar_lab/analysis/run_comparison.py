@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """Compares results folders of one dataset: ratios with intervals, and the samples that changed."""
-# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
@@ -18,11 +17,10 @@ from numpy.typing import NDArray
 
 from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.statistics import LENGTH_TOLERANCE, Estimate, Floats, Interval
-from llm_astar_lab.analysis.summary import RATIO, report_order
 from llm_astar_lab.analysis.thresholds import variants_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Variant
-from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
+from llm_astar_lab.results.stored_rows import StoredRows
 
 # The columns of a row that are compared; of each, less is better.
 METRICS = ('operation', 'storage', 'length', 'seconds_search')
@@ -34,14 +32,6 @@ LEVEL = 0.05
 SMALL = 0.02
 # Parameters of a run that do not change its rows.
 IRRELEVANT = ('jobs', 'price')
-# Queries of a variant: its samples, and those that are in the run of another schema too.
-SAMPLES = f'SELECT map FROM rows WHERE {OF_VARIANT}'
-PAIRED = f"""
-    SELECT map, pair, scale,
-        {', '.join(f'a.{n} AS {n}_0, b.{n} AS {n}_1' for n in ('code', *METRICS))},
-        {', '.join(f'{RATIO.format(f"b.{n}", f"a.{n}")} AS {n}' for n in METRICS)}
-    FROM (FROM rows WHERE {OF_VARIANT}) a JOIN (FROM {{}}.rows WHERE {OF_VARIANT}) b
-    USING (map, pair, scale) ORDER BY map, pair, scale"""
 
 
 class Run(NamedTuple):
@@ -151,106 +141,65 @@ class RunComparison:
     samples: Sequence[SampleChange]
 
 
-@dataclass(frozen=True)
 class PairedRows:
     """The rows of one variant on the samples that two runs share, in the order of the samples.
 
-    Columns `*_0` are of the first run, `*_1` of the second. `only_first` and `only_second` count
-    the samples that only one run has.
+    Columns `*_0` are of the first run, `*_1` of the second, and those of METRICS the ratios.
     """
 
-    variant: Variant
-    columns: Mapping[str, NDArray[Any]]
-    only_first: int = 0
-    only_second: int = 0
-
-    @classmethod
-    def of(cls, first: StoredRows, second: StoredRows, variant: Variant) -> PairedRows:
-        """Pair the rows of two runs, which are in one database."""
-        columns = first.arrays(PAIRED.format(second.schema), *variant, *variant)
-        samples = (len(rows.arrays(SAMPLES, *variant)['map']) for rows in (first, second))
-        return cls(variant, columns, *(count - len(columns['map']) for count in samples))
-
-    @property
-    def found(self) -> list[NDArray[np.bool_]]:
-        """Which samples have a valid path in the first run, and in the second."""
-        return [self.columns[f'code_{run}'] == 'NONE' for run in (0, 1)]
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-        return len(self.columns['map'])
-
-    @property
-    def groups(self) -> NDArray[np.int64]:
-        """The map of each sample, or on a single map its pair, to draw the bootstrap from."""
-        maps = self.columns['map']
-        return maps if len(np.unique(maps)) > 1 else self.columns['pair']
+    def __init__(self, variant: Variant, columns: Mapping[str, NDArray[Any]]) -> None:
+        """Take the columns; a map's samples, or on a single map each pair, are a group."""
+        self.variant, self.columns, self.maps = variant, columns, columns['map']
+        self.groups = self.maps if len(np.unique(self.maps)) > 1 else columns['pair']
+        self.first, self.second = (columns[f'code_{run}'] == 'NONE' for run in (0, 1))
 
     def ratios(self, metric: str) -> Floats:
         """Return second / first of a metric; NaN where either found no path or has none."""
-        return np.where(self.found[0] & self.found[1], self.columns[metric], np.nan)
+        return np.where(self.first & self.second, self.columns[metric], np.nan)
 
-    def change(self) -> VariantChange:
+    def change(self, only_first: int = 0, only_second: int = 0) -> VariantChange:
         """Return how the variant differs, with 95 % intervals of Student's t over maps."""
-        first, second = self.found
+        first, second = self.first, self.second
         valid = stats.estimate(second.astype(float) - first, self.groups)
-        return VariantChange(
-            self.variant,
-            len(self),
-            len(np.unique(self.columns['map'])),
-            self.only_first,
-            self.only_second,
-            valid.interval(),
-            int((first & ~second).sum()),
-            int((second & ~first).sum()),
-            {metric: self.metric_change(metric) for metric in METRICS},
-            self.lost_p(valid),
-        )
-
-    def lost_p(self, valid: Estimate) -> float:
-        """Return the p-value of no fewer valid paths, NaN where none was lost.
-
-        Of k maps with a change all have lost paths by chance with a probability of 1 / 2^k,
-        which Student's t does not know of.
-        """
-        first, second = self.found
-        if not (first & ~second).any():
-            return math.nan
+        lost, gained = int((first & ~second).sum()), int((second & ~first).sum())
+        # Of k maps with a change all have lost paths by chance with a probability of 1 / 2^k,
+        # which Student's t does not know of.
         changed = len(np.unique(self.groups[first != second]))
-        return max(Estimate(-valid.value, *valid[1:]).p_above(0.0), 0.5**changed)
+        p_fewer = max(Estimate(-valid.value, *valid[1:]).p_above(0.0), 0.5**changed)
+        return VariantChange(
+            self.variant, len(self.maps), len(np.unique(self.maps)), only_first, only_second,
+            valid.interval(), lost, gained,
+            {metric: self.metric_change(metric) for metric in METRICS},
+            p_fewer if lost else math.nan,
+        )  # fmt: skip
 
     def metric_change(self, metric: str) -> MetricChange:
         """Return the change of one metric."""
         ratios, groups = stats.known(self.ratios(metric), self.groups)
         found = stats.estimate(np.log(ratios), groups)
         p5, p95 = np.percentile(ratios, (5, 95)) if len(ratios) else (np.nan, np.nan)
-        less, more = ratios < 1.0 - LENGTH_TOLERANCE, ratios > 1.0 + LENGTH_TOLERANCE
+        less = int((ratios < 1.0 - LENGTH_TOLERANCE).sum())
+        more = int((ratios > 1.0 + LENGTH_TOLERANCE).sum())
         return MetricChange(
-            len(ratios),
-            Interval(*map(float, np.exp(found.interval()))),
-            int(less.sum()),
-            int((~less & ~more).sum()),
-            int(more.sum()),
-            float(p5),
-            float(p95),
-            *found[1:],
-        )
+            len(ratios), Interval(*map(float, np.exp(found.interval()))),
+            less, len(ratios) - less - more, more, float(p5), float(p95), *found[1:],
+        )  # fmt: skip
 
     def sample_changes(self, metric: str) -> Iterator[SampleChange]:
         """Yield the samples that changed most, at most MAX_SAMPLES, the largest changes first."""
         logs = [np.abs(np.log(self.ratios(name))) for name in {metric, 'length'}]
-        sizes = np.fmax.reduce([*logs, np.zeros(len(self))])
+        sizes = np.fmax.reduce([*logs, np.zeros(len(self.maps))])
         sizes[self.columns['code_0'] != self.columns['code_1']] = np.inf
         order = np.argsort(-sizes, kind='stable')[:MAX_SAMPLES]
-        places = order[sizes[order] > LENGTH_TOLERANCE]
-        found = {name: column[places].tolist() for name, column in self.columns.items()}
-        for at, size in enumerate(sizes[places].tolist()):
-            codes, values, lengths = (
-                (found[f'{name}_0'][at], found[f'{name}_1'][at])
-                for name in ('code', metric, 'length')
+        for at in order[sizes[order] > LENGTH_TOLERANCE].tolist():
+            found = {name: column[at] for name, column in self.columns.items()}
+            place = int(found['map']), int(found['pair']), int(found['scale'])
+            codes = found['code_0'], found['code_1']
+            values, lengths = (
+                (float(found[f'{name}_0']), float(found[f'{name}_1']))
+                for name in (metric, 'length')
             )
-            place = found['map'][at], found['pair'][at], found['scale'][at]
-            yield SampleChange(self.variant, *place, codes, values, lengths, size)
+            yield SampleChange(self.variant, *place, codes, values, lengths, float(sizes[at]))
 
 
 def load_run(path: str, base: Run | None = None) -> Run:
@@ -273,28 +222,27 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
     """
     check_datasets(base, other)
     of_base = base.rows.variants()
-    every = sorted({*of_base, *other.rows.variants()}, key=report_order)
-    chosen = chosen_variants(every, name)
+    every = sorted({*of_base, *other.rows.variants()}, key=lambda variant: variant.report_order)
     changes: list[VariantChange] = []
     samples: list[SampleChange] = []
-    for variant in chosen:
-        paired = PairedRows.of(base.rows, other.rows, variant)
-        if len(paired):
-            changes.append(paired.change())
-            samples += paired.sample_changes(metric)
+    unpaired = []
+    for variant in chosen_variants(every, name):
+        columns = base.rows.arrays('paired', *variant, *variant, schema=other.rows.schema)
+        paired, count = PairedRows(variant, columns), len(columns['map'])
+        if not count:
+            unpaired.append(variant)
+            continue
+        lone = (len(run.rows.arrays('samples', *variant)['map']) - count for run in (base, other))
+        changes.append(paired.change(*lone))
+        samples += paired.sample_changes(metric)
     if not changes:
         message = f'{base.path} and {other.path} share no sample of {name or "any variant"}'
         raise ResultsError(message)
-    compared = {change.variant for change in changes}
-    unpaired = [variant for variant in chosen if variant not in compared]
     return RunComparison(
-        other.path,
-        list(differences(base.metadata, other.metadata)),
-        changes,
-        unpaired,
+        other.path, list(differences(base.metadata, other.metadata)), changes, unpaired,
         [variant for variant in of_base if variant in unpaired],
         sorted(samples, key=lambda sample: -sample.size),
-    )
+    )  # fmt: skip
 
 
 def judge(

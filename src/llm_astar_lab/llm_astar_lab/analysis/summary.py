@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """Summarises rows: metrics of every variant, paired comparisons, and growth with the scale."""
-# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
@@ -10,6 +9,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -19,59 +19,18 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_lab.analysis import statistics as stats
 from llm_astar_lab.analysis.replies import count_problems
 from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio, Spread, spread
-from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
-from llm_astar_lab.results.stored_rows import ANSWERED, FAILED, OF_VARIANT, StoredRows
+from llm_astar_lab.results.row import PAPER_ASTAR, Row, Variant
+from llm_astar_lab.results.stored_rows import StoredRows
 
 Arrays = Mapping[str, NDArray[Any]]
 SampleId = tuple[int, int]
+Price = Sequence[float]
 # Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.
 EXACT_ASTAR = Variant('exact_astar')
-# The order of a report: methods as in the paper, and models before the baseline sources.
-METHOD_ORDER = (
-    'astar', 'exact_astar', 'weighted_astar', 'dynamic_weighted_astar', WAYPOINTS_ONLY,
-    'llm_astar', 'guided',
-)  # fmt: skip
-BASELINE_SOURCES = ('none', 'coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 # The columns whose growth over the scales of the map is measured.
 GROWING_COLUMNS = ('operation', 'storage')
 # The columns that are compared with A*.
 COMPARED = ('operation', 'storage', 'length')
-FAMILIES = 'SELECT family FROM rows GROUP BY family ORDER BY min(rowid)'
-# The ratio of two columns where both are above 0.
-RATIO = "CASE WHEN {0} > 0 AND {1} > 0 THEN {0} / {1} ELSE 'nan'::DOUBLE END"
-# Queries of a variant: its numbers at scale 1, the samples that another variant solved too, its
-# texts, how often its source failed, and what it solved at any scale with the number of scales
-# that it solved the sample at.
-OWN_NUMBERS = f"""
-    SELECT map, family, code = 'NONE' AS found, {ANSWERED} AS answered, seconds_source,
-        seconds_search, seconds_round_trip, prompt_tokens, completion_tokens, ratio, clearance,
-        turns, unknown_length, recorded_length, {RATIO.format('length', 'recorded_length')}
-        AS recorded, instruction_satisfied, recorded_instruction_satisfied, seconds_reply,
-        CASE waypoints WHEN '' THEN 0
-        ELSE 1 + length(waypoints) - length(replace(waypoints, ';', '')) END AS waypoints
-    FROM rows WHERE scale = 1 AND {OF_VARIANT}"""
-SOLVED = f"(FROM rows WHERE code = 'NONE' AND {OF_VARIANT})"
-SOLVED_PAIRS = f"""
-    SELECT map, a.family, a.length AS own_length, b.length AS base_length,
-        a.{FAILED} AS failed,
-        {', '.join(f'{RATIO.format(f"a.{name}", f"b.{name}")} AS {name}' for name in COMPARED)}
-    FROM {SOLVED} a JOIN {SOLVED} b USING (map, pair, scale) WHERE scale = 1 ORDER BY map, pair"""
-TEXTS = f"""
-    SELECT {{0}}, count(*) AS times FROM rows WHERE scale = 1 AND {{0}} <> '' AND {OF_VARIANT}
-    GROUP BY {{0}} ORDER BY min(rowid)"""
-FAILURES = f"""
-    SELECT source_status, count(*) AS times FROM rows WHERE scale = 1 AND {FAILED} AND {OF_VARIANT}
-    GROUP BY source_status ORDER BY times DESC, source_status"""
-SOLVED_AT_SCALES = f"""
-    SELECT scale, {', '.join(GROWING_COLUMNS)}, count(*) OVER (PARTITION BY map, pair) AS times
-    FROM {SOLVED} WHERE operation > 0 AND NOT isnan(operation) ORDER BY scale, map, pair"""
-# An empty path has a problem but no length.
-RECORDED = """
-    SELECT count(*) AS requests, count(*) FILTER (plan) AS plans,
-        count(*) FILTER (plan AND wrong) AS broken, count(*) FILTER (wrong AND NOT plan) AS empty
-    FROM (SELECT last(isfinite(recorded_length) AND recorded_length >= 0 ORDER BY rowid) AS plan,
-        last(recorded_problem <> '' ORDER BY rowid) AS wrong
-        FROM rows WHERE bag <> '' GROUP BY map, pair)"""
 
 
 @dataclass(frozen=True)
@@ -184,18 +143,6 @@ class Growth:
     slope: float
 
 
-@dataclass(frozen=True)
-class Price:
-    """The price of a million tokens, in any currency."""
-
-    prompt: float
-    completion: float
-
-    def of(self, prompt_tokens: int, completion_tokens: int) -> float:
-        """Return what tokens cost."""
-        return (prompt_tokens * self.prompt + completion_tokens * self.completion) / 1e6
-
-
 class RunSummary(NamedTuple):
     """What the rows of a run show, with its metadata: all that a report's tables are made of.
 
@@ -222,9 +169,9 @@ def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[Sample
 def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any]) -> RunSummary:
     """Summarise a run by the seed and the price in its metadata."""
     stored, parameters = StoredRows.of(rows), metadata['parameters']
-    seed, price = int(parameters.get('seed', 0)), parameters.get('price')
-    variants = summarise(stored, seed, None if price is None else Price(*price))
-    recorded = {name: int(count[0]) for name, count in stored.arrays(RECORDED).items()}
+    seed = int(parameters.get('seed', 0))
+    variants = summarise(stored, seed, parameters.get('price'))
+    recorded = {name: int(count[0]) for name, count in stored.arrays('recorded').items()}
     return RunSummary(
         variants, compare_with_none(stored, seed), growth(stored), metadata, recorded
     )
@@ -233,12 +180,15 @@ def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any])
 def summarise(
     rows: Iterable[Row] | StoredRows, seed: int = 0, price: Price | None = None
 ) -> list[VariantSummary]:
-    """Summarise every variant at scale 1, in the order of the report's table."""
+    """Summarise every variant at scale 1, in the order of the report's table.
+
+    `price` is that of a million tokens of prompts and of replies, in any currency.
+    """
     stored = StoredRows.of(rows)
-    families = stored.arrays(FAMILIES)['family'].tolist()
+    families = stored.arrays('families')['family'].tolist()
     return [
         summarise_variant(stored, variant, families, seed, price)
-        for variant in sorted(stored.variants('scale = 1'), key=report_order)
+        for variant in sorted(stored.variants('scale = 1'), key=attrgetter('report_order'))
     ]
 
 
@@ -249,10 +199,13 @@ def summarise_variant(
 
     `names` are the families of the run's maps.
     """
-    rows = stored.arrays(OWN_NUMBERS, *variant)
-    pairs, exact = (solved_pairs(stored, variant, base) for base in (PAPER_ASTAR, EXACT_ASTAR))
+    rows = stored.arrays('own_numbers', *variant)
+    bases = PAPER_ASTAR, EXACT_ASTAR
+    pairs, exact = (stored.arrays('solved_pairs', *variant, *base) for base in bases)
     found, maps = rows['found'], rows['map']
+    is_optimal = stats.is_optimal(pairs['own_length'], pairs['base_length'])
     families, family_means = by_family(names, rows, pairs, seed)
+    both = found & (rows['recorded_length'] > 0)
     # A map without obstacles has an infinite clearance.
     clearances = rows['clearance'][found & np.isfinite(rows['clearance'])]
     tokens = int(rows['prompt_tokens'].sum()), int(rows['completion_tokens'].sum())
@@ -264,18 +217,16 @@ def summarise_variant(
         maps=len(np.unique(maps)),
         valid=stats.mean_interval(found, maps, seed),
         **{name: stats.ratio_of(pairs[name], pairs['map'], seed) for name in COMPARED},
-        optimal=optimal_share(pairs, seed),
+        optimal=stats.mean_interval(is_optimal, pairs['map'], seed),
         seconds_source=spread(rows['seconds_source']),
         seconds_search=spread(rows['seconds_search']),
         waypoints=int(rows['waypoints'].sum()) / len(found),
         verdicts={name: count / verdicts.total() for name, count in verdicts.most_common()},
         prompt_tokens=tokens[0],
         completion_tokens=tokens[1],
-        cost=None if price is None else price.of(*tokens),
+        cost=None if price is None else (tokens[0] * price[0] + tokens[1] * price[1]) / 1e6,
         seconds_round_trip=spread(round_trips[round_trips >= 0]),
-        operation_exact=stats.ratio_of(exact['operation'], exact['map'], seed)
-        if len(exact['map'])
-        else None,
+        operation_exact=ratio_if_any(exact['operation'], exact['map'], seed),
         proven=spread(bounds[bounds >= 1.0]),
         unanswered=int(np.count_nonzero(~rows['answered'])),
         failures=failures_of(stored, variant),
@@ -283,7 +234,7 @@ def summarise_variant(
         least_clearance=float(clearances.min()) if len(clearances) else math.nan,
         turns=spread(rows['turns'][found]),
         unknown_length=spread(rows['unknown_length'][found]),
-        recorded=recorded_ratio(rows, seed),
+        recorded=ratio_if_any(rows['recorded'][both], maps[both], seed),
         instruction=satisfied_share(rows, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
         families=families,
@@ -293,21 +244,13 @@ def summarise_variant(
     )
 
 
-def solved_pairs(stored: StoredRows, variant: Variant, base: Variant) -> Arrays:
-    """Return the ratios of COMPARED on the samples that two variants solved at scale 1.
-
-    Where one of the numbers is not above 0 they are NaN. There are the lengths of both, too.
-    """
-    return stored.arrays(SOLVED_PAIRS, *variant, *base)
-
-
 def count_texts(
     stored: StoredRows, variant: Variant, column: str, split: Callable[[str], Iterable[str]]
 ) -> Counter[str]:
     """Count what the texts of a variant at scale 1 are split into, but for empty texts."""
-    found = stored.arrays(TEXTS.format(column), *variant)
+    found = stored.arrays('texts', *variant, column=column)
     counts: Counter[str] = Counter()
-    for text, times in zip(found[column], found['times'].tolist()):
+    for text, times in zip(found['text'], found['times'].tolist()):
         for part in split(text):
             counts[part] += times
     return counts
@@ -315,20 +258,13 @@ def count_texts(
 
 def failures_of(stored: StoredRows, variant: Variant) -> dict[str, int]:
     """Return how often the source of a variant failed at scale 1, by status, the most first."""
-    found = stored.arrays(FAILURES, *variant)
+    found = stored.arrays('failures', *variant)
     return dict(zip(found['source_status'].tolist(), found['times'].tolist()))
 
 
-def optimal_share(pairs: Arrays, seed: int) -> Interval:
-    """Return the share of pairs of rows whose first path is no longer than the second."""
-    is_optimal = stats.is_optimal(pairs['own_length'], pairs['base_length'])
-    return stats.mean_interval(is_optimal, pairs['map'], seed)
-
-
-def recorded_ratio(rows: Arrays, seed: int) -> Ratio | None:
-    """Return the lengths over those of the paths in the bags; None where there is none."""
-    both = rows['found'] & (rows['recorded_length'] > 0)
-    return stats.ratio_of(rows['recorded'][both], rows['map'][both], seed) if both.any() else None
+def ratio_if_any(ratios: ArrayLike, maps: NDArray[Any], seed: int) -> Ratio | None:
+    """Return the ratio of two variants; None where they share no sample."""
+    return stats.ratio_of(ratios, maps, seed) if len(maps) else None
 
 
 def satisfied_share(rows: Arrays, column: str, seed: int) -> Interval:
@@ -350,13 +286,10 @@ def by_family(
             continue
         maps, both = rows['map'][own], pairs['map'][solved]
         ratios[name] = stats.known(pairs['operation'][solved], both)
-        summaries[name] = FamilySummary(
-            len(maps),
-            len(np.unique(maps)),
-            stats.mean_interval(rows['found'][own], maps, seed),
-            stats.ratio_interval(*ratios[name], seed),
-            stats.ratio_interval(pairs['length'][solved], both, seed),
-        )
+        valid = stats.mean_interval(rows['found'][own], maps, seed)
+        work = stats.ratio_interval(*ratios[name], seed)
+        length = stats.ratio_interval(pairs['length'][solved], both, seed)
+        summaries[name] = FamilySummary(len(maps), len(np.unique(maps)), valid, work, length)
     seeds = {name: (seed, names.index(name)) for name in ratios}
     return summaries, family_means(summaries, ratios, seeds)
 
@@ -392,23 +325,22 @@ def family_means(
 def compare_with_none(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[PairedComparison]:
     """Compare every variant that had waypoints with its method without any, at scale 1."""
     stored = StoredRows.of(rows)
-    variants, comparisons = stored.variants('scale = 1'), []
-    for variant in sorted(variants, key=report_order):
-        none = Variant(variant.method)
-        if variant.source == 'none' or none not in variants:
-            continue
-        comparisons.append(compared(stored, variant, none, seed))
-    return comparisons
+    variants = sorted(stored.variants('scale = 1'), key=attrgetter('report_order'))
+    return [
+        compared(stored, variant, none, seed)
+        for variant in variants
+        if variant.source != 'none' and (none := Variant(variant.method)) in variants
+    ]
 
 
 def compared(stored: StoredRows, variant: Variant, none: Variant, seed: int) -> PairedComparison:
     """Compare a variant with its method without waypoints, with and without its failures."""
-    pairs = solved_pairs(stored, variant, none)
+    pairs = stored.arrays('solved_pairs', *variant, *none)
     _, maps = stats.known(pairs['operation'], pairs['map'])
     answered = np.where(pairs['failed'], np.nan, pairs['operation'])
     every = (pairs['operation'], pairs['length'], answered)
     work, length, without = (stats.ratio_interval(own, pairs['map'], seed) for own in every)
-    asked = len(stored.arrays(OWN_NUMBERS, *variant)['map'])
+    asked = len(stored.arrays('own_numbers', *variant)['map'])
     return PairedComparison(
         variant, len(maps), len(np.unique(maps)), work, length, asked,
         failures_of(stored, variant), (without, int((~np.isnan(answered)).sum())),
@@ -423,7 +355,7 @@ def growth(rows: Iterable[Row] | StoredRows) -> list[Growth]:
     """
     stored, found = StoredRows.of(rows), []
     for variant in stored.variants():
-        solved = stored.arrays(SOLVED_AT_SCALES, *variant)
+        solved = stored.arrays('solved_at_scales', *variant)
         scales = np.unique(solved['scale'])
         if len(scales) < 2 or 1 not in scales:
             continue
@@ -454,21 +386,3 @@ def log_log_slope(scales: ArrayLike, growth: ArrayLike) -> float:
     if len(np.unique(xs)) < 2:
         return float('nan')
     return float(np.polyfit(np.log(xs), np.log(ys), 1)[0])
-
-
-def is_baseline(variant: Variant) -> bool:
-    """Whether a variant's waypoints come from no model."""
-    return variant.source in BASELINE_SOURCES
-
-
-def is_learned(variant: Variant) -> bool:
-    """Whether a variant's waypoints come from the embedded model: learned, but not an LLM."""
-    return variant.source.startswith('embedded')
-
-
-def report_order(variant: Variant) -> tuple[int, str, bool, int, str]:
-    """Return the sort key of the report: methods as in the paper, models before baselines."""
-    known = variant.method in METHOD_ORDER
-    method = METHOD_ORDER.index(variant.method) if known else len(METHOD_ORDER)
-    source = BASELINE_SOURCES.index(variant.source) if is_baseline(variant) else -1
-    return method, variant.method, is_baseline(variant), source, str(variant)

@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from llm_astar_msgs_adapter.errors import nearest_name
@@ -67,13 +65,10 @@ def variants_of(name: str, known: Collection[str]) -> list[str]:
 def unknown_variant(thresholds: Sequence[Threshold], variants: Iterable[Variant]) -> str | None:
     """Say which threshold is about no variant of a run, before it starts, or return None."""
     known = [str(variant) for variant in variants]
-    for threshold in thresholds:
-        if not variants_of(threshold.variant, known):
-            near = nearest_name(threshold.variant, known)
-            return (
-                f'--fail-under {threshold.variant}: this run has no such variant{near or ";"} '
-                f'it has {", ".join(known)}'
-            )
+    for name, *_ in thresholds:
+        if not variants_of(name, known):
+            which = f'this run has no such variant{nearest_name(name, known) or ";"}'
+            return f'--fail-under {name}: {which} it has {", ".join(known)}'
     return None
 
 
@@ -89,8 +84,7 @@ def missed_thresholds(
         held = [summary for summary in summaries if str(summary.variant) in names]
         if not threshold.variant:
             held = [item for item in held if not math.isnan(metric_value(item, threshold.metric))]
-            if not held:
-                lines.append(unknown_metric(threshold))
+            lines += [] if held else [unknown_metric(threshold)]
         elif not names:
             lines.append(f'{threshold.variant}: was not run; available are {", ".join(known)}')
         problems = ((summary.variant, threshold_problem(summary, threshold)) for summary in held)
@@ -100,11 +94,9 @@ def missed_thresholds(
 
 def metric_value(summary: VariantSummary, metric: str) -> float:
     """Return a metric of a variant in percent, NaN where it is unknown."""
-    found = getattr(summary, metric)
-    if isinstance(found, Ratio):
-        found = found.mean
-    value = found.value if isinstance(found, Interval) else found
-    return math.nan if value is None else 100.0 * float(value)
+    found: Ratio | Interval | None = getattr(summary, metric)
+    interval = found.mean if isinstance(found, Ratio) else found
+    return math.nan if interval is None else 100.0 * interval.value
 
 
 def unknown_metric(threshold: Threshold) -> str:
@@ -118,13 +110,12 @@ def threshold_problem(summary: VariantSummary, threshold: Threshold) -> str | No
     value = metric_value(summary, metric)
     if math.isnan(value):
         return unknown_metric(threshold)
-    if metric in RATIOS:
-        return None if value <= limit else f'{metric} {value:.2f} % is above {limit:g}'
-    return None if value >= limit else f'{metric} {value:.2f} % is below {limit:g}'
+    is_met = value <= limit if metric in RATIOS else value >= limit
+    where = 'above' if metric in RATIOS else 'below'
+    return None if is_met else f'{metric} {value:.2f} % is {where} {limit:g}'
 
 
-@dataclass(frozen=True)
-class Agreement:
+class Agreement(NamedTuple):
     """How many rows of a variant have the reference length.
 
     `first` describes the first row that has not; it is empty where all agree.
@@ -168,22 +159,16 @@ def compare_with_reference(
     `astar` is exact only with an admissible heuristic.
     """
     exact = {EXACT, 'astar'} if heuristic in ADMISSIBLE else {EXACT}
-    compared: Counter[Variant] = Counter()
-    agreeing: Counter[Variant] = Counter()
-    firsts: dict[Variant, str] = {}
+    found: dict[Variant, Agreement] = {}
     for row in rows:
         reference = lengths.get((row.map, row.pair))
         if row.method not in exact or row.scale != 1 or reference is None:
             continue
-        compared[row.variant] += 1
-        if row.found and agrees(row.length, reference):
-            agreeing[row.variant] += 1
-        elif row.variant not in firsts:
-            firsts[row.variant] = describe(row, reference)
-    return [
-        Agreement(variant, count, agreeing[variant], firsts.get(variant, ''))
-        for variant, count in compared.items()
-    ]
+        variant, count, agreeing, first = found.get(row.variant, Agreement(row.variant, 0, 0))
+        is_equal = row.found and agrees(row.length, reference)
+        first = first or ('' if is_equal else describe(row, reference))
+        found[row.variant] = Agreement(variant, count + 1, agreeing + is_equal, first)
+    return list(found.values())
 
 
 def describe(row: Row, reference: float) -> str:

@@ -11,7 +11,7 @@ clock jumped, and that file is read in the order of recording. Memory does not g
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -61,13 +61,12 @@ class Problems:
             self.left_out.append(sentence)
 
     @contextmanager
-    def catch(self, *errors: type[Exception], path: Path | None = None) -> Iterator[None]:
-        """Leave out what raises one of these errors in the block; `path` goes in front."""
+    def catch(self, path: str | Path, *errors: type[Exception]) -> Iterator[None]:
+        """Leave out what raises one of these errors in the block; they name the path."""
         try:
             yield
         except errors as error:
-            named = path is None or str(path) in str(error)
-            self.leave_out(str(error) if named else f'{path}: {error}')
+            self.leave_out(str(error) if str(path) in str(error) else f'{path}: {error}')
 
     def lines(self) -> list[str]:
         """Return every sentence on what was left out, and the number of those not kept."""
@@ -93,6 +92,16 @@ class RecordedTopic:
     count: int = 0
     first: int = 2**64
     last: int = -(2**63)
+    # Where the clock first jumps back within a file.
+    jump: str = ''
+
+    def add(self, time: int) -> None:
+        """Count a message."""
+        self.count += 1
+        back = self.last - time
+        if back > JUMP and not self.jump:
+            self.jump = f'the clock jumps back by {back / 1e9:.3f} s at message {self.count}'
+        self.first, self.last = min(self.first, time), max(self.last, time)
 
 
 class Bag(AbstractContextManager['Bag']):
@@ -111,7 +120,7 @@ class Bag(AbstractContextManager['Bag']):
         with ExitStack() as stack:
             folder = Path(stack.enter_context(TemporaryDirectory(prefix='llm-astar-bag-')))
             for found in storage_files(self.path, self.problems):
-                with self.problems.catch(BagError, OSError, zstandard.ZstdError, path=found):
+                with self.problems.catch(found, BagError, OSError, zstandard.ZstdError):
                     file = unpack(found, folder, self.problems)
                     make: type[Storage] = McapFile if file.suffix == '.mcap' else SqliteFile
                     self._count(stack.enter_context(closing(make(file))))
@@ -161,13 +170,17 @@ class Bag(AbstractContextManager['Bag']):
 
     def _count(self, storage: Storage) -> None:
         """Add a storage file and count its messages."""
-        counts, jump = count_messages(storage)
-        if jump:
+        counts: defaultdict[int, RecordedTopic] = defaultdict(RecordedTopic)
+        for number, time in storage.stamps():
+            counts[number].add(time)
+        found = [(counts[number].jump, item) for number, item in storage.channels.items()]
+        jumps = [f'{jump} of {channel.topic}' for jump, channel in found if jump]
+        for jump in jumps[:1]:
             what = f'{jump}; the file is read in the order of recording'
             self.problems.note(f'{storage.path}: {what}')
-        self._files.append((storage, jump is not None))
+        self._files.append((storage, bool(jumps)))
         for number, channel in storage.channels.items():
-            self._add(channel, counts.get(number, RecordedTopic()))
+            self._add(channel, counts[number])
             self._decoder.learn(channel)
         if storage.damage:
             self.problems.leave_out(storage.damage)
@@ -183,10 +196,8 @@ class Bag(AbstractContextManager['Bag']):
             known.first, known.last = min(known.first, found.first), max(known.last, found.last)
         if channel.encoding not in ('cdr', ''):
             self._unreadable.add(channel.topic)
-            self.problems.note(
-                f'{self.path}: {channel.topic} is written as {channel.encoding!r}, not as ROS 2 '
-                'messages are (cdr)'
-            )
+            how = f'{channel.topic} is written as {channel.encoding!r}'
+            self.problems.note(f'{self.path}: {how}, not as ROS 2 messages are (cdr)')
 
     def _note_unknown_types(self) -> None:
         if unknown := [
@@ -194,10 +205,8 @@ class Bag(AbstractContextManager['Bag']):
             for name, topic in self.topics.items()
             if name not in self._unreadable and not self._decoder.knows(topic.msgtype)
         ]:
-            self.problems.note(
-                f'{self.path}: of types that are unknown here and that the bag does not define, '
-                f'so not readable: {", ".join(unknown)}'
-            )
+            why = 'of types that are unknown here and that the bag does not define'
+            self.problems.note(f'{self.path}: {why}, so not readable: {", ".join(unknown)}')
 
 
 @contextmanager
@@ -207,38 +216,18 @@ def open_bags(paths: Sequence[str | Path]) -> Iterator[tuple[list[Bag], Problems
     bags = []
     with ExitStack() as stack:
         for path in paths:
-            with problems.catch(BagError, OSError):
+            with problems.catch(path, BagError, OSError):
                 bags.append(stack.enter_context(Bag(path)))
         yield bags, problems
-
-
-def count_messages(storage: Storage) -> tuple[dict[int, RecordedTopic], str | None]:
-    """Count a file's messages by channel; the sentence says where the clock first jumps back."""
-    found: dict[int, RecordedTopic] = {}
-    latest: dict[int, int] = {}
-    jumps: dict[int, tuple[int, int]] = {}
-    for channel, time in storage.stamps():
-        topic = found.setdefault(channel, RecordedTopic())
-        topic.count += 1
-        topic.first, topic.last = min(topic.first, time), max(topic.last, time)
-        back = latest.get(channel, time) - time
-        if back > JUMP:
-            jumps.setdefault(channel, (back, topic.count))
-        latest[channel] = time
-    for channel, (back, count) in jumps.items():
-        if channel in storage.channels:
-            where = f'message {count} of {storage.channels[channel].topic}'
-            return found, f'the clock jumps back by {back / 1e9:.3f} s at {where}'
-    return found, None
 
 
 def storage_files(path: Path, problems: Problems) -> list[Path]:
     """Return the storage files of a bag in their order. Raises BagError."""
     if not path.exists():
         raise BagError(f'{path}: there is no such bag')
+    if is_storage(path):
+        return [path]
     if path.is_file():
-        if is_storage(path):
-            return [path]
         known = ', '.join(FORMATS)
         raise BagError(f'{path}: a bag is a folder, or a file ending in one of {known}')
     held = sorted(filter(is_storage, path.iterdir()), key=natural_order)
@@ -258,8 +247,8 @@ def storage_files(path: Path, problems: Problems) -> list[Path]:
             problems.leave_out(f'{path / name}: is missing, though {METADATA} names it')
     later = [file for file in held if continues(file, path / named[-1])]
     for file in later:
-        problems.note(f'{file}: is read, though {METADATA} does not name it yet; the recording '
-                      'goes on or was cut off')  # fmt: skip
+        why = f'though {METADATA} does not name it yet; the recording goes on or was cut off'
+        problems.note(f'{file}: is read, {why}')
     return [file for file in found.values() if file is not None] + later
 
 
@@ -291,8 +280,8 @@ def is_storage(path: Path) -> bool:
 
 def natural_order(path: Path) -> list[tuple[int, str]]:
     """Return a sort key that puts bag_10 behind bag_9."""
-    return [(int(part), '') if part.isdecimal() else (-1, part)
-            for part in re.split(r'(\d+)', path.name)]  # fmt: skip
+    parts = re.split(r'(\d+)', path.name)
+    return [(int(part), '') if part.isdecimal() else (-1, part) for part in parts]
 
 
 def bag_name(path: Path) -> str:

@@ -13,7 +13,7 @@ from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heappop, heappush
 from io import SEEK_END, BytesIO
-from itertools import islice, pairwise
+from itertools import pairwise
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -40,13 +40,15 @@ MOST_CHUNKS = 100_000
 MOST_INDEX_BYTES = 8 * 2**20
 # Of topics and types in a file.
 MOST_DESCRIPTIONS = 24 * 2**20
-# A chunk after all others, without messages: its first time (ns), first byte and channels.
-LAST = (2**64, 0, frozenset[int]())
+# A chunk after all others, without messages: its first time (ns), first byte, length and channels.
+LAST = (2**64, 0, 0, frozenset[int]())
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
 # The records that are read. Others are skipped, such as attachments of any size.
-READ = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+DESCRIPTIONS: dict[int, Any] = {Opcode.SCHEMA: Schema, Opcode.CHANNEL: McapChannel}
+READ = (Opcode.CHUNK, Opcode.MESSAGE, *DESCRIPTIONS)
+NO_SCHEMA = Schema(0, b'', '', '')
 # What reading damaged bytes may raise.
 DAMAGE = (
     McapError, ValueError, RuntimeError, OverflowError, MemoryError, OSError, struct.error,
@@ -95,10 +97,10 @@ class McapFile:
         """Open a file. Raises BagError where it is not an mcap file."""
         self.path = path
         self.damage: str | None = None
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, McapChannel] = {}
-        # Of each chunk: its first time (ns), its first byte, its channels.
-        self._chunks: list[tuple[int, int, set[int]]] = []
+        # Schemas and channels by opcode and number.
+        self._known: dict[int, dict[int, Any]] = {Opcode.SCHEMA: {}, Opcode.CHANNEL: {}}
+        # Of each chunk: its first time (ns), its first byte and length, its channels.
+        self._chunks: list[tuple[int, int, int, set[int]]] = []
         self._has_index = False
         self._described = 0
         self._size = path.stat().st_size
@@ -111,8 +113,8 @@ class McapFile:
     def channels(self) -> dict[int, Channel]:
         """The topics of the file."""
         found = {}
-        for number, channel in self._channels.items():
-            schema = self._schemas.get(channel.schema_id, Schema(0, b'', '', ''))
+        for number, channel in self._known[Opcode.CHANNEL].items():
+            schema = self._known[Opcode.SCHEMA].get(channel.schema_id, NO_SCHEMA)
             text = schema.data.decode(errors='replace')
             kind = (schema.name, text, schema.encoding)
             found[number] = Channel(channel.topic, *kind, channel.message_encoding)
@@ -135,10 +137,10 @@ class McapFile:
             else:
                 self._has_index = self._has_index or opcode == Opcode.CHUNK_INDEX
                 yield from (message[:2] for message in self._messages(opcode, place, length))
-        for _, place, channels in self._chunks:
+        for _, place, length, channels in self._chunks:
             # The end of the file need not repeat the topics that are in its chunks.
-            if not channels <= self._channels.keys():
-                deque(self._chunk(place), maxlen=0)
+            if not channels <= self._known[Opcode.CHANNEL].keys():
+                deque(self._messages(Opcode.CHUNK, place, length), maxlen=0)
 
     def _stamps_of_chunk(self, place: int, length: int) -> Iterator[tuple[int, int]]:
         """Yield channel and time (ns) of every message of a chunk; remember the chunk."""
@@ -146,9 +148,9 @@ class McapFile:
         found: list[tuple[int, int]] = []
         with suppress(*DAMAGE):
             found = self._index_behind(place + length)
-        found = found or [message[:2] for message in self._chunk(place)]
+        found = found or [item[:2] for item in self._messages(Opcode.CHUNK, place, length)]
         if len(self._chunks) <= MOST_CHUNKS:
-            self._chunks.append((start, place, {channel for channel, _ in found}))
+            self._chunks.append((start, place, length, {channel for channel, _ in found}))
         yield from found
 
     def _index_behind(self, end: int) -> list[tuple[int, int]]:
@@ -177,10 +179,10 @@ class McapFile:
             return
         held: list[tuple[int, int, int, Record]] = []
         size = 0
-        chunks = [chunk for chunk in self._chunks if not chunk[2].isdisjoint(wanted)]
+        chunks = [chunk for chunk in self._chunks if not chunk[-1].isdisjoint(wanted)]
         chunks.sort(key=itemgetter(0, 1))
-        for (_, place, _), following in pairwise([*chunks, LAST]):
-            for number, message in enumerate(self._chunk(place)):
+        for (_, place, length, _), following in pairwise([*chunks, LAST]):
+            for number, message in enumerate(self._messages(Opcode.CHUNK, place, length)):
                 if message.channel not in wanted:
                     continue
                 cost = len(message.data) + MESSAGE_BYTES
@@ -206,16 +208,11 @@ class McapFile:
             size = f'{self._size} bytes'
             self._note_damage(f'was cut off, at {size}; what was written whole before is read')
 
-    def _chunk(self, place: int) -> Iterator[Record]:
-        """Yield the messages of the chunk at a byte of the file."""
-        self._file.seek(place - RECORD.size)
-        for record in islice(walk_records(self._file, self._size), 1):
-            yield from self._messages(*record)
-
     def _messages(self, opcode: int, place: int, length: int) -> Iterator[Record]:
         """Yield the messages in one record of the file; of a cut chunk, those before the cut."""
         if opcode not in READ:
             return
+        self._file.seek(place)
         payload = read_payload(self._file, length, self._size)
         is_whole = len(payload) == length
         if opcode != Opcode.CHUNK:
@@ -234,31 +231,21 @@ class McapFile:
                 yield from self._read_record(inner, content, place)
 
     def _read_record(self, opcode: int, payload: bytes, place: int) -> Iterator[Record]:
-        """Yield a message; remember a schema or a channel."""
+        """Yield a message; remember a schema or a channel, if they do not take too many bytes."""
         try:
             if opcode == Opcode.MESSAGE:
                 channel, _, time, _ = MESSAGE.unpack_from(payload)
                 yield Record(channel, time, payload[MESSAGE.size :])
-            elif opcode == Opcode.SCHEMA:
-                self._describe(self._schemas, Schema.read, payload)
-            elif opcode == Opcode.CHANNEL:
-                self._describe(self._channels, McapChannel.read, payload)
+                return
+            found = DESCRIPTIONS[opcode].read(ReadDataStream(BytesIO(payload)))
+            # Files repeat them in each chunk.
+            self._described += len(payload) if found.id not in self._known[opcode] else 0
+            if self._described > MOST_DESCRIPTIONS:
+                raise ValueError(f'topics and types take over {MOST_DESCRIPTIONS} bytes')
+            self._known[opcode].setdefault(found.id, found)
         except DAMAGE as why:
             reason = str(why) or 'it is cut off'
             self._note_damage(f'a record at byte {place} is left out: {reason}')
-
-    def _describe(self, known: dict[int, Any], read: Any, payload: bytes) -> None:  # noqa: ANN401
-        """Remember a schema or a channel, which files repeat in each chunk.
-
-        Raises ValueError where all that are kept would take more than MOST_DESCRIPTIONS bytes.
-        """
-        found = read(ReadDataStream(BytesIO(payload)))
-        if found.id in known:
-            return
-        self._described += len(payload)
-        if self._described > MOST_DESCRIPTIONS:
-            raise ValueError(f'topics and types take over {MOST_DESCRIPTIONS} bytes')
-        known[found.id] = found
 
     def _note_damage(self, what: str) -> None:
         self.damage = self.damage or f'{self.path}: {what}'

@@ -35,20 +35,10 @@ from rosbags.typesys.store import Typestore
 from llm_astar_lab.bags.storage import Channel, unzstd
 
 GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
-GET_PLAN = """\
-geometry_msgs/PoseStamped start
-geometry_msgs/PoseStamped goal
-float32 tolerance
----
-nav_msgs/Path plan
-"""
+GET_PLAN = Path(__file__).with_name('GetPlan.srv').read_text(encoding='utf-8')
 EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
-# What service introspection publishes. rosidl generates this type; no file defines it.
-EVENT = """\
-service_msgs/ServiceEventInfo info
-{package}/{name}_Request[<=1] request
-{package}/{name}_Response[<=1] response
-"""
+# What service introspection publishes. rosidl generates this type; no file of ROS defines it.
+EVENT = Path(__file__).with_name('ServiceEvent.msg').read_text(encoding='utf-8')
 # Stands between the definitions of a type and of its parts in a bag.
 BAR = '=' * 80 + '\n'
 IDL_NAMES = {'float32': 'float', 'float64': 'double', 'bool': 'boolean', 'byte': 'octet'}
@@ -189,19 +179,18 @@ def idl_text(store: Typestore, msgtype: str, found: dict[str, str] | None = None
     if msgtype not in found:
         _, fields = store.fielddefs[msgtype]
         package, kind, own = msgtype.split('/')
-        members = ' '.join(idl_member(field, *tree) for field, tree in fields)
-        module = f'module {package} {{ module {kind} {{ struct {own} {{ {members} }}; }}; }};'
-        found[msgtype] = f'{BAR}IDL: {msgtype}\n{module}\n'
+        members = []
+        for field, (form, detail) in fields:
+            size = f'[{detail[1]}]' if form is Nodetype.ARRAY else ''
+            element = detail[0] if size else (form, detail)
+            members.append(f'{idl_type(*element)} {field}{size};')
+        struct = f'struct {own} {{ {" ".join(members)} }};'
+        found[msgtype] = (
+            f'{BAR}IDL: {msgtype}\nmodule {package} {{ module {kind} {{ {struct} }}; }};\n'
+        )
         for part in nested_types(fields):
             idl_text(store, part, found)
     return ''.join(found.values())
-
-
-def idl_member(name: str, kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree
-    """Return a field as a member of an IDL struct."""
-    if kind is Nodetype.ARRAY:
-        return f'{idl_type(*detail[0])} {name}[{detail[1]}];'
-    return f'{idl_type(kind, detail)} {name};'
 
 
 def idl_type(kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree of rosbags
@@ -229,13 +218,13 @@ class Decoder:
         """Use the bag's definition of a type. Without a usable one, Jazzy's is used."""
         if not channel.definition or channel.msgtype in self._names:
             return
+        store = self._embedded
         with suppress(*DEFINITION_ERRORS):
             types = parse_definition(channel)
             name = parsed_name(channel.msgtype, types)
-            known = self._embedded.fielddefs
-            self._embedded.register({n: type_ for n, type_ in types.items() if n not in known})
+            store.register({n: found for n, found in types.items() if n not in store.fielddefs})
             # Compiled now, so that a type with unknown parts counts as unknown.
-            self._embedded.get_msgdef(name)
+            store.get_msgdef(name)
             self._names[channel.msgtype] = name
 
     def knows(self, msgtype: str) -> bool:
@@ -307,8 +296,7 @@ def parsed_name(msgtype: str, types: dict[str, Any]) -> str:
     own = next((n for n in (msgtype, f'{package}/msg/{name}') if n in types), None)
     if own is None:
         raise KeyError(msgtype)
-    fields = {field_name for field_name, _ in types[own][1]}
-    if '/srv/' in msgtype and not {'info', 'request', 'response'} <= fields:
+    if '/srv/' in msgtype and not {'info', 'request', 'response'} <= dict(types[own][1]).keys():
         raise KeyError(msgtype)
     return own
 
@@ -368,8 +356,8 @@ def get_plan_request(
 ) -> object:
     """Return the event that a server of GetPlan publishes for its request `number`."""
     head = header(frame_id, stamp)
-    request = {name: {'header': head, 'pose': pose_of(pose)}
-               for name, pose in (('start', start), ('goal', goal))}  # fmt: skip
+    ends = {'start': start, 'goal': goal}
+    request = {name: {'header': head, 'pose': pose_of(pose)} for name, pose in ends.items()}
     info = {'event_type': REQUEST_RECEIVED, 'stamp': time_of(stamp), 'sequence_number': number}
     return make_message(GET_PLAN_EVENT_TYPE, info=info, request=[request])
 

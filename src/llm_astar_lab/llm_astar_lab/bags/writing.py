@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import indent
 from typing import Any, NamedTuple
 
 import yaml
@@ -26,8 +27,8 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from llm_astar_lab.bags.types import TypeDefinition, bag_types
+from llm_astar_lab.templates import render
 
-INFORMATION = 'rosbag2_bagfile_information'
 # How much a power cut may lose: bytes before compression, and seconds.
 CHUNK_BYTES = 64 * 1024
 COMMIT_SECONDS = 1.0
@@ -65,6 +66,12 @@ class OfferedTopic(NamedTuple):
     definition: TypeDefinition
     qos: tuple[dict[str, Any], ...] = ()
 
+    @property
+    def profiles(self) -> str:
+        """The QoS as YAML, where equal values are written out again."""
+        text: str = yaml.safe_dump(json.loads(json.dumps(self.qos)))
+        return text.strip()
+
 
 @dataclass
 class Written:
@@ -88,12 +95,12 @@ class Written:
 class McapPart:
     """Writes an mcap file: zstd chunks, indices, checksums."""
 
+    suffix = '.mcap'
+
     def __init__(self, path: Path) -> None:
         """Create the file."""
         self._stream = path.open('xb')
-        self._file = McapWriter(
-            self._stream, chunk_size=CHUNK_BYTES, enable_crcs=True, enable_data_crcs=True
-        )
+        self._file = McapWriter(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
         self._file.start(profile='ros2')
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -105,17 +112,15 @@ class McapPart:
         if msgtype not in self._schemas:
             schema = self._file.register_schema(msgtype, encoding, text.encode())
             self._schemas[msgtype] = schema
-        metadata = {'offered_qos_profiles': as_yaml(topic.qos).strip(), 'topic_type_hash': digest}
-        self._channels[topic.name] = self._file.register_channel(
-            topic.name, 'cdr', self._schemas[msgtype], metadata
-        )
+        metadata = {'offered_qos_profiles': topic.profiles, 'topic_type_hash': digest}
+        facts = topic.name, 'cdr', self._schemas[msgtype], metadata
+        self._channels[topic.name] = self._file.register_channel(*facts)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
         self._written[topic] += 1
-        self._file.add_message(
-            self._channels[topic], stamp, bytes(data), stamp, self._written[topic]
-        )
+        channel, number = self._channels[topic], self._written[topic]
+        self._file.add_message(channel, stamp, bytes(data), stamp, number)
         self._stream.flush()
 
     def close(self, metadata: str) -> None:
@@ -135,6 +140,8 @@ class SqlitePart:
     With neither, a power cut would leave a file that cannot be read.
     """
 
+    suffix = '.db3'
+
     def __init__(self, path: Path) -> None:
         """Create the file."""
         self._database = sqlite3.connect(path)
@@ -149,23 +156,14 @@ class SqlitePart:
         msgtype, text, encoding, digest = topic.definition
         if msgtype not in self._types:
             self._types.add(msgtype)
-            self._database.execute(
-                'INSERT INTO message_definitions (topic_type, encoding, '
-                'encoded_message_definition, type_description_hash) VALUES (?, ?, ?, ?)',
-                (msgtype, encoding, text, digest),
-            )
+            columns = 'topic_type, encoding, encoded_message_definition, type_description_hash'
+            self._insert(f'message_definitions ({columns})', msgtype, encoding, text, digest)
         number = self._topics[topic.name] = len(self._topics) + 1
-        self._database.execute(
-            'INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)',
-            (number, topic.name, msgtype, 'cdr', as_yaml(topic.qos).strip(), digest),
-        )
+        self._insert('topics', number, topic.name, msgtype, 'cdr', topic.profiles, digest)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a message at its time in nanoseconds."""
-        self._database.execute(
-            'INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)',
-            (self._topics[topic], stamp, data),
-        )
+        self._insert('messages (topic_id, timestamp, data)', self._topics[topic], stamp, data)
         if time.monotonic() > self._committed + COMMIT_SECONDS:
             self._database.commit()
             self._committed = time.monotonic()
@@ -174,12 +172,15 @@ class SqlitePart:
         """Finish the file and merge its log: with a log it could not be opened read-only."""
         self._database.commit()
         self._database.execute('PRAGMA journal_mode=DELETE')
-        self._database.execute(
-            'INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)', (9, metadata)
-        )
+        self._insert('metadata (metadata_version, metadata)', 9, metadata)
         self._database.commit()
         self._database.execute('PRAGMA optimize')
         self._database.close()
+
+    def _insert(self, columns: str, *values: object) -> None:
+        """Add a row to a table, all of whose columns or some are named."""
+        marks = ', '.join('?' * len(values))
+        self._database.execute(f'INSERT INTO {columns} VALUES ({marks})', values)  # noqa: S608
 
     def abort(self) -> None:
         """Close the file without what was not committed."""
@@ -187,10 +188,7 @@ class SqlitePart:
 
 
 Part = McapPart | SqlitePart
-STORAGES: dict[str, tuple[str, type[Part]]] = {
-    'mcap': ('.mcap', McapPart),
-    'sqlite3': ('.db3', SqlitePart),
-}
+STORAGES: dict[str, type[Part]] = {'mcap': McapPart, 'sqlite3': SqlitePart}
 
 
 class BagWriter:
@@ -213,7 +211,7 @@ class BagWriter:
         self._storage = storage
         self._max_bytes = max_bytes or sys.maxsize
         self._topics: dict[str, OfferedTopic] = {}
-        self._files: list[dict[str, Any]] = []
+        self._files: list[tuple[str, Written]] = []
         self._written = Written()
 
     def __enter__(self) -> BagWriter:
@@ -234,14 +232,14 @@ class BagWriter:
                 self._part.abort()
 
     @property
-    def counts(self) -> dict[str, int]:
+    def counts(self) -> Counter[str]:
         """The number of messages written, by topic."""
         return self._written.counts
 
     @property
     def total(self) -> int:
         """The number of messages written."""
-        return self._written.counts.total()
+        return self.counts.total()
 
     def add_topic(self, topic: OfferedTopic) -> None:
         """Add a topic, once, before its first message."""
@@ -275,8 +273,8 @@ class BagWriter:
             raise BagWriteError(f'{self.folder}: {why}; what was written before is kept') from None
 
     def _open_part(self) -> None:
-        suffix, make = STORAGES[self._storage]
-        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{suffix}'
+        make = STORAGES[self._storage]
+        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{make.suffix}'
         self._part: Part = make(self._path)
         self._part_bytes = 0
         self._in_part = Written()
@@ -285,60 +283,22 @@ class BagWriter:
 
     def _close_part(self) -> None:
         """Finish a file and list it with the others in metadata.yaml."""
-        written = self._in_part
-        file = {
-            'duration': {'nanoseconds': written.duration},
-            'message_count': written.counts.total(),
-            'path': self._path.name,
-            'starting_time': {'nanoseconds_since_epoch': written.first},
-        }
-        self._part.close(as_yaml(self._information([file], written)))
+        file = self._path.name, self._in_part
+        self._part.close(self._metadata([file], self._in_part))
         self._files.append(file)
-        text = as_yaml(
-            {INFORMATION: self._information(self._files, self._written)}, sort_keys=False
-        )
+        text = indent(self._metadata(self._files, self._written), '  ')
         draft = self.folder / 'metadata.yaml.tmp'
-        draft.write_text(text, encoding='utf-8')
+        draft.write_text(f'rosbag2_bagfile_information:\n{text}', encoding='utf-8')
         draft.replace(self.folder / 'metadata.yaml')
 
-    def _information(self, files: list[dict[str, Any]], written: Written) -> dict[str, Any]:
-        """Return the metadata of a bag of these files."""
-        topics = [
-            {
-                'topic_metadata': {
-                    'name': topic.name,
-                    'offered_qos_profiles': topic.qos,
-                    'serialization_format': 'cdr',
-                    'type': topic.definition.msgtype,
-                    'type_description_hash': topic.definition.digest,
-                },
-                'message_count': written.counts[topic.name],
-            }
-            for topic in self._topics.values()
-        ]
-        return {
-            'compression_format': '',
-            'compression_mode': '',
-            'custom_data': None,
-            'duration': {'nanoseconds': written.duration},
-            'files': files,
-            'message_count': written.counts.total(),
-            'relative_file_paths': [file['path'] for file in files],
-            'ros_distro': ros_distro(),
-            'starting_time': {'nanoseconds_since_epoch': written.first},
-            'storage_identifier': self._storage,
-            'topics_with_message_count': topics,
-            # The format of Jazzy.
-            'version': 9,
-        }
+    def _metadata(self, files: list[tuple[str, Written]], written: Written) -> str:
+        """Return the metadata of a bag of these files, in the format of Jazzy."""
+        template, topics = 'bags/metadata.yaml.j2', self._topics.values()
+        facts: dict[str, Any] = {'storage': self._storage, 'distro': ros_distro()}
+        text = render(template, topics=topics, files=files, written=written, **facts)
+        return f'{text}\n'
 
 
 def ros_distro() -> str:
     """Return the ROS distribution that a bag is of: the sourced one, else that of `bag_types`."""
     return os.environ.get('ROS_DISTRO') or 'jazzy'
-
-
-def as_yaml(value: object, *, sort_keys: bool = True) -> str:
-    """Return plain values as YAML, where equal ones are written out again."""
-    text: str = yaml.safe_dump(json.loads(json.dumps(value)), sort_keys=sort_keys)
-    return text

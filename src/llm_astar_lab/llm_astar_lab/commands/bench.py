@@ -12,6 +12,7 @@ examples:
   llm-astar bench                                 every method and baseline, no key needed
   llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
+  llm-astar bench --protocol my_model.yaml        the samples, prompts and seeds of all its runs
   llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
   llm-astar bench --dataset barriers,rooms,mazes,aisles,floors --maps 20 --seed 1
   llm-astar bench --dataset movingai/dao --path FOLDER --methods exact_astar,astar --limit 500
@@ -29,6 +30,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +39,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
 from llm_astar_planner.cli.flags import option
-from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.cli.map_files import open_places, zones_text
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import uses_waypoints
 from llm_astar_planner.waypoints.source import BASELINE_NAMES
@@ -50,8 +52,16 @@ from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, sel
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources
-from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
 from llm_astar_lab.runner.map_costs import map_costs
+from llm_astar_lab.runner.protocol import (
+    FIELDS,
+    NEEDED,
+    PROTOCOLS,
+    apply_protocol,
+    sentence,
+    write_protocol,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +69,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_samples(parser.add_argument_group('samples'))
     common.add_variants(parser.add_argument_group('methods and sources'))
     common.add_instruction(parser.add_argument_group('an instruction for every sample'))
+    option(
+        parser, '--protocol FILE',
+        f'yaml file with {", ".join(NEEDED)} and perhaps {", ".join(FIELDS[len(NEEDED):])}: runs '
+        f'{" or ".join(sorted(PROTOCOLS))} with this model, and writes protocol.json',
+    )  # fmt: skip
     common.add_running(parser.add_argument_group('running'), 'out/bench')
 
 
@@ -71,6 +86,8 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
         'is over the same samples, or all (%(default)s)',
         choices=sources.SAMPLES, default=sources.RECORDED,
     )  # fmt: skip
+    text = 'GeoJSON with zones on every map and rules of the road, or a nav2_route graph'
+    option(group, '--zones FILE', text)
     text = 'draw N of the samples; on a yaml map N new pairs (100)'
     option(group, '--limit N', text, type=common.count)
     option(group, '--scales RANGES', 'scales of the maps, such as 1-10 (1)', default='1')
@@ -101,6 +118,7 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
+    card = apply_protocol(args)
     common.settle_variants(args)
     dataset = open_dataset(args)
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
@@ -112,24 +130,24 @@ def run(args: argparse.Namespace) -> int:
         names = ', '.join(sources.GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
-    failure = common.BAD_INPUT
+    run = common.Run(args, folder, run_metadata(args, config, dataset))
+    if card is not None:
+        run.metadata.setdefault('notes', []).append(sentence(card, len(config.samples)))
     try:
-        with common.make_executor(args, config.sources) as pool:
-            metadata = run_metadata(args, config, dataset)
-            parquet = is_parquet_run(args.format, config.row_count)
-            again = {'resume': args.resume, 'overwrite': args.overwrite}
-            tasks = config.tasks(open_folder(folder, metadata, **again, parquet=parquet))
+        with run.pool(config.sources):
+            tasks = config.tasks(run.open(config.row_count))
             kept = keep_maps(args, folder, config, dataset.maps)
             if dataset.map_names:
                 grids = [item for item in kept if isinstance(item, GridProblem)]
-                metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
-            failure = common.INCOMPLETE  # from here on there are rows
-            code = common.run_into(args, folder, metadata, tasks, pool)
+                run.metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
+            run.execute(tasks)
         # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks, kept
-        return common.close_run(args, folder, metadata, code)
+        if card is not None:
+            write_protocol(folder, card, run.metadata)
+        return run.close()
     except ResultsError as error:
-        return common.complain(args, str(error), failure)
+        return run.failed(error)
 
 
 def keep_maps(
@@ -196,8 +214,10 @@ def benchmark_config(
     for problem in grids:
         sources.check_grid_options(problem, args.source)
     settings = common.search_settings(args, open_places(args.places_file or '', file))
-    if settings.instruction is not None and scales != [1]:
-        raise ValueError('--instruction is about metres, so it needs --scales 1')
+    settings = replace(settings, zones=zones_text(args.zones))
+    for flag, is_given in (('--instruction', settings.instruction), ('--zones', settings.zones)):
+        if is_given and scales != [1]:
+            raise ValueError(f'{flag} is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
     specs = common.source_specs(
         args, folder, barrier_maps, sources.GRID_BASELINES if grids else None
@@ -211,16 +231,8 @@ def benchmark_config(
         samples = draw(samples, args.limit, args.seed)
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
-    return BenchmarkConfig(
-        samples,
-        args.methods,
-        recorded.specs,
-        settings,
-        scales,
-        args.scale_samples,
-        args.seed,
-        recorded.coverage,
-    )
+    rest = scales, args.scale_samples, args.seed, recorded.coverage
+    return BenchmarkConfig(samples, args.methods, recorded.specs, settings, *rest)
 
 
 def run_metadata(
@@ -247,4 +259,5 @@ def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     if len(grids) > 1:
         grids = [hashlib.sha256(' '.join(grids).encode()).hexdigest()[:12]]
+    parameters |= {'zones': zones_text(args.zones)} if args.zones else {}
     return parameters | ({'grid': grids[0]} if grids else {})

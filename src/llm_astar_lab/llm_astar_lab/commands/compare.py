@@ -34,7 +34,7 @@ from llm_astar_planner.cli.flags import at_least, option
 
 from llm_astar_lab.analysis import run_comparison as runs
 from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, load_run
-from llm_astar_lab.report.comparison import Judgement, sample_table
+from llm_astar_lab.report.comparison import Judgement
 from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan
 
@@ -96,7 +96,7 @@ def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
     write_tables(folder, judgement.tables(), as_latex=True, as_csv=True)
     for number, comparison in enumerate(judgement.comparisons, start=1):
         end = f'_{number}' if len(judgement.comparisons) > 1 else ''
-        table = sample_table(comparison, judgement, limit=len(comparison.samples))
+        table = judgement.changed_samples(comparison)
         if table.rows:
             folder.write_text(f'changes{end}.csv', csv_table(table))
     figure = change_figure(judgement.comparisons, judgement.metric)

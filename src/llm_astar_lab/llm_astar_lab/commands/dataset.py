@@ -37,9 +37,8 @@ OK, BAD_INPUT = 0, 2
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the actions `generate`, `check` and `to-bag`."""
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
-    make = actions.add_parser(
-        'generate', help='generate a dataset; the same seed gives the same one'
-    )
+    text = 'generate a dataset; the same seed gives the same one'
+    make = actions.add_parser('generate', help=text)
     text = f'kind of maps: {named.BARRIERS} as in the paper, or grids ({named.BARRIERS})'
     option(make, '--family', text, choices=named.GENERATED)
     option(make, '--seed', 'seed of the maps (0)', default=0)
@@ -55,10 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = actions.add_parser('check', help='validate a dataset file')
     check.add_argument('file', metavar='FILE')
     option(check, '--json', 'print the problems found as JSON')
-    bag = actions.add_parser(
-        'to-bag',
-        help='write the samples as a bag of maps and requests, as a robot would record them',
-    )
+    text = 'write the samples as a bag of maps and requests, as a robot would record them'
+    bag = actions.add_parser('to-bag', help=text)
     add_map_option(bag)
     add_map_ids_option(bag)
     option(bag, '--out DIR', 'the folder of the new bag', required=True)
@@ -119,10 +116,8 @@ def check_dataset(args: argparse.Namespace) -> int:
         return BAD_INPUT if errors else OK
     for problem in problems:
         print(problem)
-    print(
-        f'{Path(args.file)}: {summary.maps} maps, {summary.samples} samples, '
-        f'{errors} errors, {len(problems) - errors} notes'
-    )
+    counts = f'{summary.maps} maps, {summary.samples} samples, {errors} errors'
+    print(f'{Path(args.file)}: {counts}, {len(problems) - errors} notes')
     if summary.detours:
         low, middle, high = np.percentile(summary.detours, (0, 50, 100))
         print(f'mean detour of a map: {low:.2f} to {high:.2f}, median {middle:.2f}')

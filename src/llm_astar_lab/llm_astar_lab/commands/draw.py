@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import NamedTuple
 
 from llm_astar_planner.cli.flags import ANIMATIONS, option, picture_or_animation
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
@@ -36,13 +35,7 @@ from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.runner.engine import AnsweredSource
 
 ASTAR = 'astar'
-
-
-class Drawn(NamedTuple):
-    """A request and its plan."""
-
-    request: PlanRequest
-    plan: Plan
+Drawn = tuple[PlanRequest, Plan]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -76,7 +69,7 @@ def plan_beside_astar(asked: Problem) -> list[Drawn]:
     for request in requests:
         with compile_progress():
             asked.planner.compile(request)
-        drawn.append(Drawn(request, asked.planner.plan(request)))
+        drawn.append((request, asked.planner.plan(request)))
     return drawn
 
 
@@ -88,10 +81,8 @@ def with_answer(asked: Problem) -> PlanRequest:
     request = asked.request
     if request.source is None or request.via:
         return request
-    query = WaypointQuery(
-        asked.planner.costmap, request.start, request.goal, request.source_time_limit,
-        request.sample,
-    )  # fmt: skip
+    ends, limit = (request.start, request.goal), request.source_time_limit
+    query = WaypointQuery(asked.planner.costmap, *ends, limit, request.sample)
     reply, _ = query_source(request.source, query)
     return replace(request, source=AnsweredSource(request.source.name, reply))
 
@@ -112,11 +103,10 @@ def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
         if search is not None:
             searches.append(search)
         elif is_animated:
-            raise ParameterError(
-                f'{path}: in which order {plan.method} expanded the cells is not known, for it is '
-                'a plug-in, or its search depended on time; draw a .png, or give it a higher '
-                '--time-limit'
-            )
+            why = 'for it is a plug-in, or its search depended on time'
+            fix = 'draw a .png, or give it a higher --time-limit'
+            what = f'in which order {plan.method} expanded the cells is not known, {why}'
+            raise ParameterError(f'{path}: {what}; {fix}')
     if is_animated:
         animation.save_animation(path, searches)
     else:

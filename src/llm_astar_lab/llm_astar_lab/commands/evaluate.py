@@ -37,8 +37,13 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
 from llm_astar_planner.cli import flags
 from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
+from llm_astar_planner.planning.parameters import (
+    COSTMAP,
+    REQUESTS,
+    costmap_config,
+    defaults,
+    read_parameter_files,
+)
 from llm_astar_planner.planning.types import plan_report
 
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
@@ -51,8 +56,7 @@ from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, descr
 from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
-from llm_astar_lab.results.stored_rows import Finished
-from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.config import choose_folder
 from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
@@ -109,60 +113,44 @@ def run(args: argparse.Namespace) -> int:
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | flags.given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
-    failure = common.BAD_INPUT
+    folder = choose_folder(args.out, args.default_out, resume=args.resume)
+    run = common.Run(args, folder, {})
     try:
         with open_bags(args.bags) as (bags, unopened):
             if not bags:
                 return common.complain(args, '; '.join(unopened.lines()), common.BAD_INPUT)
-            folder = choose_folder(args.out, args.default_out, resume=args.resume)
             if 'replay' in args.source and not args.transcript:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             common.check_thresholds(args, config.sources)
-            with common.make_executor(args, config.sources) as pool:
-                metadata, done = start(args, config, folder, is_listed=bool(listed))
-                failure = common.INCOMPLETE  # from here on there are rows
-                keep = partial(write_outcomes, results_bag) if results_bag else None
-                left = config.tasks(done)
+            with run.pool(config.sources):
+                files = [*args.bags, *([args.requests] if listed else [])]
+                parameters = run_parameters(args, config)
+                run.metadata |= describe_run(files, parameters, common.deciding_files(args))
+                names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
+                run.metadata['bags'] = list(names)
+                left = config.tasks(run.open())
+                keep = [partial(write_outcomes, results_bag)] if results_bag else []
                 with results_bag or nullcontext():
-                    code = common.run_into(
-                        args, folder, metadata, left, pool, unit='request', keep=keep
-                    )
+                    run.execute(left, 'request', *keep)
             problems = [unopened, *(bag.problems for bag in bags)]
-        code = report_problems(args, metadata, problems, code)
+        report_problems(run, problems)
         folder.write_text(MAPS_FILE, format_kept_maps(config.kept_maps()))
         folder.write_places(config.places)
-        return common.close_run(args, folder, metadata, code)
+        return run.close()
     except (ResultsError, BagWriteError) as error:
-        return common.complain(args, str(error), failure)
+        return run.failed(error)
 
 
-def start(
-    args: argparse.Namespace, config: Evaluation, folder: ResultsFolder, *, is_listed: bool
-) -> tuple[dict[str, Any], Finished]:
-    """Start or resume the results folder; return the run's metadata and the finished rows.
-
-    Raises ResultsError.
-    """
-    files = [*args.bags, *([args.requests] if is_listed else [])]
-    metadata = describe_run(files, run_parameters(args, config), common.deciding_files(args))
-    metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
-    parquet = is_parquet_run(args.format)
-    again = {'resume': args.resume, 'overwrite': args.overwrite}
-    return metadata, open_folder(folder, metadata, **again, parquet=parquet)
-
-
-def report_problems(
-    args: argparse.Namespace, metadata: dict[str, Any], problems: Sequence[Problems], code: int
-) -> int:
-    """Say and keep what was left out of the bags; return the exit code."""
-    metadata['left_out'] = [line for one in problems for line in one.lines()]
-    metadata['notes'] = [line for one in problems for line in one.notes]
-    for line in metadata['notes']:
-        common.complain(args, f'note: {line}', common.OK)
-    for line in metadata['left_out']:
-        code = common.complain(args, f'left out: {line}', code or common.INCOMPLETE)
-    return code
+def report_problems(run: common.Run, problems: Sequence[Problems]) -> None:
+    """Say and keep what was left out of the bags."""
+    left_out = [line for one in problems for line in one.lines()]
+    notes = [line for one in problems for line in one.notes]
+    run.metadata |= {'left_out': left_out, 'notes': notes}
+    for line in notes:
+        run.complain(f'note: {line}', common.OK)
+    for line in left_out:
+        run.complain(f'left out: {line}', common.INCOMPLETE)
 
 
 def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
@@ -258,11 +246,9 @@ def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome])
     grid_map = task.sample.barrier_map.to_grid()
     for row, plan in outcomes:
         if plan is not None and task.recorded_plan is not None:
+            source = '/'.join(filter(None, row.variant[1:]))
             results_bag.add(
-                row.method,
-                '/'.join(part for part in row.variant[1:] if part),
-                grid_map,
-                task.recorded_plan.time,
+                row.method, source, grid_map, task.recorded_plan.time,
                 points=grid_map.grid_to_world(plan.path),
                 report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
-            )
+            )  # fmt: skip

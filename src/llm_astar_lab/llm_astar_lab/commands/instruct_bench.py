@@ -44,7 +44,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -63,7 +63,7 @@ from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.instruct_bench import report
 from llm_astar_lab.instruct_bench import runner as running
 from llm_astar_lab.instruct_bench.runner import InstructionResult, Source
-from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
+from llm_astar_lab.instruct_bench.suite import Suite, load_suite
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.runner.config import progress
 
@@ -85,11 +85,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flags.option(what, '--suite FILE', text, default=OWN_SUITE)
     text = "searched for NAME.yaml of the suite's maps, after the suite's own folder"
     flags.option(what, '--map-folder DIR', text, type=Path, action='append', default=[])
-    flags.option(
-        what, '--show ID',
-        'run one instruction and print all of it: text, what was understood, clauses with '
-        'what became of them, checks',
-    )  # fmt: skip
+    text = 'text, what was understood, clauses with what became of them, checks'
+    flags.option(what, '--show ID', f'run one instruction and print all of it: {text}')
     sources = parser.add_argument_group('sources')
     text = f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})'
     flags.option(
@@ -105,17 +102,15 @@ def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
     flags.option(group, '--json', 'print one JSON object')
     text = 'draw the plan of --show, with a single --source'
     flags.option(group, '--png FILE', text, type=flags.picture_file)
-    for flag, is_upper, text in (
+    for flag, is_upper, side in (
         ('--fail-under', False, 'exit 1 if it is below'),
         ('--fail-over', True, 'exit 1 if it is above'),
     ):
         parse = partial(report.parse_suite_threshold, is_upper=is_upper)
-        group.add_argument(
-            flag, type=common.parsed_by(parse), action='append', default=[], metavar='LIMIT',
-            help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of '
-            f'{", ".join(report.METRICS)}, in percent or ms; without SOURCE every one but '
-            'none',
-        )  # fmt: skip
+        what = f'{", ".join(report.METRICS)}, in percent or ms; without SOURCE every one but none'
+        text = f'[SOURCE[/STYLE]:]METRIC=LIMIT, {side}; METRIC one of {what}'
+        facts: dict[str, Any] = {'type': common.parsed_by(parse), 'action': 'append'}
+        flags.option(group, f'{flag} LIMIT', text, default=[], **facts)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -125,21 +120,19 @@ def run(args: argparse.Namespace) -> int:
     suite = load_suite(find_file(args.suite, 'maps'), args.map_folder)
     sources = make_sources(chosen, model_values(args))
     compile_instruction_kernels()
-    runner = running.SuiteRunner(common_request(args))
+    chosen_ones = [suite.find(args.show)] if args.show else suite.instructions
+    made = running.SuiteRunner(common_request(args)).run(chosen_ones, sources)
     if args.show:
-        return show(args, suite.find(args.show), sources, runner)
+        return show(args, list(made))
     folder = ResultsFolder(args.out) if args.out else None
     if folder is not None:
         folder.require_new()
-    code, results = run_suite(args, suite, sources, runner)
+    code, results = run_suite(args, made, len(suite.instructions) * len(sources))
     if folder is not None and results:
         write_results(folder, suite, chosen, results)
     if results:
-        print(
-            json.dumps(report.summary_to_json(results))
-            if args.json
-            else report.text_summary(results)
-        )
+        summary = report.summary_to_json(results) if args.json else report.text_summary(results)
+        print(json.dumps(summary) if args.json else summary)
     for line in report.unanswered_lines(results):
         code = common.complain(args, line, code or common.INCOMPLETE)
     for line in report.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
@@ -187,16 +180,13 @@ def common_request(args: argparse.Namespace) -> PlanRequest:
 
 
 def run_suite(
-    args: argparse.Namespace,
-    suite: Suite,
-    sources: Sequence[Source],
-    runner: running.SuiteRunner,
+    args: argparse.Namespace, made: Iterator[InstructionResult], total: int
 ) -> tuple[int, list[InstructionResult]]:
-    """Run all instructions; return the exit code and the results, those so far if interrupted."""
+    """Return the exit code and all results as they are made, those so far if interrupted."""
     results: list[InstructionResult] = []
-    with progress(len(suite.instructions) * len(sources), 'result') as step:
+    with progress(total, 'result') as step:
         try:
-            for result in runner.run(suite.instructions, sources):
+            for result in made:
                 results.append(result)
                 step()
         except KeyboardInterrupt:
@@ -206,41 +196,31 @@ def run_suite(
 
 
 def write_results(
-    folder: ResultsFolder,
-    suite: Suite,
-    chosen: Sequence[str],
-    results: Sequence[InstructionResult],
+    folder: ResultsFolder, suite: Suite, chosen: list[str], results: Sequence[InstructionResult]
 ) -> None:
     """Write rows, figures and report. Raises ResultsError."""
     rows = [report.result_row(result) for result in results]
     lines = [list(rows[0]), *(list(map(str, row.values())) for row in rows)]
     folder.write_text('results.csv', format_csv(lines))
-    metadata = describe_run([suite.path], {'sources': list(chosen)})
+    metadata = describe_run([suite.path], {'sources': chosen})
     folder.write_json('summary.json', metadata | {'sources': report.summary_to_json(results)})
     folder.write_text('report.md', report.markdown_summary(results, metadata))
 
 
-def show(
-    args: argparse.Namespace,
-    instruction: SuiteInstruction,
-    sources: Sequence[Source],
-    runner: running.SuiteRunner,
-) -> int:
-    """Print one instruction in full for each source, and draw it; return the exit code."""
-    results = list(runner.run([instruction], sources))
+def show(args: argparse.Namespace, results: Sequence[InstructionResult]) -> int:
+    """Print the results of one instruction in full, and draw it; return the exit code."""
     if args.json:
-        print(json.dumps([shown_json(result) for result in results]))
+        outcomes = [result.outcome and result.outcome.to_json() for result in results]
+        shown = [
+            report.result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
+            for result, outcome in zip(results, outcomes)
+        ]
+        print(json.dumps(shown))
     else:
         print('\n\n'.join(map(report.chain_text, results)))
     if args.png:
         draw(results[0], args.png)
     return common.OK if all(result.plan.code == 0 for result in results) else common.MISSED
-
-
-def shown_json(result: InstructionResult) -> dict[str, Any]:
-    """Return one result in full as JSON."""
-    outcome = None if result.outcome is None else result.outcome.to_json()
-    return report.result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
 
 
 def draw(result: InstructionResult, path: str) -> None:

@@ -28,25 +28,19 @@ from __future__ import annotations
 import argparse
 import threading
 import webbrowser
-from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING
+from contextlib import ExitStack
 
 from llm_astar_planner.cli.flags import add_graph_options, option
-
-if TYPE_CHECKING:
-    from llm_astar_lab.play.live import LiveFeed
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    option(
-        parser, '--map FILE',
-        'a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
-        'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
-        action='append', default=[],
-    )  # fmt: skip
+    kinds = 'map_server yaml, MovingAI x.map or x.map.scen, or barrier-map JSON'
+    text = f'{kinds}, of which the first ten are taken; repeat it for more'
+    text = f'a map to offer besides the shipped ones: {text}'
+    option(parser, '--map FILE', text, action='append', default=[])
     text = 'address to serve at (default: %(default)s)'
     option(parser, '--host NAME', text, default=DEFAULT_HOST)
     text = 'port to serve at; 0 takes a free one (default: %(default)s)'
@@ -70,7 +64,13 @@ def run(arguments: argparse.Namespace) -> int:
 
     feed = LiveFeed() if arguments.live else None
     app = PlayApp(Maps(arguments.map), feed)
-    with listen(arguments.host, arguments.port) as listener, shown_graph(arguments, feed):
+    with listen(arguments.host, arguments.port) as listener, ExitStack() as shown:
+        if feed is not None:
+            # ROS is needed for this alone.
+            from llm_astar_lab.nodes.live_view import live_view  # noqa: PLC0415
+
+            names = arguments.namespace, arguments.node, arguments.client
+            shown.enter_context(live_view(*names, feed))
         url = url_of(arguments.host, listener.getsockname()[1])
         print(f'the page is at {url} (Ctrl-C ends it)', flush=True)
         if not arguments.no_browser:
@@ -78,15 +78,3 @@ def run(arguments: argparse.Namespace) -> int:
         serve(app, arguments.host, listener)
     print('stopped')
     return 0
-
-
-def shown_graph(
-    arguments: argparse.Namespace, feed: LiveFeed | None
-) -> AbstractContextManager[object]:
-    """Return what feeds what a running graph does, if there is a feed. Raises NodeNameError."""
-    if feed is None:
-        return nullcontext()
-    # ROS is needed for this alone.
-    from llm_astar_lab.nodes.live_view import live_view  # noqa: PLC0415
-
-    return live_view(arguments.namespace, arguments.node, arguments.client, feed)

@@ -8,11 +8,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,16 +30,15 @@ from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 from llm_astar_planner.waypoints.source import SOURCES
-from tqdm import tqdm
 
 from llm_astar_lab.analysis import thresholds
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
-from llm_astar_lab.results.stored_rows import UNANSWERED
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
 from llm_astar_lab.runner.map_costs import add_query_times
-from llm_astar_lab.runner.sources import GRID_BASELINES, SourceSpec, make_source_specs
+from llm_astar_lab.runner.sources import GRID_BASELINES, RETRIEVED, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
@@ -49,12 +46,19 @@ INSTRUCTION = ('instruction', 'instruction_policy')
 # The parameters that say where a model's replies come from, live or recorded.
 ENDPOINT = (
     'base_url', 'api_key_env', 'api_key_names', 'repair_rounds', 'prompt_form',
-    'retrieved_examples', 'examples_file',
+    'retrieved_examples', 'examples_file', 'sampling_seed',
+)  # fmt: skip
+# What is kept of a run, besides what its command adds.
+DECIDING = (
+    'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'prompt_form',
+    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'price',
+    'jobs', 'sampling_seed',
 )  # fmt: skip
 # The parameters of the search, with the defaults of the benchmark.
 SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
 SEARCH_PARAMETERS = [item.for_bench() for item in named((*SEARCH, *REQUESTS), *SEARCH_NAMES)]
 Parsed = TypeVar('Parsed')
+Keep = Callable[[Task, list[engine.Outcome]], object]
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -99,7 +103,10 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
         'there and refused on large maps)', type=names, default=[],
     )  # fmt: skip
-    text = f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates'
+    text = (
+        f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates; few_shot'
+        f'{RETRIEVED}5 retrieves 5 examples'
+    )
     option(group, '--prompt NAMES', text, type=names, default=[])
     option(group, '--model NAMES', 'for endpoint and replay', type=names, default=[])
     option(
@@ -128,10 +135,8 @@ def add_defaulted_flags(group: Any, parameters: Iterable[Parameter], names: Sequ
 
 def search_settings(args: argparse.Namespace, places: Places, **others: Any) -> SearchSettings:  # noqa: ANN401 - fields of SearchSettings
     """Return how every sample is planned, by the options and `others`. Raises ValueError."""
-    found = SearchSettings(
-        args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
-    )
-    return replace(found, instruction=instruction_of(args, places), **others)
+    values = args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
+    return SearchSettings(*values, instruction=instruction_of(args, places), **others)
 
 
 def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:
@@ -139,11 +144,10 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 
     The settings of a live or recorded model are those of the sources. Raises ValueError.
     """
-    names = [name for name in ('endpoint', 'replay') if name in args.source]
     if args.instruction.strip() and 'replay' in args.source and len(args.transcript) > 1:
         raise ValueError('--instruction is replayed from one file: name one --transcript')
     values = {name: getattr(args, name) for name in ('base_url', 'api_key_env', 'api_key_names')}
-    values['source'] = next(iter(names), 'none')
+    values['source'] = next((n for n in ('endpoint', 'replay') if n in args.source), 'none')
     values |= {name: next(iter(getattr(args, name)), '') for name in ('model', 'transcript')}
     found = route_instruction(
         vars(args), places, args.max_planning_time, lambda: make_interpreter(values)
@@ -212,24 +216,12 @@ def source_specs(
     What live models answer is recorded in the results folder. `default` names the baselines that
     are added, None for all of them.
     """
-    settings = SourceSettings(
-        **{name: getattr(args, name) for name in ENDPOINT},
-        timeout_s=args.max_planning_time,
-        max_concurrent=args.jobs or LIVE_JOBS,
-        # The number of samples already bounds the calls.
-        max_calls_per_hour=0,
-        record=str(folder.transcript),
-    )
-    return make_source_specs(
-        args.source,
-        args.prompt,
-        args.model,
-        settings=settings,
-        dataset=dataset,
-        transcripts=args.transcript,
-        seed=args.seed,
-        default=default,
-    )
+    values: dict[str, Any] = {name: getattr(args, name) for name in ENDPOINT}
+    values |= {'timeout_s': args.max_planning_time, 'record': str(folder.transcript)}
+    # The number of samples already bounds the calls.
+    values |= {'max_concurrent': args.jobs or LIVE_JOBS, 'max_calls_per_hour': 0}
+    rest = args.prompt, args.model, args.transcript, args.seed, default
+    return SourceOptions(SourceSettings(**values), dataset, *rest).specs(args.source)
 
 
 def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
@@ -241,13 +233,8 @@ def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) ->
 
 def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
     """Return the parameters of a run for its metadata; --resume compares COMPARED_PARAMETERS."""
-    names = (
-        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds',
-        'prompt_form', 'retrieved_examples', 'examples_file', 'heuristic', 'weight',
-        'max_suboptimality', 'price', 'jobs', *more,
-    )  # fmt: skip
-    instruction = INSTRUCTION if args.instruction else ()
-    found = {name: getattr(args, name) for name in (*names, *instruction)}
+    names = (*DECIDING, *more, *(INSTRUCTION if args.instruction else ()))
+    found = {name: getattr(args, name) for name in names}
     return found | {'time_limit': args.max_planning_time}
 
 
@@ -256,123 +243,120 @@ def deciding_files(args: argparse.Namespace) -> list[Path]:
     files = [Path(transcript) for transcript in args.transcript]
     files += [find_file(args.places_file, 'maps')] if args.places_file else []
     if 'endpoint' in args.source:
-        prompts = args.prompt or [DEFAULT_PROMPT]
-        files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in prompts]
-        if args.retrieved_examples:
+        names = [prompt.partition(RETRIEVED)[0] for prompt in args.prompt or [DEFAULT_PROMPT]]
+        files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in names]
+        if args.retrieved_examples or names != (args.prompt or names):
             files.append(find_file(args.examples_file or SAMPLES_FILE, 'maps'))
     return files
 
 
-@contextmanager
-def make_executor(
-    args: argparse.Namespace, sources: Sequence[SourceSpec]
-) -> Iterator[tuple[Executor, int]]:
-    """Yield the executor for the tasks, and how many of them to submit at a time."""
-    if args.dask:
-        with config.connect(args.dask, sources) as cluster:
-            yield cluster
-        return
-    is_live = any(spec.name == 'endpoint' for spec in sources)
-    jobs = args.jobs or (LIVE_JOBS if is_live else 1)
-    executor = ThreadPoolExecutor(jobs)
-    try:
-        yield executor, 2 * jobs
-    finally:
-        # Requests that are still in flight may take long, and nothing needs their answers now.
-        executor.shutdown(wait=False, cancel_futures=True)
+class Run:
+    """A run into a results folder, by the options of its command.
 
-
-def run_into(
-    args: argparse.Namespace,
-    folder: ResultsFolder,
-    metadata: dict[str, Any],
-    tasks: Iterable[Task],
-    pool: tuple[Executor, int],
-    *,
-    unit: str = 'sample',
-    keep: Callable[[Task, list[engine.Outcome]], object] | None = None,
-) -> int:
-    """Run tasks into a results folder, with `keep` after each; return the exit code.
-
-    `pool` is what `make_executor` yields: made before a folder is touched, as it may fail.
-    Raises ResultsError where the folder cannot be written to, and what `keep` raises.
+    `metadata` is that of the folder, and `code` the exit code so far.
     """
-    total = len(tasks) if isinstance(tasks, list) else None
-    executor, at_once = pool
-    metadata['parameters']['jobs'] = args.dask or at_once // 2
-    # Tasks that are made one by one hold a map each, so fewer of them are queued.
-    queued = max(1, at_once // 2) if total is None else at_once
-    try:
-        with config.progress(total, unit) as step:
 
-            def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
-                if keep is not None:
-                    keep(task, outcomes)
-                step()
+    def __init__(
+        self, args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any]
+    ) -> None:
+        """Take what is run; nothing is written yet."""
+        self.args, self.folder, self.metadata = args, folder, metadata
+        self.code, self._failure = OK, BAD_INPUT
 
-            def run(some: Iterable[Task]) -> None:
-                config.run_into_folder(
-                    folder, some, executor, queued, metadata=metadata, step=finish
-                )
+    @contextmanager
+    def pool(self, sources: Sequence[SourceSpec]) -> Iterator[None]:
+        """Have an executor for the tasks; opened before a folder is touched, as that may fail."""
+        if self.args.dask:
+            with config.connect(self.args.dask, sources) as (self._executor, self._at_once):
+                yield
+            return
+        is_live = any(spec.name == 'endpoint' for spec in sources)
+        jobs = self.args.jobs or (LIVE_JOBS if is_live else 1)
+        self._executor, self._at_once = ThreadPoolExecutor(jobs), 2 * jobs
+        try:
+            yield
+        finally:
+            # Requests that are still in flight may take long, and nothing needs their answers now.
+            self._executor.shutdown(wait=False, cancel_futures=True)
 
-            run(run_timed(tasks, run) if isinstance(tasks, list) else tasks)
-    except KeyboardInterrupt:
-        message = 'interrupted: the rows so far are kept; continue with --resume'
-        return complain(args, message, INTERRUPTED)
-    return OK
+    def open(self, rows: int = 0) -> Finished:
+        """Start or resume the folder of a run of so many rows; return which of them it has.
 
+        Raises ResultsError.
+        """
+        parquet = config.is_parquet_run(self.args.format, rows)
+        again = {'resume': self.args.resume, 'overwrite': self.args.overwrite}
+        return config.open_folder(self.folder, self.metadata, **again, parquet=parquet)
 
-def run_timed(tasks: Sequence[Task], run: Callable[[Iterable[Task]], None]) -> Sequence[Task]:
-    """Run the first tasks of each scale, say how long the others take, and return those."""
-    engine.compile_once()
-    timed, others = config.split_timed(tasks)
-    seconds = {}
-    for scale, first in timed.items():
-        begun = time.monotonic()
-        run(first)
-        seconds[scale] = (time.monotonic() - begun) / len(first)
-    sentence = config.forecast(others, seconds)
-    if sentence is not None:
-        tqdm.write(sentence, file=sys.stderr)
-    return others
+    def execute(self, tasks: Iterable[Task], unit: str = 'sample', *keep: Keep) -> None:
+        """Run tasks in the pool into the folder, and call `keep` after each.
 
+        Raises ResultsError where the folder cannot be written to, and what `keep` raises.
+        """
+        total = len(tasks) if isinstance(tasks, list) else None
+        self.metadata['parameters']['jobs'] = self.args.dask or self._at_once // 2
+        # Tasks that are made one by one hold a map each, so fewer of them are queued.
+        queued = max(1, self._at_once // 2) if total is None else self._at_once
+        engine.compile_once()
+        self._failure = INCOMPLETE  # from here on there are rows
+        try:
+            with config.progress(total, unit) as step:
 
-def close_run(
-    args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], code: int
-) -> int:
-    """Write the reports of a run, print the table, and return the exit code.
+                def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
+                    for call in keep:
+                        call(task, outcomes)
+                    step()
 
-    Raises ResultsError where the folder cannot be written to.
-    """
-    # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
-    from llm_astar_lab.report.write import write_report  # noqa: PLC0415
+                pool, metadata = (self._executor, queued), self.metadata
+                config.run_into_folder(self.folder, tasks, *pool, metadata=metadata, step=finish)
+        except KeyboardInterrupt:
+            message = 'interrupted: the rows so far are kept; continue with --resume'
+            self.complain(message, INTERRUPTED)
 
-    # Reading the rows takes the most memory, so it comes before the maps are loaded; the figures
-    # come last, because they take memory that is not given back.
-    folder.fold()
-    rows = folder.stored()
-    maps = load_kept_maps(folder.path / MAPS_FILE)
-    unanswered = config.describe_unanswered(rows.rows(UNANSWERED))
-    if 'map_costs' in metadata:
-        add_query_times(metadata['map_costs'], rows)
-    folder.write_json('metadata.json', metadata)
-    lengths = thresholds.reference_lengths(maps)
-    agreements = (
-        thresholds.compare_with_reference(rows.rows(), lengths, args.heuristic) if lengths else []
-    )
-    summary = write_report(folder, metadata, maps, rows)
-    missed = thresholds.missed_thresholds(summary.variants, args.fail_under)
-    print(json.dumps(folder.read_json('summary.json')) if args.json else text_report(summary))
-    took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
-    print(f'{took}: {folder.path}/report.html', file=sys.stderr)
-    for line in unanswered:
-        code = complain(args, line, code or INCOMPLETE)
-    for agreement in agreements:
-        code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in missed:
-        code = complain(args, line, code or MISSED)
-    return code
+    def close(self) -> int:
+        """Write the reports of a run, print the table, and return the exit code.
+
+        Raises ResultsError where the folder cannot be written to.
+        """
+        # Importing matplotlib takes most of a second, which bad usage should not wait for.
+        from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
+        from llm_astar_lab.report.write import write_report  # noqa: PLC0415
+
+        # Reading the rows takes the most memory, so it comes before the maps are loaded; the
+        # figures come last, because they take memory that is not given back.
+        args, folder, metadata = self.args, self.folder, self.metadata
+        folder.fold()
+        rows = folder.stored()
+        maps = load_kept_maps(folder.path / MAPS_FILE)
+        unanswered = [*config.describe_unanswered(rows)]
+        if 'map_costs' in metadata:
+            add_query_times(metadata['map_costs'], rows)
+        folder.write_json('metadata.json', metadata)
+        has_zones = 'zones' in metadata['parameters']
+        lengths = {} if has_zones else thresholds.reference_lengths(maps)
+        every = rows.rows() if lengths else ()
+        agreements = thresholds.compare_with_reference(every, lengths, args.heuristic)
+        summary = write_report(folder, metadata, maps, rows)
+        missed = thresholds.missed_thresholds(summary.variants, args.fail_under)
+        print(json.dumps(folder.read_json('summary.json')) if args.json else text_report(summary))
+        took = f'{len(rows)} rows in {metadata["seconds"]:.1f} s'
+        print(f'{took}: {folder.path}/report.html', file=sys.stderr)
+        for line in unanswered:
+            self.complain(line, INCOMPLETE)
+        for agreement in agreements:
+            self.complain(str(agreement), INCOMPLETE if agreement.first else OK)
+        for line in missed:
+            self.complain(line, MISSED)
+        return self.code
+
+    def complain(self, message: str, code: int) -> None:
+        """Write a message to stderr; the first code that is not OK is that of the run."""
+        code = complain(self.args, message, code)
+        self.code = self.code or code
+
+    def failed(self, error: Exception) -> int:
+        """Say why the run has ended, and return the exit code."""
+        return complain(self.args, str(error), self._failure)
 
 
 def complain(args: argparse.Namespace, message: str, code: int) -> int:

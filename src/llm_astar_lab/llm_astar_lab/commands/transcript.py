@@ -31,11 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'check', help='validate every line, and summarise by model and prompt'
     )
     option(check, 'file FILE', 'a path, or a name in maps/')
-    option(
-        check, '--map DATASET',
-        'maps with start-goal pairs, a path or a name in maps/: say which samples are '
-        'missing at scale 1',
-    )  # fmt: skip
+    text = 'maps with start-goal pairs, a path or a name in maps/'
+    option(check, '--map DATASET', f'{text}: say which samples are missing at scale 1')
     option(check, '--json', 'print what was found as JSON')
 
 

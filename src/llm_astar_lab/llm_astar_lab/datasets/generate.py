@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -109,16 +109,18 @@ def query_sentence(barrier_map: BarrierMap, start: Point, goal: Point) -> str:
     horizontal = list(map(list, barrier_map.horizontal_barriers))
     vertical = list(map(list, barrier_map.vertical_barriers))
     return (
-        f'design a path from {list(start)} to {list(goal)} on a {width} by '
-        f'{height} grid that avoids horizontal barriers centered at {horizontal} '
-        f'and vertical barriers at {vertical}.'
+        f'design a path from {list(start)} to {list(goal)} on a {width} by {height} grid that '
+        f'avoids horizontal barriers centered at {horizontal} and vertical barriers at {vertical}.'
     )
 
 
 def draw_map(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
     """Draw maps until one obeys the rules. Raises GenerationError after TRIES maps."""
+    width, height = rules.size
     for _ in range(TRIES):
-        empty = draw_barriers(draw, map_id, rules)
+        horizontal = draw_parallel_barriers(draw, height, width, rules)
+        vertical = draw_parallel_barriers(draw, width, height, rules)
+        empty = BarrierMap(map_id, (0, width + 1), (0, height + 1), horizontal, vertical)
         samples = draw_samples(draw, empty, rules)
         if len(samples) < rules.pairs:
             continue
@@ -127,14 +129,6 @@ def draw_map(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
         if detour(barrier_map) >= rules.min_detour:
             return barrier_map
     raise GenerationError(f'map {map_id}: none of {TRIES} random maps fits {rules}')
-
-
-def draw_barriers(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
-    """Draw a map without samples."""
-    width, height = rules.size
-    horizontal = draw_parallel_barriers(draw, height, width, rules)
-    vertical = draw_parallel_barriers(draw, width, height, rules)
-    return BarrierMap(map_id, (0, width + 1), (0, height + 1), horizontal, vertical)
 
 
 def draw_parallel_barriers(
@@ -221,7 +215,7 @@ def validate_file(path: str | Path) -> tuple[DatasetSummary, list[DatasetProblem
 
 def summarise_dataset(maps: Sequence[ProblemMap]) -> DatasetSummary:
     """Count maps and samples; measure the detours on maps without errors."""
-    samples = sum(len(barrier_map.samples) for barrier_map in maps)
+    samples = sum(len(m.samples) for m in maps)
     solvable = [m for m in maps if m.samples and not any(p.error for p in validate_maps([m]))]
     measured = [replace(m, samples=m.samples[:MEASURED_SAMPLES]) for m in solvable]
     return DatasetSummary(len(maps), samples, tuple(detour(m) for m in measured))
@@ -259,9 +253,9 @@ def validate_sample(
     `labels` [height, width] numbers the connected free cells from 1; 0 is blocked.
     """
     start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    for name, (x, y) in (('start', start), ('goal', goal)):
-        if labels[y, x] == 0:
-            message = f'{name} {(x, y)} lies on a barrier or on the outer wall'
+    for name, cell in (('start', start), ('goal', goal)):
+        if labels[cell[::-1]] == 0:
+            message = f'{name} {cell} lies on a barrier or on the outer wall'
             yield DatasetProblem(True, where, message)
             return
     if labels[start[::-1]] != labels[goal[::-1]]:
@@ -270,12 +264,10 @@ def validate_sample(
         yield DatasetProblem(False, where, f'start and goal are both {start}')
     elif line_of_sight.clear([start], [goal])[0]:
         yield DatasetProblem(False, where, 'the straight line from start to goal is free')
-    if (
-        isinstance(barrier_map, BarrierMap)
-        and sample.query
-        and sample.query != query_sentence(barrier_map, sample.start, sample.goal)
-    ):
-        yield DatasetProblem(False, where, 'the query does not describe this map and pair')
+    if isinstance(barrier_map, BarrierMap) and sample.query:
+        expected = query_sentence(barrier_map, sample.start, sample.goal)
+        if sample.query != expected:
+            yield DatasetProblem(False, where, 'the query does not describe this map and pair')
 
 
 Blocked = NDArray[np.bool_]
@@ -322,9 +314,8 @@ def maze(side: int, generator: np.random.Generator) -> Blocked:
     first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
     second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
     weights = 1.0 + generator.random(len(first))
-    tree = minimum_spanning_tree(
-        coo_array((weights, (first, second)), shape=(count * count,) * 2)
-    ).tocoo()
+    graph = coo_array((weights, (first, second)), shape=(count * count,) * 2)
+    tree = minimum_spanning_tree(graph).tocoo()
     blocked = np.ones((side, side), dtype=np.bool_)
     blocked[1 : 2 * count : 2, 1 : 2 * count : 2] = False
     (y, x), (to_y, to_x) = np.divmod(tree.row, count), np.divmod(tree.col, count)
@@ -383,12 +374,7 @@ def divide(blocked: Blocked, area: Area, generator: np.random.Generator) -> list
     return [Area(top, left, bottom, x), Area(top, x + width, bottom, right)]
 
 
-FAMILIES: dict[str, Callable[[int, np.random.Generator], Blocked]] = {
-    'rooms': rooms,
-    'mazes': maze,
-    'aisles': aisles,
-    'floors': floor,
-}
+FAMILIES = {'rooms': rooms, 'mazes': maze, 'aisles': aisles, 'floors': floor}
 
 
 def generate_family(
@@ -415,10 +401,8 @@ def draw_problem(family: str, seed: int, map_id: int, pairs: int, side: int) -> 
         kept = hard_pairs(blocked, drawn)[:pairs]
         if len(kept) == pairs:
             return GridProblem(map_id, grid_map, tuple(kept), family=family)
-    raise GenerationError(
-        f'{family}: map {map_id}: none of {GRID_TRIES} maps of {side} x {side} cells has '
-        f'{pairs} pairs; ask for fewer'
-    )
+    what = f'none of {GRID_TRIES} maps of {side} x {side} cells has {pairs} pairs'
+    raise GenerationError(f'{family}: map {map_id}: {what}; ask for fewer')
 
 
 def hard_pairs(blocked: Blocked, drawn: tuple[Sample, ...]) -> list[Sample]:

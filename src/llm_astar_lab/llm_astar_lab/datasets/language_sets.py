@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, expect
 from llm_astar_msgs_adapter.files import read_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
@@ -33,6 +33,7 @@ MAX_SIDE, MAX_BYTES = 1000, 64_000_000
 OBSTACLE, START, GOAL = 1, 2, 3
 # A map as it is read: what is blocked, in rows, and one sample's start and goal.
 Entry = tuple[list[list[bool]], Point, Point]
+Reader = Callable[[Any], Iterator[Entry]]
 
 
 class LanguageSetError(LlmAstarError, ValueError):
@@ -44,23 +45,21 @@ def load_language_set(name: str, path: Path) -> list[GridProblem]:
 
     Raises LanguageSetError that names the file and the entry.
     """
-    found: list[tuple[bytes, GridProblem]] = []
-    for where, entry in enumerate_entries(name, path):
-        rows, start, goal = entry
+    found: list[GridProblem] = []
+    for where, (rows, start, goal) in enumerate_entries(name, path):
         height, width = len(rows), len(rows[0])
         if max(height, width) > MAX_SIDE or any(len(row) != width for row in rows):
             raise LanguageSetError(f'{where}: rows of one length to {MAX_SIDE} are expected')
         if not all(0 <= x < width and 0 <= y < height for x, y in (start, goal)):
             raise LanguageSetError(f'{where}: start or goal is outside of the map')
         cells = np.where(np.array(rows, dtype=bool), OCCUPIED, FREE).astype(np.int8)
-        key = cells.tobytes()
         samples: tuple[Sample, ...] = (Sample(start, goal),)
-        if found and found[-1][0] == key and found[-1][1].grid_map.width == width:
-            samples = (*found.pop()[1].samples, *samples)
-        found.append((key, GridProblem(len(found), GridMap(cells, 1.0), samples, family=name)))
+        if found and np.array_equal(found[-1].grid_map.cells, cells):
+            samples = (*found.pop().samples, *samples)
+        found.append(GridProblem(len(found), GridMap(cells, 1.0), samples, family=name))
     if not found:
         raise LanguageSetError(f'{path}: has no maps')
-    return [problem for _, problem in found]
+    return found
 
 
 def enumerate_entries(name: str, path: Path) -> Iterator[tuple[str, Entry]]:
@@ -80,9 +79,7 @@ def read_items(name: str, path: Path) -> list[Any]:
         text = read_text(path, LanguageSetError, limit=MAX_BYTES).removeprefix('\ufeff')
         return list(csv.DictReader(io.StringIO(text)))
     items = read_json(path, LanguageSetError)
-    if not isinstance(items, list):
-        raise LanguageSetError(f'{path}: a JSON list is expected')
-    return items
+    return expect(items, list, str(path), 'a JSON list', LanguageSetError)
 
 
 def read_gtb(item: dict[str, Any]) -> Iterator[Entry]:
@@ -122,8 +119,4 @@ def read_gridroute(item: dict[str, str]) -> Iterator[Entry]:
 
 
 GTB, PPNL, GRIDROUTE = 'gtb', 'ppnl', 'gridroute'
-READERS: dict[str, Callable[[Any], Iterator[Entry]]] = {
-    GTB: read_gtb,
-    PPNL: read_ppnl,
-    GRIDROUTE: read_gridroute,
-}
+READERS: dict[str, Reader] = {GTB: read_gtb, PPNL: read_ppnl, GRIDROUTE: read_gridroute}

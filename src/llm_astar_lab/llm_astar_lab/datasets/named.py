@@ -16,6 +16,7 @@ import os
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name, short_repr, shortened
@@ -78,8 +79,7 @@ def select_samples(
         known = {barrier_map.id for barrier_map in loaded}
         if not wanted & known:
             ids = f'{min(known)} to {max(known)}' if len(known) > 1 else str(*known)
-            message = f'--map-ids {maps}: {path} has none of them, its ids are {ids}'
-            raise SelectionError(message)
+            raise SelectionError(f'--map-ids {maps}: {path} has none of them, its ids are {ids}')
         loaded = [barrier_map for barrier_map in loaded if barrier_map.id in wanted]
     samples = [
         BenchmarkSample(bare, pair, sample)
@@ -205,11 +205,9 @@ def parse_names(text: str) -> tuple[str, ...]:
     """
     parts = tuple(dict.fromkeys(part.strip() for part in text.split(',')))
     for unknown in (part for part in parts if part not in NAMES):
-        near = nearest_name(unknown, NAMES) or ';'
+        known = f'{nearest_name(unknown, NAMES) or ";"} there are {", ".join(NAMES)}'
         file = '; a file is given with --map' if Path(unknown).suffix else ''
-        raise SelectionError(
-            f'--dataset: {short_repr(unknown)} is unknown{near} there are {", ".join(NAMES)}{file}'
-        )
+        raise SelectionError(f'--dataset: {short_repr(unknown)} is unknown{known}{file}')
     return parts
 
 
@@ -271,13 +269,11 @@ def check_size(name: str, rules: DrawRules, scale: int) -> None:
         raise GenerationError('--maps, --pairs and --scale: the minimum is 1')
     width, height = rules.size if name == BARRIERS else (drawing.DEFAULT_SIDE,) * 2
     if rules.maps * width * height * scale**2 > MAX_CELLS:
-        raise GenerationError(
-            f'--maps {rules.maps}: at scale {scale} they have over {MAX_CELLS} cells; choose fewer'
-        )
+        what = f'at scale {scale} they have over {MAX_CELLS} cells'
+        raise GenerationError(f'--maps {rules.maps}: {what}; choose fewer')
     if rules.pairs > MAX_PAIRS or rules.maps * rules.pairs > MAX_SAMPLES:
-        raise GenerationError(
-            f'--maps, --pairs: over {MAX_PAIRS} pairs of a map or {MAX_SAMPLES} samples'
-        )
+        what = f'over {MAX_PAIRS} pairs of a map or {MAX_SAMPLES} samples'
+        raise GenerationError(f'--maps, --pairs: {what}')
 
 
 def load_set(name: str, folder: Path) -> Iterator[tuple[str, GridProblem]]:
@@ -286,16 +282,12 @@ def load_set(name: str, folder: Path) -> Iterator[tuple[str, GridProblem]]:
     Raises GridProblemError or MovingAiError, which name the folder or the file.
     """
     files = sorted(files_of_set(name, folder), key=lambda path: path.name)
-    maps: dict[str, list[Path]] = {}
-    for path in files:
-        maps.setdefault(path.name, []).append(path)
+    maps = {key: list(named) for key, named in groupby(files, key=lambda path: path.name)}
     scenarios = [path for path in files if path.name.endswith(SCENARIO_END)]
     if not scenarios:
         raise GridProblemError(f'{folder}: has no scenarios of {name}, files x.map.scen')
-    for path in scenarios:
-        if len(maps[path.name]) > 1:
-            several = f'{folder}: has several files {path.name}; remove all but one'
-            raise GridProblemError(several)
+    for key in (path.name for path in scenarios if len(maps[path.name]) > 1):
+        raise GridProblemError(f'{folder}: has several files {key}; remove all but one')
     cells = 0
     for map_id, path in enumerate(scenarios):
         map_path = find_map_file(path, maps.get(path.name.removesuffix('.scen'), []), folder)
@@ -338,9 +330,8 @@ def walk(folder: Path) -> Iterator[Path]:
         seen.add(real)
         entries += len(folders) + len(names)
         if entries > MAX_ENTRIES:
-            raise GridProblemError(
-                f'{folder}: has over {MAX_ENTRIES} files; name a smaller folder'
-            )
+            what = f'has over {MAX_ENTRIES} files'
+            raise GridProblemError(f'{folder}: {what}; name a smaller folder')
         endings = ('.map', SCENARIO_END)
         yield from (Path(place, name) for name in names if name.endswith(endings))
 

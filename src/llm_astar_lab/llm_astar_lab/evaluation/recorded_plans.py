@@ -71,11 +71,9 @@ class BagRequest:
 
     def is_answered_by(self, points: NDArray[np.float64], frame: str) -> bool:
         """Tell whether a path, points [n, 2] in metres in `frame`, ends at the goal."""
-        known = frame in ('', self.grid_map.frame_id)
-        if not (len(points) and known and are_near(points)):
-            return False
         reach = max(GOAL_REACH, 2 * self.grid_map.resolution)
-        return bool(np.hypot(*(points[-1] - self.goal[:2])) <= reach)
+        is_comparable = len(points) and frame in ('', self.grid_map.frame_id) and are_near(points)
+        return bool(is_comparable and np.hypot(*(points[-1] - self.goal[:2])) <= reach)
 
     def asked(self, places: Places) -> RouteInstruction | None:
         """Return the recorded instruction as it was understood, None if there is none."""
@@ -137,7 +135,7 @@ class PendingRequests:
     def expire(self, now: float = math.inf) -> None:
         """Let the requests go on that have waited too long by `now`; all of them without it."""
         for request in self._waiting:
-            request.is_done = request.is_done or now - request.time > self._window
+            request.is_done |= now - request.time > self._window
 
     def pop_ready(self) -> Iterator[BagRequest]:
         """Yield, in their order, the requests that no longer wait."""

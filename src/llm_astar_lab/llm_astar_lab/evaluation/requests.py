@@ -18,7 +18,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
 from llm_astar_msgs_adapter.files import parse_json, read_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
@@ -188,10 +188,9 @@ class RequestReader:
     def _advance(self, now: int) -> None:
         """Set the time: make the listed requests that are due and expire waiting ones."""
         if now < self._now - JUMP:
-            self.bag.problems.note(
-                f'{self.bag.path}: the clock jumps back by {(self._now - now) / 1e9:.3f} s; what '
-                "was known of the robot's pose before is forgotten"
-            )
+            jump = f'the clock jumps back by {(self._now - now) / 1e9:.3f} s'
+            what = "what was known of the robot's pose before is forgotten"
+            self.bag.problems.note(f'{self.bag.path}: {jump}; {what}')
             self._poses.forget()
             self._pending.expire()
         self._make_listed(self.bag.seconds(now))
@@ -226,10 +225,9 @@ class RequestReader:
         if call in self._calls:
             return
         if not len(event.request):
-            self.bag.problems.leave_out(
-                f'{self.bag.path}: {message.topic}: its events are without contents; set '
-                'service introspection to `contents` to record requests'
-            )
+            fix = 'set service introspection to `contents` to record requests'
+            what = f'{message.topic}: its events are without contents; {fix}'
+            self.bag.problems.leave_out(f'{self.bag.path}: {what}')
             return
         self._calls.append(call)
         request = event.request[0]
@@ -337,12 +335,10 @@ def csv_entries(path: Path) -> Iterable[Mapping[str, Any]]:
 def json_entries(path: Path) -> Iterable[Mapping[str, Any]]:
     """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
     entries = read_json(path, RequestListError, MAX_LIST_BYTES)
-    if not isinstance(entries, list):
-        raise RequestListError(f'{path}: a JSON list of requests is expected')
+    expect(entries, list, str(path), 'a JSON list of requests', RequestListError)
     for number, entry in enumerate(entries, 1):
         where = f'{path}: entry {number}'
-        if not isinstance(entry, dict):
-            raise RequestListError(f'{where}: an object with start and goal is expected')
+        expect(entry, dict, where, 'an object with start and goal', RequestListError)
         values = {'time': entry.get('time')}
         for name in ('start', 'goal'):
             point = entry.get(name)

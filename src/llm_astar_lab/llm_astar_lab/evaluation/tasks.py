@@ -42,12 +42,10 @@ class SampleIdAllocator:
 
     def map_id(self, digest: str, preferred: int | None) -> int:
         """Return the id of a map with this digest."""
-        if digest not in self._maps:
-            taken = set(self._maps.values())
-            if preferred is None or preferred in taken:
-                preferred = max(taken, default=-1) + 1
-            self._maps[digest] = preferred
-        return self._maps[digest]
+        taken = self._maps.values()
+        if preferred is None or preferred in taken:
+            preferred = max(taken, default=-1) + 1
+        return self._maps.setdefault(digest, preferred)
 
     def pair(self, map_id: int, preferred: int | None, reserved: int) -> int:
         """Return the number of a request on a map; the first `reserved` are for its samples."""
@@ -129,13 +127,12 @@ class Evaluation:
         map_id = sample.barrier_map.id
         kept = self._kept.get(map_id, sample.barrier_map)
         cells = sum(map(count_cells, self._kept.values()))
-        full = len(self._kept) >= MAX_MAPS or cells + count_cells(kept) > MAX_CELLS
-        if map_id not in self._kept and full:
-            return
+        has_room = len(self._kept) < MAX_MAPS and cells + count_cells(kept) <= MAX_CELLS
         # The requests kept are those with the first numbers, so that each keeps its own.
         if len(kept.samples) == sample.pair < MAX_REQUESTS:
             kept = replace(kept, samples=(*kept.samples, sample.sample))
-        self._kept[map_id] = kept
+        if map_id in self._kept or has_room:
+            self._kept[map_id] = kept
 
     def kept_maps(self) -> list[ProblemMap]:
         """Return the maps for the report in order of their ids."""

@@ -7,23 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.files import read_yaml
+
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.bags.types import BARRIER_MAP, MAP
+from llm_astar_lab.bags.storage import BagError
+from llm_astar_lab.bags.types import MAP
 from llm_astar_lab.templates import render
 
-GRID, UPDATE = 'nav_msgs/msg/OccupancyGrid', 'map_msgs/msg/OccupancyGridUpdate'
-EVENT, PATH = 'nav_msgs/srv/GetPlan_Event', 'nav_msgs/msg/Path'
-POSE, POSE_GUESS = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/PoseWithCovarianceStamped'
-ODOMETRY, TF, TEXT = 'nav_msgs/msg/Odometry', 'tf2_msgs/msg/TFMessage', 'std_msgs/msg/String'
-DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-# Topics that may have any name: their type, the end of their name, and their role.
-BY_ENDING = (
-    (EVENT, '/get_plan/_service_event', 'request'),
-    (DIAGNOSTICS, '/report', 'report'),
-    (DIAGNOSTICS, '/exchange', 'exchange'),
-)
+TOPICS = read_yaml(Path(__file__).with_name('topics.yaml'), BagError)
+GRID = TOPICS['by_name']['map'][0]
 # Where requests come from: the role of such topics, and a description for error messages.
 REQUEST_ROLES = {
     'service': ('request', 'events of GetPlan (service introspection)'),
@@ -62,19 +57,11 @@ class TopicSelection:
 
     def named_topics(self) -> Iterable[tuple[str, str, str]]:
         """Yield role, name and message type of each topic that is known by name."""
-        own = self.namespace
-        yield 'map', self.map, GRID
-        yield 'map update', f'{self.map}_updates', UPDATE
-        yield 'barriers', BARRIER_MAP, TEXT
-        yield 'plan', self.plan, PATH
-        yield 'odometry', self.odom_topic or f'{own}/odom', ODOMETRY
-        if self.requests in ('auto', 'goals'):
-            yield 'goal', f'{own}/goal_pose', POSE
-            yield 'start', f'{own}/initialpose', POSE_GUESS
-            yield 'start', f'{own}/amcl_pose', POSE_GUESS
-        for prefix in dict.fromkeys(('', own)):
-            yield 'tf', f'{prefix}/tf', TF
-            yield 'static tf', f'{prefix}/tf_static', TF
+        names = {'own': self.namespace, 'map': self.map, 'plan': self.plan}
+        names['odometry'] = self.odom_topic or f'{self.namespace}/odom'
+        for role, (msgtype, *topics) in TOPICS['by_name'].items():
+            if self.requests in ('auto', 'goals') or role not in ('goal', 'start'):
+                yield from ((role, topic.format(**names), msgtype) for topic in topics)
 
 
 def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
@@ -85,14 +72,12 @@ def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
     roles: dict[str, str] = {}
     for role, name, msgtype in selection.named_topics():
         topic = bag.topics.get(name)
-        if topic is None:
-            continue
-        if topic.msgtype == msgtype:
+        if topic is not None and topic.msgtype == msgtype:
             roles[name] = role
-        else:
+        elif topic is not None:
             bag.problems.leave_out(f'{bag.path}: {name} is a {topic.msgtype}, not a {msgtype}')
     for name, topic in bag.topics.items():
-        for msgtype, ending, role in BY_ENDING:
+        for role, (msgtype, ending) in TOPICS['by_ending'].items():
             fits = topic.msgtype == msgtype and name.endswith(ending)
             used = role != 'request' or selection.requests in ('auto', 'service')
             if fits and used and name.startswith(f'{selection.namespace}/'):
@@ -102,10 +87,9 @@ def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
     if roles.get(plan) == 'plan' and (neither or selection.requests == 'plans'):
         roles[plan] = 'plan as request'
         if neither and bag.topics[plan].count:
-            bag.problems.note(
-                f'{bag.path}: it has neither calls nor goals, and the goals of actions are not '
-                f'recorded: each path on {plan} is a request, from its first pose to its last'
-            )
+            why = 'it has neither calls nor goals, and the goals of actions are not recorded'
+            what = f'each path on {plan} is a request, from its first pose to its last'
+            bag.problems.note(f'{bag.path}: {why}: {what}')
     return roles
 
 
@@ -133,8 +117,8 @@ def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
     """Return a bag's contents: times in seconds since 1970, topics, and the role of each."""
     roles = topic_roles(bag, selection)
     topics = [
-        {'name': t.name, 'type': t.msgtype, 'count': t.count, 'part': roles.get(t.name, '')}
-        for t in sorted(bag.topics.values(), key=lambda topic: topic.name)
+        {'name': name, 'type': topic.msgtype, 'count': topic.count, 'part': roles.get(name, '')}
+        for name, topic in sorted(bag.topics.items())
     ]
     return {
         'bag': bag.name,

@@ -54,9 +54,8 @@ def write_sample_bag(
     with BagWriter(folder, storage) as bag:
         bag.add_topic(OfferedTopic(BARRIER_MAP, define('std_msgs/msg/String'), (LATCHED,)))
         bag.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
-        bag.add_topic(
-            OfferedTopic(GET_PLAN_EVENT, define(bag_messages.GET_PLAN_EVENT_TYPE), (qos(),))
-        )
+        event = define(bag_messages.GET_PLAN_EVENT_TYPE)
+        bag.add_topic(OfferedTopic(GET_PLAN_EVENT, event, (qos(),)))
         stamp, number = FIRST_STAMP, 0
         for _, of_map in groupby(samples, key=lambda sample: sample.barrier_map.id):
             group = list(of_map)
@@ -68,13 +67,11 @@ def write_sample_bag(
             grid_map = problem.to_grid()
             bag.write_message(MAP, stamp, bag_messages.occupancy_grid(grid_map, stamp))
             for sample in group:
-                stamp += STEP
-                number += 1
+                stamp, number = stamp + STEP, number + 1
                 cells = [problem.to_cell(sample.sample.start), problem.to_cell(sample.sample.goal)]
                 start, goal = (Pose2D(*point) for point in grid_map.grid_to_world(cells).tolist())
-                request = bag_messages.get_plan_request(
-                    start, goal, grid_map.frame_id, stamp, number
-                )
+                facts = grid_map.frame_id, stamp, number
+                request = bag_messages.get_plan_request(start, goal, *facts)
                 bag.write_message(GET_PLAN_EVENT, stamp, request)
             stamp += STEP
     return bag.counts

@@ -14,19 +14,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import short_repr
-from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions import fields, regions
 from llm_astar_planner.instructions.verification import geometry as plane
 from llm_astar_planner.instructions.verification.geometry import QUARTER_SIDES, Polyline, Spans
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, as_list, find_place, find_tagged
+from llm_astar_lab.instruct_bench.maps import Scene, SuiteError, SuiteMap, as_list
 
 # Metres. A measured length this close to its limit keeps it.
 ROUNDING = 1e-6
@@ -59,9 +58,9 @@ class Entry:
     depth: int = 0
 
     @property
-    def places(self) -> Places:
-        """The map's places."""
-        return self.scene.suite_map.places
+    def suite_map(self) -> SuiteMap:
+        """The map."""
+        return self.scene.suite_map
 
     def resolved(self, region: regions.Region) -> BaseGeometry:
         """Return where the verification has a region."""
@@ -122,13 +121,13 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
 
 def read_place(entry: Entry) -> BaseGeometry:
     """Return the geometry of a named place. Raises SuiteError."""
-    place = find_place(entry.value, entry.where, entry.places)
-    return entry.resolved(regions.NamedPlace(place.name))
+    name = entry.suite_map.place_name(entry.value, entry.where)
+    return entry.resolved(regions.NamedPlace(name))
 
 
 def read_tag(entry: Entry) -> BaseGeometry:
     """Return the geometry of all places with a tag. Raises SuiteError."""
-    find_tagged(entry.value, entry.where, entry.places)
+    entry.suite_map.tagged_names(entry.value, entry.where)
     return entry.resolved(regions.Tagged(entry.value))
 
 
@@ -148,8 +147,7 @@ def read_half(entry: Entry) -> BaseGeometry:
     (of, of_where), where, scene = entry.given('of'), entry.where, entry.scene
     side = fields.as_choice(entry.value, where, regions.SIDES if of is None else regions.COMPASS)
     if of is not None:
-        place = find_place(of, of_where, entry.places)
-        return entry.resolved(regions.Half(side, place.name))
+        return entry.resolved(regions.Half(side, entry.suite_map.place_name(of, of_where)))
     if side in regions.COMPASS:
         return entry.resolved(regions.Half(side)) & shapely.box(*scene.suite_map.extent)
     if scene.start == scene.goal:
@@ -190,138 +188,6 @@ FORMS: dict[str, Callable[[Entry], BaseGeometry]] = {
     'near': read_near,
     'walls': read_walls,
 }
-
-
-def spans_in(path: Polyline, geometry: BaseGeometry) -> Spans:
-    """Return where a path lies in closed geometry."""
-    return plane.joined(path.spans_in_polygon(geometry))
-
-
-def without_ends(path: Polyline, ends: float) -> NDArray[np.object_]:
-    """Return the straight pieces without the first and last `ends` metres; [] if all of it is."""
-    if ends <= 0.0 or path.length == 0.0:
-        return path.segments
-    return path.part(ends, path.length - ends).segments if 2.0 * ends < path.length else NOTHING
-
-
-class Verdict(NamedTuple):
-    """Whether a path fulfils a check, and the measured fact in a few words."""
-
-    holds: bool
-    detail: str
-
-
-class Walk(NamedTuple):
-    """A path in metres, the length in metres of the path without instruction, and the scene."""
-
-    path: Polyline
-    direct_length: float
-    scene: Scene
-
-
-def inside_max(walk: Walk, region: BaseGeometry, metres: float) -> Verdict:
-    """Check that at most so many metres lie inside a region."""
-    inside = plane.total(spans_in(walk.path, region))
-    return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside, at most {metres:g}')
-
-
-def outside_max(walk: Walk, region: BaseGeometry, metres: float) -> Verdict:
-    """Check that at most so many metres lie outside of a region."""
-    outside = max(walk.path.length - plane.total(spans_in(walk.path, region)), 0.0)
-    return Verdict(outside <= metres + ROUNDING, f'{outside:.2f} m outside, at most {metres:g}')
-
-
-def touch(walk: Walk, region: BaseGeometry) -> Verdict:
-    """Check that the path comes near enough to a region, or deep enough into it."""
-    missing = float(shapely.distance(walk.path.segments, region).min())
-    touched = missing <= ROUNDING
-    return Verdict(touched, 'touched' if touched else f'missed by {missing:.2f} m')
-
-
-def order(walk: Walk, regions: list[BaseGeometry]) -> Verdict:
-    """Check that the path touches regions in order."""
-    along = 0.0
-    for number, region in enumerate(regions):
-        before, along = along, plane.first_from(spans_in(walk.path, region), along)
-        if math.isinf(along):
-            return Verdict(False, f'regions[{number}] is not touched after {before:.2f} m')
-    return Verdict(True, f'all in order after {along:.2f} m')
-
-
-def visit_before(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdict:
-    """Check that the path enters a region only after it touched another."""
-    touched, entered = (plane.first_from(spans_in(walk.path, one), 0.0) for one in (first, second))
-    if math.isinf(entered):
-        return Verdict(True, 'second is not entered')
-    detail = f'first touched at {touched:.2f} m, second entered at {entered:.2f} m'
-    return Verdict(touched <= entered + ROUNDING, detail)
-
-
-def visit_after(walk: Walk, first: BaseGeometry, second: BaseGeometry) -> Verdict:
-    """Check that the path touches a region after it was in another for the last time."""
-    inside = spans_in(walk.path, first)
-    if not len(inside):
-        return Verdict(True, 'first is not entered')
-    left, touched = inside[-1, 1], plane.first_from(spans_in(walk.path, second), inside[-1, 1])
-    detail = f'first left at {left:.2f} m, second touched at {touched:.2f} m'
-    return Verdict(math.isfinite(touched), detail)
-
-
-def never_after(walk: Walk, first: BaseGeometry, second: BaseGeometry, metres: float) -> Verdict:
-    """Check that at most so many metres lie inside a region after another was entered."""
-    entered = plane.first_from(spans_in(walk.path, first), 0.0)
-    if math.isinf(entered):
-        return Verdict(True, 'first is not entered')
-    inside = plane.total(spans_in(walk.path, second).clip(min=entered))
-    return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside after the first')
-
-
-def entries(
-    walk: Walk, region: BaseGeometry, apart: float, at_least: int, at_most: int
-) -> Verdict:
-    """Check how often the path comes to a region from more than `apart` metres outside of it."""
-    near = spans_in(walk.path, region.buffer(apart, quad_segs=QUARTER_SIDES))
-    inside = spans_in(walk.path, region)
-    found = len(np.unique(np.searchsorted(near[:, 0], inside[:, 0] + ROUNDING)))
-    return Verdict(at_least <= found <= at_most, f'entered {found} times')
-
-
-def end_in(walk: Walk, region: BaseGeometry) -> Verdict:
-    """Check that the last point lies in a region."""
-    off = float(region.distance(shapely.Point(walk.path.corners[-1])))
-    return Verdict(off <= ROUNDING, f'ends {off:.2f} m off' if off else 'ends inside')
-
-
-def dist_min(walk: Walk, region: BaseGeometry, metres: float, ends: float) -> Verdict:
-    """Check that the path keeps away from a region, its ends excepted."""
-    return keeps_away(shapely.distance(without_ends(walk.path, ends), region), metres)
-
-
-def wall_dist_min(walk: Walk, metres: float, ends: float) -> Verdict:
-    """Check that the path keeps away from all occupied cells, its ends excepted."""
-    _, distances = walk.scene.suite_map.wall_tree.query_nearest(
-        without_ends(walk.path, ends), return_distance=True, all_matches=False
-    )
-    return keeps_away(distances, metres)
-
-
-def keeps_away(distances: NDArray[np.float64], metres: float) -> Verdict:
-    """Check that all distances in metres have at least the limit."""
-    nearest = float(distances.min(initial=math.inf))
-    return Verdict(nearest >= metres - ROUNDING, f'{nearest:.2f} m away, at least {metres:g}')
-
-
-def cross(walk: Walk, segment: BaseGeometry, times: int | str) -> Verdict:
-    """Check that the path meets a segment so many times."""
-    met = len(spans_in(walk.path, segment))
-    return Verdict(met > 0 if times == 'some' else met == times, f'met {met} times')
-
-
-def length_max(walk: Walk, of_direct: float, metres: float) -> Verdict:
-    """Check the path's length, in metres or against the path without instruction."""
-    limit = metres if math.isinf(of_direct) else min(metres, of_direct * walk.direct_length)
-    length = walk.path.length
-    return Verdict(length <= limit + ROUNDING, f'{length:.2f} m long, at most {limit:.2f}')
 
 
 def read_opened(entry: Entry, name: str) -> BaseGeometry:
@@ -367,29 +233,154 @@ def read_limit(entry: Entry, name: str) -> float:
     return math.inf
 
 
-# How each kind of check is measured, and what reads its fields besides the common ones and `tol`.
-Reader = Callable[[Entry, str], Any]
-REGION: dict[str, Reader] = {'region': Entry.region}
-METRES: dict[str, Reader] = {'metres': Entry.number}
-ENDS: dict[str, Reader] = {**METRES, 'ends': lambda entry, name: entry.number(name, 0.0)}
-KINDS: dict[str, tuple[Callable[..., Verdict], dict[str, Reader]]] = {
-    'inside_max': (inside_max, {'region': read_opened, **METRES}),
-    'outside_max': (outside_max, {**REGION, **METRES}),
-    'touch': (touch, REGION),
-    'order': (order, {'regions': read_regions}),
-    'visit_before': (visit_before, {'first': Entry.region, 'second': read_opened}),
-    'visit_after': (visit_after, {'first': read_opened, 'second': Entry.region}),
-    'never_after': (never_after, {'first': read_opened, 'second': read_opened, **METRES}),
-    'entries': (
-        entries,
-        {**REGION, 'apart': Entry.number, 'at_least': read_count, 'at_most': read_count},
-    ),
-    'end_in': (end_in, REGION),
-    'dist_min': (dist_min, {**REGION, **ENDS}),
-    'wall_dist_min': (wall_dist_min, ENDS),
-    'cross': (cross, {'segment': read_segment, 'times': read_times}),
-    'length_max': (length_max, {'of_direct': read_limit, 'metres': read_limit}),
-}
+# What the fields of checks are, and what reads them.
+Region = Annotated[BaseGeometry, Entry.region]
+Opened = Annotated[BaseGeometry, read_opened]
+Regions = Annotated[list[BaseGeometry], read_regions]
+Segment = Annotated[BaseGeometry, read_segment]
+Times = Annotated[int | str, read_times]
+Count = Annotated[int, read_count]
+Metres = Annotated[float, Entry.number]
+Limit = Annotated[float, read_limit]
+Ends = Annotated[float, lambda entry, name: entry.number(name, 0.0)]
+
+
+def spans_in(path: Polyline, geometry: BaseGeometry) -> Spans:
+    """Return where a path lies in closed geometry."""
+    return plane.joined(path.spans_in_polygon(geometry))
+
+
+def without_ends(path: Polyline, ends: float) -> NDArray[np.object_]:
+    """Return the straight pieces without the first and last `ends` metres; [] if all of it is."""
+    if ends <= 0.0 or path.length == 0.0:
+        return path.segments
+    return path.part(ends, path.length - ends).segments if 2.0 * ends < path.length else NOTHING
+
+
+class Verdict(NamedTuple):
+    """Whether a path fulfils a check, and the measured fact in a few words."""
+
+    holds: bool
+    detail: str
+
+
+class Walk(NamedTuple):
+    """A path in metres, the length in metres of the path without instruction, and the scene."""
+
+    path: Polyline
+    direct_length: float
+    scene: Scene
+
+
+def inside_max(walk: Walk, region: Opened, metres: Metres) -> Verdict:
+    """Check that at most so many metres lie inside a region."""
+    inside = plane.total(spans_in(walk.path, region))
+    return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside, at most {metres:g}')
+
+
+def outside_max(walk: Walk, region: Region, metres: Metres) -> Verdict:
+    """Check that at most so many metres lie outside of a region."""
+    outside = max(walk.path.length - plane.total(spans_in(walk.path, region)), 0.0)
+    return Verdict(outside <= metres + ROUNDING, f'{outside:.2f} m outside, at most {metres:g}')
+
+
+def touch(walk: Walk, region: Region) -> Verdict:
+    """Check that the path comes near enough to a region, or deep enough into it."""
+    missing = float(shapely.distance(walk.path.segments, region).min())
+    touched = missing <= ROUNDING
+    return Verdict(touched, 'touched' if touched else f'missed by {missing:.2f} m')
+
+
+def order(walk: Walk, regions: Regions) -> Verdict:
+    """Check that the path touches regions in order."""
+    along = 0.0
+    for number, region in enumerate(regions):
+        before, along = along, plane.first_from(spans_in(walk.path, region), along)
+        if math.isinf(along):
+            return Verdict(False, f'regions[{number}] is not touched after {before:.2f} m')
+    return Verdict(True, f'all in order after {along:.2f} m')
+
+
+def visit_before(walk: Walk, first: Region, second: Opened) -> Verdict:
+    """Check that the path enters a region only after it touched another."""
+    touched, entered = (plane.first_from(spans_in(walk.path, one), 0.0) for one in (first, second))
+    if math.isinf(entered):
+        return Verdict(True, 'second is not entered')
+    detail = f'first touched at {touched:.2f} m, second entered at {entered:.2f} m'
+    return Verdict(touched <= entered + ROUNDING, detail)
+
+
+def visit_after(walk: Walk, first: Opened, second: Region) -> Verdict:
+    """Check that the path touches a region after it was in another for the last time."""
+    inside = spans_in(walk.path, first)
+    if not len(inside):
+        return Verdict(True, 'first is not entered')
+    left, touched = inside[-1, 1], plane.first_from(spans_in(walk.path, second), inside[-1, 1])
+    detail = f'first left at {left:.2f} m, second touched at {touched:.2f} m'
+    return Verdict(math.isfinite(touched), detail)
+
+
+def never_after(walk: Walk, first: Opened, second: Opened, metres: Metres) -> Verdict:
+    """Check that at most so many metres lie inside a region after another was entered."""
+    entered = plane.first_from(spans_in(walk.path, first), 0.0)
+    if math.isinf(entered):
+        return Verdict(True, 'first is not entered')
+    inside = plane.total(spans_in(walk.path, second).clip(min=entered))
+    return Verdict(inside <= metres + ROUNDING, f'{inside:.2f} m inside after the first')
+
+
+def entries(walk: Walk, region: Region, apart: Metres, at_least: Count, at_most: Count) -> Verdict:
+    """Check how often the path comes to a region from more than `apart` metres outside of it."""
+    near = spans_in(walk.path, region.buffer(apart, quad_segs=QUARTER_SIDES))
+    inside = spans_in(walk.path, region)
+    found = len(np.unique(np.searchsorted(near[:, 0], inside[:, 0] + ROUNDING)))
+    return Verdict(at_least <= found <= at_most, f'entered {found} times')
+
+
+def end_in(walk: Walk, region: Region) -> Verdict:
+    """Check that the last point lies in a region."""
+    off = float(region.distance(shapely.Point(walk.path.corners[-1])))
+    return Verdict(off <= ROUNDING, f'ends {off:.2f} m off' if off else 'ends inside')
+
+
+def dist_min(walk: Walk, region: Region, metres: Metres, ends: Ends) -> Verdict:
+    """Check that the path keeps away from a region, its ends excepted."""
+    return keeps_away(shapely.distance(without_ends(walk.path, ends), region), metres)
+
+
+def wall_dist_min(walk: Walk, metres: Metres, ends: Ends) -> Verdict:
+    """Check that the path keeps away from all occupied cells, its ends excepted."""
+    _, distances = walk.scene.suite_map.wall_tree.query_nearest(
+        without_ends(walk.path, ends), return_distance=True, all_matches=False
+    )
+    return keeps_away(distances, metres)
+
+
+def keeps_away(distances: NDArray[np.float64], metres: float) -> Verdict:
+    """Check that all distances in metres have at least the limit."""
+    nearest = float(distances.min(initial=math.inf))
+    return Verdict(nearest >= metres - ROUNDING, f'{nearest:.2f} m away, at least {metres:g}')
+
+
+def cross(walk: Walk, segment: Segment, times: Times) -> Verdict:
+    """Check that the path meets a segment so many times."""
+    met = len(spans_in(walk.path, segment))
+    return Verdict(met > 0 if times == 'some' else met == times, f'met {met} times')
+
+
+def length_max(walk: Walk, of_direct: Limit, metres: Limit) -> Verdict:
+    """Check the path's length, in metres or against the path without instruction."""
+    limit = metres if math.isinf(of_direct) else min(metres, of_direct * walk.direct_length)
+    length = walk.path.length
+    return Verdict(length <= limit + ROUNDING, f'{length:.2f} m long, at most {limit:.2f}')
+
+
+# How each kind of check is measured: the fields besides the common ones and `tol` are parameters.
+JUDGES: tuple[Callable[..., Verdict], ...] = (
+    inside_max, outside_max, touch, order, visit_before, visit_after, never_after, entries, end_in,
+    dist_min, wall_dist_min, cross, length_max,
+)  # fmt: skip
+KINDS = {judge.__name__: judge for judge in JUDGES}
 HAVE_TOL = ('touch', 'order', 'visit_before', 'visit_after', 'entries', 'end_in')
 
 
@@ -404,8 +395,7 @@ class Check:
 
     def measure(self, path: Polyline, direct_length: float) -> Verdict:
         """Judge a path in metres; without instruction it has `direct_length` metres."""
-        judge, _ = KINDS[self.kind]
-        return judge(Walk(path, direct_length, self.scene), **self.values)
+        return KINDS[self.kind](Walk(path, direct_length, self.scene), **self.values)
 
 
 def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
@@ -418,7 +408,9 @@ def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
     if not isinstance(kind, str) or kind not in KINDS:
         raise SuiteError(f'{where}: check: {short_repr(kind)} is not one of {", ".join(KINDS)}')
     where = f'{where} ({kind})'
-    readers = KINDS[kind][1]
+    hints = get_type_hints(KINDS[kind], include_extras=True)
+    del hints['walk'], hints['return']
+    readers = {name: hint.__metadata__[0] for name, hint in hints.items()}
     known = COMMON.union(readers, ('tol',) if kind in HAVE_TOL else ())
     unknown = set(values) - known
     if unknown:

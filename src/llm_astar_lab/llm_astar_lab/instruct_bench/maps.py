@@ -15,16 +15,11 @@ from typing import Any
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.maps import places as place_files
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places import (
-    Place,
-    Places,
-    load_places,
-    parse_feature,
-    places_beside,
-)
+from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.fields import as_mapping, as_text
 from llm_astar_planner.instructions.route import Route
@@ -52,6 +47,21 @@ class SuiteMap:
     places: Places
     barrier_map: BarrierMap | None = None
 
+    def place_name(self, name: object, where: str) -> str:
+        """Return the name of a place by name or alias. Raises SuiteError, which lists them."""
+        place = self.places.get(as_text(name, where))
+        if place is not None:
+            return place.name
+        known = ', '.join(place.name for place in self.places) or 'none'
+        raise SuiteError(f'{where}: {name!r} is not a place of the map, which has: {known}')
+
+    def tagged_names(self, tag: object, where: str) -> list[str]:
+        """Return the names of the places with a tag. Raises SuiteError where there are none."""
+        if tagged := self.places.with_tag(as_text(tag, where)):
+            return [place.name for place in tagged]
+        what = 'is not a kind or tag of the places, which have'
+        raise SuiteError(f'{where}: {tag!r} {what}: {", ".join(self.places.tags) or "none"}')
+
     @cached_property
     def walls(self) -> NDArray[Any]:
         """The occupied cells as polygons [n], neighbours in a row joined."""
@@ -67,11 +77,6 @@ class SuiteMap:
     def wall_tree(self) -> shapely.STRtree:
         """The walls, indexed for nearest neighbours."""
         return shapely.STRtree(self.walls)
-
-    @property
-    def costmap(self) -> Costmap:
-        """The map for a robot without a body."""
-        return Costmap(self.grid_map)
 
     @cached_property
     def extent(self) -> tuple[float, float, float, float]:
@@ -91,8 +96,10 @@ class Scene:
     @cached_property
     def regions(self) -> Regions:
         """Where the verification has regions."""
-        route = Route(self.suite_map.costmap, self.start, self.goal, self.suite_map.places)
-        return Regions(route, Walls(route.costmap))
+        # A robot without a body.
+        costmap = Costmap(self.suite_map.grid_map)
+        route = Route(costmap, self.start, self.goal, self.suite_map.places)
+        return Regions(route, Walls(costmap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,10 +148,8 @@ class MapFinder:
             dataset, number = SAMPLES_FILE, int(numbered[1])
         else:
             searched = ', '.join(str(folder) for folder in (self.suite.parent, *self.folders))
-            raise SuiteError(
-                f'file: is missing, and {name}.yaml is not in {searched}; name the file, or its '
-                'folder with --map-folder'
-            )
+            fix = 'name the file, or its folder with --map-folder'
+            raise SuiteError(f'file: is missing, and {name}.yaml is not in {searched}; {fix}')
         beside = self.suite.parent / dataset
         path = beside if beside.is_file() else find_file(dataset, 'maps')
         if path not in self.datasets:
@@ -156,11 +161,13 @@ class MapFinder:
 
         Raises LlmAstarError.
         """
+        file = None
         if 'places_file' in fields:
-            return load_places(self.suite.parent / as_text(fields['places_file'], 'places_file'))
-        beside = None if map_file is None or 'places' in fields else places_beside(map_file)
-        if beside is not None:
-            return load_places(beside)
+            file = self.suite.parent / as_text(fields['places_file'], 'places_file')
+        elif map_file is not None and 'places' not in fields:
+            file = place_files.places_beside(map_file)
+        if file is not None:
+            return place_files.load_places(file)
         entries = as_mapping(fields.get('places', {}), 'places')
         if len(entries) > MAX_PLACES:
             raise SuiteError(f'places: {len(entries)} are over the {MAX_PLACES} allowed')
@@ -174,32 +181,11 @@ def read_place(name: str, value: object) -> Place:
     geometry: dict[str, Any] = {'type': 'Polygon', 'coordinates': [fields.get('polygon')]}
     if 'point' in fields:
         geometry = {'type': 'Point', 'coordinates': fields['point']}
-    properties = {**fields, 'name': name}
-    feature = {'type': 'Feature', 'geometry': geometry, 'properties': properties}
-    place = parse_feature(feature, where)
+    feature = {'type': 'Feature', 'geometry': geometry, 'properties': {**fields, 'name': name}}
+    place = place_files.parse_feature(feature, where)
     if place is None:
         raise SuiteError(f'{where}: is no place')
     return place
-
-
-def find_place(name: object, where: str, places: Places) -> Place:
-    """Return a place by name or alias. Raises SuiteError, which lists the map's places."""
-    place = places.get(as_text(name, where))
-    if place is None:
-        known = ', '.join(place.name for place in places) or 'none'
-        raise SuiteError(f'{where}: {name!r} is not a place of the map, which has: {known}')
-    return place
-
-
-def find_tagged(tag: object, where: str, places: Places) -> tuple[Place, ...]:
-    """Return the places with a tag. Raises SuiteError where there are none."""
-    tagged = places.with_tag(as_text(tag, where))
-    if not tagged:
-        known = ', '.join(places.tags) or 'none'
-        raise SuiteError(
-            f'{where}: {tag!r} is not a kind or tag of the places, which have: {known}'
-        )
-    return tagged
 
 
 def as_list(value: object, where: str, least: int, most: int, what: str) -> list[Any]:

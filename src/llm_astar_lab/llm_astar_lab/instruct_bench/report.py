@@ -11,62 +11,27 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
-from llm_astar_lab.instruct_bench import runner
-from llm_astar_lab.instruct_bench.runner import InstructionResult
+from llm_astar_lab.instruct_bench.maps import SuiteError
+from llm_astar_lab.instruct_bench.runner import NO_INSTRUCTION, InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
-from llm_astar_lab.templates import render
+from llm_astar_lab.templates import TEMPLATES, render
 
-# The figures in the columns of the tables.
-SHARE_COLUMNS = {
-    'Instructions': 'instructions',
-    'Understood exactly': 'exact',
-    'Satisfied if meetable': 'satisfied',
-    'so without instruction': 'already',
-    'False claims': 'false_claims',
-    'Recognised if not meetable': 'recognised',
-}
-DETAIL_COLUMNS = {
-    'Falsely satisfied clauses': 'false_clauses',
-    'Satisfied, not asked': 'unasked_clauses',
-    'Said not understood': 'said_not_understood',
-    'Said violated': 'said_violated',
-    'Unanswered': 'unanswered',
-    'Understanding ms': 'seconds',
-    'longest': 'longest',
-    'Planning ms': 'planning_seconds',
-    'Tokens in': 'prompt_tokens',
-    'Tokens out': 'output_tokens',
-}
-# How results are grouped in tables: the heading of their column, and to which of its names a
-# result belongs; the first ones are shown in a terminal, too.
-GROUPS: dict[str, tuple[str, Callable[[InstructionResult], Sequence[str]]]] = {
-    'style': ('Style', lambda result: [result.instruction.style or 'unstated']),
-    'language': ('Language', lambda result: [result.instruction.lang]),
-    'clause': ('With a clause', lambda result: result.instruction.clause_kinds or ['no clause']),
-    'clauses': ('Number of clauses', lambda result: [str(len(result.instruction.truth.clauses))]),
-    'expected': ('Expected', lambda result: [result.instruction.expect]),
-    'writer': ('Writer', lambda result: [result.instruction.writer or 'unstated']),
-    'map': ('Map', lambda result: [result.instruction.suite_map.name]),
-}
+# `report.yaml`: columns, groups and rows.
+SHOWN = read_yaml(Path(__file__).with_name('report.yaml'), SuiteError)
 IN_TERMINAL = 5
-# Results that the report lists one by one.
-LISTS: dict[str, Callable[[InstructionResult], object]] = {
-    'false claims, whole or of a clause': lambda result: (
-        result.false_claim or result.false_clauses
-    ),
-    'clauses reported as satisfied that were not asked': lambda result: result.unasked_clauses,
-    'not satisfied, of those that can be': lambda result: (
-        result.instruction.expect == OK and not result.fulfilled
-    ),
-}
+# What expressions say of results, which each table asks anew.
+MAX_KEPT = 100_000
 # Metrics in percent, and those in milliseconds with the figure in seconds that they come from.
 PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses', 'unasked_clauses')
 MILLISECONDS = {'ms': 'seconds', 'longest_ms': 'longest', 'planning_ms': 'planning_seconds'}
@@ -87,9 +52,8 @@ class Share:
 
     def to_json(self) -> dict[str, Any]:
         """Return count, total, and percent with its limits, null of nothing."""
-        percent = [round(100 * end, 2) if self.total else None for end in self.interval]
-        return {'count': self.count, 'of': self.total, 'percent': percent[0], 'from': percent[1],
-                'to': percent[2]}  # fmt: skip
+        value, low, high = (round(100 * end, 2) if self.total else None for end in self.interval)
+        return {'count': self.count, 'of': self.total, 'percent': value, 'from': low, 'to': high}
 
 
 # Figures by name: shares, and numbers.
@@ -110,78 +74,74 @@ def summarise(results: Sequence[InstructionResult]) -> Figures:
     - `unanswered`: the source gave no answer in time.
     - `seconds`, `longest`: median and maximum of understanding; `planning_seconds`: median.
     """
-    possible = [result for result in results if result.instruction.expect == OK]
-    hopeless = [result.recognition for result in results if result.instruction.expect != OK]
-    asked = [result.outcome.interpretation for result in results if result.outcome is not None]
-    claimed = sum(len(result.claimed_clauses) for result in results)
+    reads = [result.read for result in results if result.read is not None]
+    times = [result.seconds for result in results]
+    shares: Figures = {
+        name: Share(*(sum(evaluated(text, result) for result in results) for text in texts))
+        for name, texts in SHOWN['figures'].items()
+    }
     return {
         'instructions': len(results),
-        'exact': share(result.exact for result in results),
-        'satisfied': share(result.fulfilled for result in possible),
-        'already': share(result.already for result in possible),
-        'false_claims': share(result.false_claim for result in results),
-        'false_clauses': Share(sum(len(result.false_clauses) for result in results), claimed),
-        'unasked_clauses': Share(sum(len(result.unasked_clauses) for result in results), claimed),
-        'recognised': share(how in (runner.RECOGNISED, runner.NOT_UNDERSTOOD) for how in hopeless),
-        'said_not_understood': share(how == runner.NOT_UNDERSTOOD for how in hopeless),
-        'said_violated': share(how == runner.VIOLATED for how in hopeless),
-        'unanswered': share(result.unanswered for result in results),
-        'seconds': statistics.median(result.seconds for result in results),
-        'longest': max(result.seconds for result in results),
+        **shares,
+        'seconds': statistics.median(times),
+        'longest': max(times),
         'planning_seconds': statistics.median(result.planning_seconds for result in results),
-        'prompt_tokens': sum(item.prompt_tokens for item in asked),
-        'output_tokens': sum(item.output_tokens for item in asked),
+        'prompt_tokens': sum(read.prompt_tokens for read in reads),
+        'output_tokens': sum(read.output_tokens for read in reads),
     }
 
 
-def share(flags: Iterable[bool]) -> Share:
-    """Return how many of some flags are set."""
-    listed = list(flags)
-    return Share(sum(listed), len(listed))
+@lru_cache(MAX_KEPT)
+def evaluated(text: str, result: InstructionResult) -> Any:  # noqa: ANN401 - as the text says
+    """Return what an expression of `report.yaml` says of a result."""
+    instruction, read, outcome = result.instruction, result.read, result.outcome
+    named = {'result': result, 'instruction': instruction, 'read': read, 'outcome': outcome}
+    return expression(text)(is_meetable=instruction.expect == OK, **named)
+
+
+@cache
+def expression(text: str) -> Any:  # noqa: ANN401 - a compiled expression of jinja
+    """Return an expression that takes values by name."""
+    return TEMPLATES.compile_expression(text)
 
 
 def by_source(results: Iterable[InstructionResult]) -> dict[str, list[InstructionResult]]:
     """Return the results of each source, in the order of the sources."""
-    return collected(results, lambda result: [result.source])
+    return collected((result.source, result) for result in results)
 
 
 def grouped(
     results: Iterable[InstructionResult], group: str
 ) -> dict[str, list[InstructionResult]]:
-    """Return results by one of GROUPS, the names sorted; a result may be in several groups."""
-    return dict(sorted(collected(results, GROUPS[group][1]).items()))
+    """Return results by one of the groups, the names sorted; a result may be in several."""
+    _, names = SHOWN['groups'][group]
+    pairs = ((name, result) for result in results for name in evaluated(names, result))
+    return dict(sorted(collected(pairs).items()))
 
 
 def collected(
-    results: Iterable[InstructionResult], names: Callable[[InstructionResult], Sequence[str]]
+    pairs: Iterable[tuple[str, InstructionResult]],
 ) -> dict[str, list[InstructionResult]]:
-    """Return results by the names that each has."""
+    """Return results by name."""
     found: dict[str, list[InstructionResult]] = {}
-    for result in results:
-        for name in names(result):
-            found.setdefault(name, []).append(result)
+    for name, result in pairs:
+        found.setdefault(name, []).append(result)
     return found
 
 
 def summary_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
-    """Return the figures of each source, all together and by each of GROUPS."""
+    """Return the figures of each source, all together and by each group."""
+
+    def figures(part: Sequence[InstructionResult]) -> dict[str, Any]:
+        found = summarise(part).items()
+        return {name: one.to_json() if isinstance(one, Share) else one for name, one in found}
+
+    def parts(own: Sequence[InstructionResult], group: str) -> dict[str, Any]:
+        return {name: figures(part) for name, part in grouped(own, group).items()}
+
     return {
-        source: {
-            'all': figures_to_json(own),
-            **{
-                group: {name: figures_to_json(part) for name, part in grouped(own, group).items()}
-                for group in GROUPS
-            },
-        }
+        source: {'all': figures(own)} | {group: parts(own, group) for group in SHOWN['groups']}
         for source, own in by_source(results).items()
-    }
-
-
-def figures_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
-    """Return the figures of results by name."""
-    return {
-        name: value.to_json() if isinstance(value, Share) else value
-        for name, value in summarise(results).items()
     }
 
 
@@ -204,10 +164,8 @@ def parse_suite_threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
     group, _, metric = name.rpartition(':')
     source, _, style = group.partition('/')
     if not equals or metric not in METRICS or style not in ('', *STYLES):
-        raise ValueError(
-            f'{text!r}: [SOURCE[/STYLE]:]METRIC=LIMIT is expected, METRIC one of '
-            f'{", ".join(METRICS)}, STYLE one of {", ".join(STYLES)}'
-        )
+        known = f'METRIC one of {", ".join(METRICS)}, STYLE one of {", ".join(STYLES)}'
+        raise ValueError(f'{text!r}: [SOURCE[/STYLE]:]METRIC=LIMIT is expected, {known}')
     try:
         return SuiteThreshold(source, style, metric, float(limit), is_upper)
     except ValueError:
@@ -221,13 +179,13 @@ def missed_suite_thresholds(
     lines: list[str | None] = []
     sources = by_source(results)
     for threshold in thresholds:
-        source, metric = threshold.source, threshold.metric
-        names = [source] if source else [name for name in sources if name != runner.NO_INSTRUCTION]
-        if not names or names[0] not in sources:
-            known = ', '.join(sources)
-            lines.append(f'{source or metric}: was not run; available are {known}')
-            continue
-        lines += [limit_problem(name, sources[name], threshold) for name in names]
+        chosen = [threshold.source] if threshold.source else [*sources.keys() - {NO_INSTRUCTION}]
+        if chosen and sources.keys() >= {*chosen}:
+            run = [name for name in sources if name in chosen]
+            lines += [limit_problem(name, sources[name], threshold) for name in run]
+        else:
+            what = threshold.source or threshold.metric
+            lines.append(f'{what}: was not run; available are {", ".join(sources)}')
     return list(filter(None, lines))
 
 
@@ -252,49 +210,51 @@ def metric_value(results: Sequence[InstructionResult], metric: str) -> float:
         return math.nan
     value = summarise(results)[MILLISECONDS.get(metric, metric)]
     if not isinstance(value, Share):
-        return 1000.0 * float(value)
+        return 1000.0 * value
     if metric.endswith('_clauses') and not value.total:
         return 0.0
-    return 100.0 * float(value.interval.value)
+    return 100.0 * value.interval.value
 
 
 def text_summary(results: Sequence[InstructionResult]) -> str:
     """Return the tables for a terminal."""
-    tables = [table_of(results, SHARE_COLUMNS), table_of(results, DETAIL_COLUMNS)]
-    for group in list(GROUPS)[:IN_TERMINAL]:
-        head, rows = table_of(results, SHARE_COLUMNS, group)
-        if len({row[1] for row in rows}) > 1:
-            tables.append((head, rows))
+    groups = [table_of(results, 'shares', group) for group in list(SHOWN['groups'])[:IN_TERMINAL]]
+    several = [table for table in groups if len({row[1] for row in table[1]}) > 1]
+    tables = [table_of(results, 'shares'), table_of(results, 'details'), *several]
     return '\n\n'.join(text_table(*table) for table in tables)
 
 
 def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str, Any]) -> str:
     """Return the report: tables, false claims, what was not met, provenance."""
-
-    def table(columns: Mapping[str, str], group: str = '') -> str:
-        return markdown_table(*table_of(results, columns, group))
-
     return render(
         'instruct_bench/report.md.j2',
         metadata=metadata,
-        tables=[table(SHARE_COLUMNS), table(DETAIL_COLUMNS)],
-        groups={title: table(SHARE_COLUMNS, group) for group, (title, _) in GROUPS.items()},
+        tables=[markdown_table(*table_of(results, which)) for which in ('shares', 'details')],
+        groups={
+            title: markdown_table(*table_of(results, 'shares', group))
+            for group, (title, _) in SHOWN['groups'].items()
+        },
         sources=by_source(results),
-        lists=LISTS,
+        lists=SHOWN['lists'],
+        evaluated=evaluated,
         one_line=one_line,
     )
 
 
 def table_of(
-    results: Sequence[InstructionResult], columns: Mapping[str, str], group: str = ''
+    results: Sequence[InstructionResult], which: str, group: str = ''
 ) -> tuple[tuple[str, ...], TextRows]:
-    """Return the head of a table and a row for each source, or for each of its part in a group."""
+    """Return the head of a table and a row for each source, or for each of its part in a group.
+
+    `which` of the columns are shown, `shares` or `details`.
+    """
+    columns = SHOWN[which]
     rows = [
         (source, *([name] if group else []), *figure_texts(part, columns.values()))
         for source, own in by_source(results).items()
         for name, part in (grouped(own, group) if group else {'': own}).items()
     ]
-    return ('Source', *([GROUPS[group][0]] if group else []), *columns), rows
+    return ('Source', *([SHOWN['groups'][group][0]] if group else []), *columns), rows
 
 
 def figure_texts(results: Sequence[InstructionResult], names: Iterable[str]) -> Iterator[str]:
@@ -323,68 +283,20 @@ def one_line(text: str) -> str:
 
 def unanswered_lines(results: Sequence[InstructionResult]) -> list[str]:
     """Return a line for each source that left instructions unanswered."""
-    lines = []
-    for source, own in by_source(result for result in results if result.unanswered).items():
-        first = own[0]
-        detail = first.outcome.interpretation.detail if first.outcome else ''
-        count = f'{len(own)} instructions without an answer'
-        lines.append(f'{source}: {count}, the first {first.instruction.id}: {detail}')
-    return lines
+    return [
+        f'{source}: {len(own)} instructions without an answer, the first {own[0].instruction.id}: '
+        f'{own[0].read.detail if own[0].read else ""}'
+        for source, own in by_source(one for one in results if one.unanswered).items()
+    ]
 
 
 def result_row(result: InstructionResult) -> dict[str, Any]:
     """Return a result as a row of results.csv."""
-    instruction, outcome = result.instruction, result.outcome
-    interpretation = outcome.interpretation if outcome else None
-    flags = ('exact', 'claimed', 'fulfilled', 'already', 'false_claim')
-    clauses = ('claimed_clauses', 'false_clauses', 'unasked_clauses')
-    return {
-        'id': instruction.id,
-        'source': result.source,
-        'map': instruction.suite_map.name,
-        **{name: getattr(instruction, name) for name in ('lang', 'style', 'writer')},
-        'tags': ' '.join(instruction.tags),
-        'clauses': ' '.join(clause.kind for clause in instruction.truth.clauses),
-        'expect': instruction.expect,
-        'text': instruction.text,
-        'status': interpretation.status.value if interpretation else '',
-        'understood_by': interpretation.understood_by if interpretation else '',
-        'understood': result.sentence,
-        **{name: int(getattr(result, name)) for name in flags},
-        **{name: len(getattr(result, name)) for name in clauses},
-        'recognition': result.recognition,
-        'checks': '; '.join(check_lines(result)),
-        'report': outcome.summary() if outcome else '',
-        'code': result.plan.code.name,
-        'length': round(path_length(result), 6),
-        'direct_length': round(result.direct_length, 6),
-        'seconds': round(result.seconds, 6),
-        'planning_seconds': round(result.planning_seconds, 6),
-        'prompt_tokens': interpretation.prompt_tokens if interpretation else 0,
-        'output_tokens': interpretation.output_tokens if interpretation else 0,
-    }
-
-
-def path_length(result: InstructionResult) -> float:
-    """Return the length of the plan's path in metres, NaN without one."""
-    return result.plan.length * result.instruction.suite_map.grid_map.resolution
-
-
-def check_lines(result: InstructionResult) -> list[str]:
-    """Return a line for each check: its kind, whether it holds, what was measured."""
-    return [
-        f'{check.kind} {"holds" if verdict.holds else "fails"} ({verdict.detail})'
-        for check, verdict in result.judged
-    ]
+    return {name: evaluated(text, result) for name, text in SHOWN['row'].items()}
 
 
 def chain_text(result: InstructionResult) -> str:
     """Return one instruction in full: text, what was understood, clauses, checks, path."""
     clauses = result.outcome.to_json()['clauses'] if result.outcome else ()
-    return render(
-        'instruct_bench/chain.txt.j2',
-        result=result,
-        clauses=map(clause_line, clauses),
-        checks=check_lines(result),
-        length=path_length(result),
-    )
+    lines = map(clause_line, clauses)
+    return render('instruct_bench/chain.txt.j2', result=result, clauses=lines)

@@ -20,9 +20,8 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.result import Cell
 
+from llm_astar_lab.instruct_bench import suite as suites
 from llm_astar_lab.instruct_bench.checks import Check, Verdict
-from llm_astar_lab.instruct_bench.comparison import clause_keys, same_specification
-from llm_astar_lab.instruct_bench.maps import SuiteMap
 from llm_astar_lab.instruct_bench.suite import IMPOSSIBLE, NONE, OK, SuiteInstruction
 
 TRUTH, NO_INSTRUCTION = 'truth', 'none'
@@ -60,31 +59,46 @@ class InstructionResult:
         return self.plan.code == 0 and all(verdict.holds for verdict in self.verdicts)
 
     @property
+    def path_length(self) -> float:
+        """The length of the plan's path in metres, NaN without one."""
+        return self.plan.length * self.instruction.suite_map.grid_map.resolution
+
+    @property
     def judged(self) -> list[tuple[Check, Verdict]]:
         """Each check with its verdict."""
         return list(zip(self.instruction.checks, self.verdicts))
 
     @property
+    def check_lines(self) -> list[str]:
+        """A line for each check: its kind, whether it holds, what was measured."""
+        return [
+            f'{check.kind} {"holds" if verdict.holds else "fails"} ({verdict.detail})'
+            for check, verdict in self.judged
+        ]
+
+    @property
+    def read(self) -> Interpretation | None:
+        """What was understood; None of the source `none`."""
+        return None if self.outcome is None else self.outcome.interpretation
+
+    @property
     def sentence(self) -> str:
         """The canonical sentence of what was understood, '' of nothing."""
-        return '' if self.outcome is None else self.outcome.interpretation.sentence
+        return '' if self.read is None else self.read.sentence
 
     @property
     def unanswered(self) -> bool:
         """Whether the source gave no answer in time."""
-        if self.outcome is None:
-            return False
-        return self.outcome.interpretation.status is Understanding.PENDING
+        return self.read is not None and self.read.status is Understanding.PENDING
 
     @property
     def exact(self) -> bool:
         """Whether exactly the truth was understood, or what counts as the same."""
-        if self.outcome is None:
-            return False
-        instruction = self.instruction
-        understood = self.outcome.interpretation.specification
+        instruction, read = self.instruction, self.read
         accepted = (instruction.truth, *instruction.accepted)
-        return same_specification(understood, accepted, instruction.suite_map)
+        return read is not None and suites.same_specification(
+            read.specification, accepted, instruction.suite_map
+        )
 
     @property
     def claimed(self) -> bool:
@@ -118,22 +132,22 @@ class InstructionResult:
         """Return the indices of the truth's clauses that a clause is, or counts as."""
         instruction = self.instruction
         count, suite_map = len(instruction.truth.clauses), instruction.suite_map
-        keys = set(clause_keys(outcome.clause, suite_map))
+        keys = set(suites.clause_keys(outcome.clause, suite_map))
         return {
             index
             for reading in (instruction.truth, *instruction.accepted)
             if len(reading.clauses) == count
             for index, clause in enumerate(reading.clauses)
-            if not keys.isdisjoint(clause_keys(clause, suite_map))
+            if not keys.isdisjoint(suites.clause_keys(clause, suite_map))
         }
 
     def is_false(self, outcome: ClauseOutcome) -> bool:
         """Tell whether a clause cannot be satisfied as reported."""
-        instruction, asked = self.instruction, self.asked(outcome)
-        if instruction.expect == NONE or not asked:
-            return instruction.expect == NONE
-        if len(instruction.truth.clauses) == 1:
-            return instruction.expect == IMPOSSIBLE or not self.fulfilled
+        expect, asked = self.instruction.expect, self.asked(outcome)
+        if expect == NONE or not asked:
+            return expect == NONE
+        if len(self.instruction.truth.clauses) == 1:
+            return expect == IMPOSSIBLE or not self.fulfilled
         return any(check.clause in asked and not verdict.holds for check, verdict in self.judged)
 
     @property
@@ -254,21 +268,17 @@ class SuiteRunner:
     ) -> tuple[Plan, float]:
         """Plan between the instruction's start and goal; return the plan and its seconds."""
         suite_map = instruction.suite_map
-        if suite_map.name not in self.planners:
-            self.planners[suite_map.name] = planner_of(suite_map).prepare()
+        name, barriers = suite_map.name, suite_map.barrier_map
+        if name not in self.planners:
+            # On a barrier map by the paper's rules.
+            made = Planner.for_barrier_map(barriers) if barriers else Planner(suite_map.grid_map)
+            self.planners[name] = made.prepare()
         request = replace(
             self.request, start=instruction.start, goal=instruction.goal, instruction=asked
         )
         begun = time.perf_counter()
-        plan = self.planners[suite_map.name].plan(request)
+        plan = self.planners[name].plan(request)
         return plan, time.perf_counter() - begun
-
-
-def planner_of(suite_map: SuiteMap) -> Planner:
-    """Return a planner for a map; on a barrier map by the paper's rules."""
-    if suite_map.barrier_map is not None:
-        return Planner.for_barrier_map(suite_map.barrier_map)
-    return Planner(suite_map.grid_map)
 
 
 def verdicts_of(

@@ -68,11 +68,18 @@ REGION of a check:
 - {"union": [REGION, ...]}; {"between": [A, B]}: the convex hull of two regions without them.
 - {"near": REGION, "width": W}: all within W metres of the region, itself included;
   {"walls": W}: all within W metres of occupied cells.
+
+Two specifications ask the same where their normal forms are equal. There, places have their own
+names instead of aliases, defaults are written out, boxes that reach the map's edge are open, one
+avoided tag is each of its places (any of several regions each of these), and a distance to keep
+from a region is a region to avoid with that margin. The order counts among visits alone. The words
+of unknown parts and the questions of unsure clauses do not count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -80,12 +87,17 @@ from typing import Any
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_planner.instructions import fields
+from llm_astar_planner.instructions import regions as forms
+from llm_astar_planner.instructions.clauses.avoid import Avoid
+from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
+from llm_astar_planner.instructions.clauses.unknown import Unknown
+from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import SpecificationError
 from llm_astar_planner.instructions.specification import Specification, from_json
 from llm_astar_planner.search.result import Cell
 
 from llm_astar_lab.instruct_bench.checks import Check, read_check
-from llm_astar_lab.instruct_bench.comparison import normal_form
 from llm_astar_lab.instruct_bench.maps import MapFinder, Scene, SuiteError, SuiteMap, as_list
 
 VERSION = 1
@@ -98,6 +110,13 @@ MAX_INSTRUCTIONS = 20_000
 MAX_TEXT_CHARS = 10_000
 MAX_CHECKS = 32
 MAX_TAGS = 100
+# Of lengths in metres: nobody asks for less than a centimetre.
+DIGITS = 2
+# What clauses say besides their regions.
+FACTS = ('side', 'at_least', 'at_most')
+
+# Visits in order, and the other clauses in any order.
+NormalForm = tuple[tuple[Hashable, ...], frozenset[Hashable]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,58 +179,54 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
     maps = {name: finder.load(name, entry) for name, entry in entries.items()}
     found: dict[str, SuiteInstruction] = {}
     for index, item in enumerate(listed):
-        instruction = named_instruction(item, index, maps, path)
+        name = item.get('id') if isinstance(item, dict) else None
+        which = f'instruction {short_repr(name) if isinstance(name, str) else f"at {index}"}'
+        try:
+            instruction = read_instruction(fields.as_mapping(item, 'entry'), maps)
+        except (SuiteError, SpecificationError) as error:
+            raise SuiteError(f'{path}: {which}: {error}') from None
         if instruction.id in found:
-            raise SuiteError(f'{path}: instruction {instruction.id!r}: id: is used twice')
+            raise SuiteError(f'{path}: {which}: id: is used twice')
         found[instruction.id] = instruction
     return Suite(path, tuple(found.values()))
-
-
-def named_instruction(
-    value: object, index: int, maps: Mapping[str, SuiteMap], path: Path
-) -> SuiteInstruction:
-    """Read an instruction. Raises SuiteError, which names the file and the id or the index."""
-    name = value.get('id') if isinstance(value, dict) else None
-    which = short_repr(name) if isinstance(name, str) else f'at {index}'
-    try:
-        return read_instruction(fields.as_mapping(value, 'entry'), maps)
-    except (SuiteError, SpecificationError) as error:
-        raise SuiteError(f'{path}: instruction {which}: {error}') from None
 
 
 def read_instruction(values: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:
     """Read an instruction. Raises SuiteError or SpecificationError, which name the field."""
     suite_map = maps[fields.as_choice(values.get('map'), 'map', list(maps))]
     ends = {name: read_point(values, name, suite_map) for name in ('start', 'goal')}
-    text = values.get('text')
+    text, writer = values.get('text'), values.get('writer')
     if not isinstance(text, str) or len(text) > MAX_TEXT_CHARS:
         raise SuiteError(f'text: is not a text of up to {MAX_TEXT_CHARS} characters')
     expect = fields.as_choice(values.get('expect', OK), 'expect', EXPECTED)
     truth = read_specification(values.get('spec'), 'spec', suite_map)
     if bool(truth.enforceable) == (expect == NONE):
         raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
-    # The order is that of the errors.
+    tags = as_list(values.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
+    accepted = as_list(values.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
+    checks = as_list(values.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
+    if expect == OK and not checks:
+        raise SuiteError('checks: an instruction that can be met has at least one')
+    scene = Scene(suite_map, **ends)
     return SuiteInstruction(
         id=fields.as_text(values.get('id'), 'id'),
         suite_map=suite_map,
         **ends,
         text=text,
         lang=fields.as_text(values.get('lang', 'en'), 'lang'),
-        tags=tuple(
-            fields.as_text(tag, 'instruction: tags')
-            for tag in as_list(values.get('tags', []), 'instruction: tags', 0, MAX_TAGS, 'texts')
-        ),
+        tags=tuple(fields.as_text(tag, 'instruction: tags') for tag in tags),
         style=fields.as_choice(values.get('style') or '', 'style', ('', *STYLES)),
-        writer=fields.as_text(values['writer'], 'writer') if values.get('writer') else '',
+        writer=fields.as_text(writer, 'writer') if writer else '',
         expect=expect,
         truth=truth,
         accepted=tuple(
             read_specification(item, f'accept[{index}]', suite_map)
-            for index, item in enumerate(
-                as_list(values.get('accept', []), 'accept', 0, MAX_CHECKS, 'specifications')
-            )
+            for index, item in enumerate(accepted)
         ),
-        checks=read_checks(values, Scene(suite_map, **ends), expect, len(truth.clauses)),
+        checks=tuple(
+            read_check(item, f'checks[{index}]', scene, len(truth.clauses))
+            for index, item in enumerate(checks)
+        ),
     )
 
 
@@ -237,13 +252,117 @@ def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specif
     return specification
 
 
-def read_checks(
-    values: Mapping[str, Any], scene: Scene, expect: str, clauses: int
-) -> tuple[Check, ...]:
-    """Read the checks of an instruction. Raises SuiteError or SpecificationError."""
-    listed = as_list(values.get('checks', []), 'checks', 0, MAX_CHECKS, 'checks')
-    if expect == OK and not listed:
-        raise SuiteError('checks: an instruction that can be met has at least one')
-    return tuple(
-        read_check(item, f'checks[{index}]', scene, clauses) for index, item in enumerate(listed)
+def same_specification(
+    specification: Specification, accepted: Iterable[Specification], suite_map: SuiteMap
+) -> bool:
+    """Tell whether a specification asks the same as one of the accepted ones."""
+    try:
+        found = normal_form(specification, suite_map)
+    except ValueError:  # it names what is not on the map
+        return False
+    return any(found == normal_form(other, suite_map) for other in accepted)
+
+
+def normal_form(specification: Specification, suite_map: SuiteMap) -> NormalForm:
+    """Return the normal form. Raises SuiteError for a place or tag that the map does not have."""
+    visits: list[Hashable] = []
+    others: set[Hashable] = set()
+    for clause in specification.clauses:
+        keys = list(clause_keys(clause, suite_map))
+        if isinstance(clause, Visit):
+            visits += keys
+        else:
+            others.update(keys)
+    return tuple(visits), frozenset(others)
+
+
+def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
+    """Yield what a clause is compared by, several for an avoided tag. Raises SuiteError."""
+    kind, strength = clause.kind, clause.strength
+    match clause:
+        case Unknown():
+            yield kind
+        case Avoid(region=forms.Along(place, width), margin=0.0) if place == forms.WALLS:
+            yield KeepDistance.kind, strength, round(width, DIGITS)
+        case KeepDistance(metres=metres, region=None):
+            yield kind, strength, round(metres, DIGITS)
+        case KeepDistance(metres=metres, region=forms.Region() as region):
+            yield from avoid_keys(region, metres, strength, suite_map)
+        case Avoid(region=region, margin=margin):
+            yield from avoid_keys(region, margin, strength, suite_map)
+        case Visit(regions=regions):
+            yield kind, strength, frozenset(region_key(region, suite_map) for region in regions)
+        case _:
+            keys = (region_key(region, suite_map) for region in clause.regions)
+            yield kind, strength, *keys, *(getattr(clause, name, None) for name in FACTS)
+
+
+def avoid_keys(
+    region: forms.Region, margin: float, strength: str, suite_map: SuiteMap
+) -> Iterator[Hashable]:
+    """Yield what an avoided region is compared by: each place of a tag, a disc with its margin."""
+    if isinstance(region, forms.Disc):
+        radius = region.radius + margin or forms.AVOID_RADIUS
+        region, margin = forms.Disc(region.x, region.y, radius), 0.0
+    for part in parts_of(region, suite_map):
+        yield Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
+
+
+def parts_of(region: forms.Region, suite_map: SuiteMap) -> list[forms.Region]:
+    """Return the regions that one joins: each place of a tag, without those that are excepted."""
+    match region:
+        case forms.Tagged(tag):
+            return [forms.NamedPlace(name) for name in suite_map.tagged_names(tag, 'tag')]
+        case forms.AnyOf(regions):
+            return [part for one in regions for part in parts_of(one, suite_map)]
+        case forms.Except(inner, others):
+            within = parts_of(inner, suite_map)
+            without = parts_of(forms.AnyOf(others), suite_map)
+            keys = {region_key(part, suite_map) for part in without}
+            if keys <= {region_key(part, suite_map) for part in within}:
+                return [part for part in within if region_key(part, suite_map) not in keys]
+    return [region]
+
+
+def region_key(region: forms.Region, suite_map: SuiteMap) -> Hashable:
+    """Return what a region is compared by. Raises SuiteError for an unknown place or tag."""
+    own = suite_map.place_name
+    parts = parts_of(region, suite_map)
+    if parts != [region]:
+        keys = frozenset(region_key(part, suite_map) for part in parts)
+        return next(iter(keys)) if len(keys) == 1 else keys
+    key: Hashable = region
+    match region:
+        case forms.NamedPlace(name):
+            key = forms.NamedPlace(own(name, 'place'))
+        case forms.AllOf(regions):
+            key = forms.AllOf, frozenset(region_key(one, suite_map) for one in regions)
+        case forms.Except(inner, others):
+            without = region_key(forms.AnyOf(others), suite_map)
+            key = forms.Except, region_key(inner, suite_map), without
+        case forms.Disc(x, y, radius):
+            values = (x, y, radius or forms.VISIT_RADIUS)
+            key = forms.Disc(*(round(value, DIGITS) for value in values))
+        case forms.Box():
+            key = opened_box(region, suite_map)
+        case forms.Half(side, of) if of:
+            key = forms.Half(side, own(of, 'of'))
+        case forms.Between(first, second):
+            key = frozenset(own(name, 'between') for name in (first, second))
+        case forms.Along(place, width):
+            name = place if place == forms.WALLS else own(place, 'along')
+            key = forms.Along(name, round(width, DIGITS))
+    return key
+
+
+def opened_box(box: forms.Box, suite_map: SuiteMap) -> forms.Box:
+    """Return a box with the sides open that reach the map's edge, to within a cell."""
+    cell, extent = suite_map.grid_map.resolution, suite_map.extent
+    # The upper sides with the other sign, so that low is open for all.
+    sides = (box.x0, box.y0, -box.x1, -box.y1)
+    edges = (extent[0], extent[1], -extent[2], -extent[3])
+    x0, y0, x1, y1 = (
+        -math.inf if side <= edge + cell else round(side, DIGITS)
+        for side, edge in zip(sides, edges)
     )
+    return forms.Box(x0, y0, -x1, -y1)

@@ -31,7 +31,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.cli.flags import at_least, option
-from llm_astar_planner.nodes.common.asking import setting
+from llm_astar_planner.nodes.common.entities import setting
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
@@ -45,15 +45,9 @@ from rclpy.utilities import remove_ros_args
 from llm_astar_lab.datasets.named import BenchmarkSample, SelectionError, select_samples
 from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
+from llm_astar_lab.results import row as of_rows
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
-from llm_astar_lab.results.row import (
-    PAPER_ASTAR,
-    ResultsError,
-    Row,
-    Variant,
-    format_points,
-    plan_columns,
-)
+from llm_astar_lab.results.row import PAPER_ASTAR, ResultsError, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.config import add_folder, choose_folder, open_folder, progress, timing
 
@@ -66,23 +60,24 @@ OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
 def main(args: Sequence[str] | None = None) -> int:
     """Run benchmark_node and return its exit code."""
     arguments = parse_arguments(remove_ros_args(sys.argv if args is None else args)[1:])
+    code = BAD_INPUT
     try:
         folder, metadata, samples, done = prepare(arguments)
+        code = INCOMPLETE
+        try:
+            with timing(metadata):
+                plan_samples(args, arguments, folder, samples, done)
+            code = OK
+        except (PlannerClientError, ResultsError) as error:
+            report_error(error)
+        except KeyboardInterrupt:
+            sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
+            code = INTERRUPTED
+        close_run(folder, metadata)
     except (LlmAstarError, FileNotFoundError) as error:
-        return report_error(error, BAD_INPUT)
-    try:
-        with timing(metadata):
-            plan_samples(args, arguments, folder, samples, done)
-        code = OK
-    except (PlannerClientError, ResultsError) as error:
-        code = report_error(error, INCOMPLETE)
-    except KeyboardInterrupt:
-        sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
-        code = INTERRUPTED
-    try:
-        return close_run(folder, metadata, code)
-    except ResultsError as error:
-        return report_error(error, INCOMPLETE)
+        report_error(error)
+        return code or INCOMPLETE
+    return code
 
 
 def prepare(
@@ -109,24 +104,22 @@ def prepare(
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     """Parse the command line without the ROS arguments."""
     description, _, epilog = str(__doc__).partition('\n')
+    words: dict[str, Any] = {'description': description, 'epilog': epilog}
     layout = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        'benchmark_node', None, description, epilog, formatter_class=layout
-    )
+    parser = argparse.ArgumentParser('benchmark_node', formatter_class=layout, **words)
     text = 'barrier maps: a path, or a name in maps/ (default: %(default)s)'
     option(parser, '--map --dataset FILE', text, dest='dataset', default=SAMPLES_FILE)
     option(parser, '--map-ids RANGES', 'such as 50-99 or 0-9,12', dest='maps')
     option(parser, '--limit N', 'draw N of the samples', type=at_least(1, int))
     option(parser, '--seed N', 'seed of the draw (0)', default=0)
     text = f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)'
-    option(
-        parser, '--methods NAMES', text, default=['llm_astar'], type=lambda text: text.split(',')
-    )
+    option(parser, '--methods NAMES', text, default='llm_astar')
     add_folder(parser, 'out/live')
     option(parser, '--planner NAME', 'name of the planner node', default='planner_node')
     text = "name of the waypoint client; '' for none"
     option(parser, '--client NAME', text, default='llm_client_node')
     arguments = parser.parse_args(argv)
+    arguments.methods = arguments.methods.split(',')
     for name in arguments.methods:
         if name not in METHODS:
             parser.error(f'--methods {name!r} is unknown; available are {", ".join(METHODS)}')
@@ -160,21 +153,19 @@ def plan_samples(
                     step()
 
 
-def close_run(folder: ResultsFolder, metadata: dict[str, Any], code: int) -> int:
-    """Write the reports of a run and print the table; return `code`. Raises ResultsError."""
+def close_run(folder: ResultsFolder, metadata: dict[str, Any]) -> None:
+    """Write the reports of a run and print the table. Raises ResultsError."""
     rows = folder.stored()
     if len(rows):
         folder.write_json('metadata.json', metadata)
         run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
         sys.stdout.write(text_report(run) + '\n')
         sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
-    return code
 
 
-def report_error(error: Exception, code: int) -> int:
-    """Write an error to stderr; return `code`."""
+def report_error(error: Exception) -> None:
+    """Write an error to stderr."""
     sys.stderr.write(f'error: {printable(str(error))}\n')
-    return code
 
 
 class LiveRun:
@@ -244,8 +235,8 @@ class LiveRun:
         points = grid_map.world_to_grid(path_from_message(path))
         waypoints = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints])
         statuses = [status for _, _, status in report.waypoints]
-        columns = plan_columns(values, statuses, np.rint(points).astype(np.int32))
-        columns['waypoints'] = format_points(waypoints.round(6).tolist())
+        columns = of_rows.plan_columns(values, statuses, np.rint(points).astype(np.int32))
+        columns['waypoints'] = of_rows.format_points(waypoints.round(6).tolist())
         columns['family'] = sample.barrier_map.family
         return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)
 

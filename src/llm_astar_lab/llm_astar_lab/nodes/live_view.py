@@ -19,7 +19,7 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
-from llm_astar_planner.nodes.tools.monitor import EventKind, Monitor, MonitorEvent
+from llm_astar_planner.nodes.tools.planner_client import EventKind, Monitor, MonitorEvent
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -61,10 +61,8 @@ class LiveView:
             self._show_plan()
             if not self._monitor.has_heard_planner and time.monotonic() > silent_at:
                 silent_at = float('inf')
-                self._viewer.show_status(
-                    f'no message of /{self._monitor.planner}; is it running, in this '
-                    'ROS_DOMAIN_ID? Still waiting'
-                )
+                advice = 'is it running, in this ROS_DOMAIN_ID? Still waiting'
+                self._viewer.show_status(f'no message of /{self._monitor.planner}; {advice}')
 
     def _take(self, event: MonitorEvent) -> None:
         if event.kind is EventKind.PLAN:

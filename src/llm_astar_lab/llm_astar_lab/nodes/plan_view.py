@@ -18,12 +18,8 @@ from llm_astar_msgs_adapter.messages.markers import expanded_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.spin import joined
-from llm_astar_planner.nodes.tools.planner_client import (
-    DISCOVERY_SECONDS,
-    CalledPlan,
-    PlannerClient,
-    PlannerClientError,
-)
+from llm_astar_planner.nodes.tools import planner_client
+from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.types import describe_expansions, report_lines
 from nav_msgs.msg import GridCells, OccupancyGrid, Path
@@ -35,6 +31,7 @@ from llm_astar_lab.pictures.figures import Picture, describe_guidance, save_pict
 ATTEMPTS = 10
 # Longest wait for the expanded cells of a plan, which are published after it.
 EXPANDED_SECONDS = 1.0
+Ends = tuple[Pose2D, Pose2D]
 
 
 class PlanView:
@@ -47,10 +44,10 @@ class PlanView:
         self._maps: deque[OccupancyGrid] = deque(maxlen=1)
         self._expanded: dict[int, GridCells] = {}
         client.listen(OccupancyGrid, map_topic, self._maps.append, LATCHED)
-        client.listen(GridCells, f'{planner}/explored', self.on_expanded, RELIABLE)
+        client.listen(GridCells, f'{planner}/explored', self._on_expanded, RELIABLE)
 
-    def on_expanded(self, message: GridCells) -> None:
-        """Keep the cells of the newest plan."""
+    def _on_expanded(self, message: GridCells) -> None:
+        # Of the newest plan alone.
         self._expanded = {stamp_of(message): message}
 
     def grid_map(self, seconds: float) -> GridMap:
@@ -70,7 +67,7 @@ class PlanView:
         return stamp in self._expanded
 
     def picture(
-        self, grid_map: GridMap, endpoints: tuple[Pose2D, Pose2D], path: Path, report: PlanReport
+        self, grid_map: GridMap, endpoints: Ends, path: Path, report: PlanReport
     ) -> Picture:
         """Return the picture of a plan; without expanded cells if none have arrived.
 
@@ -79,22 +76,18 @@ class PlanView:
         start, goal = (grid_map.world_to_cell(place.x, place.y) for place in endpoints)
         points = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints]).tolist()
         cells = self._expanded.get(stamp_of(path))
+        expanded = np.zeros(grid_map.cells.shape, dtype=np.bool_)
+        if cells is not None:
+            expanded = expanded_from_message(cells, grid_map)
         length = 'no path' if report.length is None else f'{report.length:.2f} m'
         outcome = f'{length}, {describe_expansions(report.operation)}'
-        return Picture(
-            grid_map,
-            start,
-            goal,
-            np.rint(grid_map.world_to_grid(path_from_message(path))).astype(np.int32),
-            np.zeros(grid_map.cells.shape, dtype=np.bool_)
-            if cells is None
-            else expanded_from_message(cells, grid_map),
-            [(x, y, status) for (x, y), (_, _, status) in zip(points, report.waypoints)],
-            f'{describe_guidance(report.method, report.guided_by)}: {outcome}',
-        )
+        title = f'{describe_guidance(report.method, report.guided_by)}: {outcome}'
+        steps = np.rint(grid_map.world_to_grid(path_from_message(path))).astype(np.int32)
+        waypoints = [(x, y, status) for (x, y), (_, _, status) in zip(points, report.waypoints)]
+        return Picture(grid_map, start, goal, steps, expanded, waypoints, title)
 
     def draw(
-        self, plan: CalledPlan, endpoints: tuple[Pose2D, Pose2D], arguments: argparse.Namespace
+        self, plan: planner_client.CalledPlan, endpoints: Ends, arguments: argparse.Namespace
     ) -> None:
         """Draw a plan that was called for on the map of the graph, by the options of `call`.
 
@@ -104,20 +97,19 @@ class PlanView:
         if plan.points:
             endpoints = Pose2D(*plan.points[0]), Pose2D(*plan.points[-1])
         elif arguments.frame not in ('', grid_map.frame_id):
-            raise ParameterError(
-                f'--png: without a path, start and goal in frame {arguments.frame!r} cannot be '
-                f'drawn on a map in {grid_map.frame_id!r}'
-            )
+            ends = f'start and goal in frame {arguments.frame!r}'
+            what = f'{ends} cannot be drawn on a map in {grid_map.frame_id!r}'
+            raise ParameterError(f'--png: without a path, {what}')
         self.has_expanded(plan.path)
         save_picture(self.picture(grid_map, endpoints, plan.path, plan.report), arguments.png)
 
 
-def call_and_draw(endpoints: tuple[Pose2D, Pose2D], picture: FilePath) -> bool:
+def call_and_draw(endpoints: Ends, picture: FilePath) -> bool:
     """Ask the demo's graph for a plan, print and draw it; return whether there is a path."""
     try:
         with joined('demo_caller') as node, PlannerClient(node) as client:
             view = PlanView(client, 'planner_node')
-            grid_map = view.grid_map(DISCOVERY_SECONDS)
+            grid_map = view.grid_map(planner_client.DISCOVERY_SECONDS)
             client.wait_until_ready(grid_map.digest, client='llm_client_node')
             for _ in range(ATTEMPTS):
                 path, report, seconds = client.call(*endpoints)

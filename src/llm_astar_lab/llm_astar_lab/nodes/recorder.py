@@ -17,48 +17,24 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_planner.nodes.common.spin import joined
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSCompatibility,
-    QoSProfile,
-    ReliabilityPolicy,
-    qos_check_compatible,
-)
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_check_compatible
 from rclpy.subscription import Subscription
 
 from llm_astar_lab.bags.types import NANOSECONDS, BagTypeError, TypeDefinition, define
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
 from llm_astar_lab.bags.writing import qos as reliable_qos
 
-# What is subscribed to at once, as it may be published only once, by who appears for that: the
-# type, and whether it is latched. The names are relative to the recorded namespace.
-EXPECTED = {
-    'map': ('nav_msgs/msg/OccupancyGrid', True),
-    'map_updates': ('map_msgs/msg/OccupancyGridUpdate', False),
-    'goal_pose': ('geometry_msgs/msg/PoseStamped', False),
-    'initialpose': ('geometry_msgs/msg/PoseWithCovarianceStamped', False),
-    'amcl_pose': ('geometry_msgs/msg/PoseWithCovarianceStamped', True),
-    'plan': ('nav_msgs/msg/Path', False),
-    'planner_node/get_plan/_service_event': ('nav_msgs/srv/GetPlan_Event', False),
-    'planner_node/raw_plan': ('nav_msgs/msg/Path', False),
-    'planner_node/report': ('diagnostic_msgs/msg/DiagnosticArray', True),
-    'planner_node/instruction': ('std_msgs/msg/String', False),
-    'planner_node/interpret': ('std_msgs/msg/String', False),
-    'planner_node/interpretation': ('std_msgs/msg/String', True),
-    'planner_node/goal_place': ('std_msgs/msg/String', False),
-    'planner_node/places': ('visualization_msgs/msg/MarkerArray', True),
-    'planner_node/places_geojson': ('std_msgs/msg/String', True),
-    'llm_client_node/exchange': ('diagnostic_msgs/msg/DiagnosticArray', True),
-    'llm_client_node/interpret': ('std_msgs/msg/String', False),
-    'llm_client_node/interpretation': ('std_msgs/msg/String', True),
-}
-# The topics that an evaluation reads.
-TOPICS = (*EXPECTED, 'odom', 'tf', 'tf_static', '/tf', '/tf_static', '/diagnostics')
+# Of `recorded_topics.yaml`: the topics that an evaluation reads. Those of EXPECTED are subscribed
+# to at once.
+RECORDED = read_yaml(Path(__file__).with_name('recorded_topics.yaml'), BagTypeError)
+EXPECTED: dict[str, list[str]] = RECORDED['expected']
+TOPICS = (*EXPECTED, *RECORDED['others'])
 NAME = 'llm_astar_recorder'
 # How often to look for new topics, and to report the number of messages (s).
 DISCOVERY_PERIOD_S = 0.25
@@ -88,29 +64,33 @@ class Recorder:
         self._node = node
         self.bag = bag
         self._report, self._reported = report, 0
-        self._waiting = dict.fromkeys(topics)
+        # The topics that had no publisher so far.
+        self.waiting = dict.fromkeys(topics)
         self._subscribed: dict[str, Subscription] = {}
         self._definitions: dict[str, TypeDefinition] = {}
-        for relative, (msgtype, is_latched) in EXPECTED.items():
+        for relative, (msgtype, *latched) in EXPECTED.items():
             name = expand_topic_name(relative, NAME, node.get_namespace())
             # It may have no publisher yet, and its type may not be installed.
-            if name in self._waiting:
+            if name in self.waiting:
                 with contextlib.suppress(*UNKNOWN_TYPE):
-                    self._subscribe(name, msgtype, recorder_qos(latched=is_latched))
+                    self._subscribe(name, msgtype, recorder_qos(latched=bool(latched)))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
 
     def _discover(self) -> None:
         """Record topics that have a publisher by now, with a QoS that fits all of them."""
-        for name in dict.fromkeys((*self._waiting, *self._subscribed)):
-            publishers = self._node.get_publishers_info_by_topic(name)
-            offered = [publisher.qos_profile for publisher in publishers]
-            if publishers and name in self._waiting:
-                self._begin(name, publishers[0].topic_type, offered)
-            elif publishers and requests_too_much(self._subscribed[name].qos_profile, offered):
-                msgtype = self._definitions[name].msgtype
-                self._subscribe(name, msgtype, matching_qos(offered))
+        for name in dict.fromkeys((*self.waiting, *self._subscribed)):
+            msgtypes, offered = self._publishers(name)
+            if offered and name in self.waiting:
+                self._begin(name, msgtypes[0], offered)
+            elif offered and requests_too_much(self._subscribed[name].qos_profile, offered):
+                self._subscribe(name, self._definitions[name].msgtype, matching_qos(offered))
                 self._report(f'subscribed to {name} again, since a new publisher offers less')
+
+    def _publishers(self, topic: str) -> tuple[list[str], list[QoSProfile]]:
+        """Return the types and the QoS that a topic's publishers offer."""
+        found = self._node.get_publishers_info_by_topic(topic)
+        return [one.topic_type for one in found], [one.qos_profile for one in found]
 
     def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
         """Add a topic to the bag and subscribe to it as it is offered, if its type is installed.
@@ -120,7 +100,7 @@ class Recorder:
         try:
             self._subscribe(name, msgtype, matching_qos(offered))
         except UNKNOWN_TYPE as error:
-            del self._waiting[name]
+            del self.waiting[name]
             if name in self._subscribed:
                 self._node.destroy_subscription(self._subscribed.pop(name))
             self._report(f'not recorded: {name} ({msgtype}): {error}')
@@ -129,7 +109,7 @@ class Recorder:
 
     def _add_topic(self, name: str, offered: list[QoSProfile]) -> None:
         """Add a topic to the bag."""
-        del self._waiting[name]
+        del self.waiting[name]
         definition = self._definitions[name]
         different = {str(profile): profile for profile in map(bag_qos, offered)}
         self.bag.add_topic(OfferedTopic(name, definition, tuple(different.values())))
@@ -154,31 +134,22 @@ class Recorder:
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Write a message with the time at which it arrived."""
-        if topic in self._waiting:
+        if topic in self.waiting:
             # Its publisher has not been looked for yet, and may have left already.
-            publishers = self._node.get_publishers_info_by_topic(topic)
-            offered = [publisher.qos_profile for publisher in publishers]
+            _, offered = self._publishers(topic)
             self._add_topic(topic, offered or [self._subscribed[topic].qos_profile])
         # 0 where the middleware does not know that time.
         self.bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
 
     def report_progress(self) -> None:
         """Report the number of messages; without any, the namespace and domain searched."""
-        total, new = self.bag.total, self.bag.total - self._reported
+        total, before = self.bag.total, self._reported
         self._reported = total
-        if total:
-            self._report(f'{total} messages, {new} of them in the last {REPORT_PERIOD_S:g} s')
-            return
+        new = f'{total - before} of them in the last {REPORT_PERIOD_S:g} s'
         domain = os.environ.get('ROS_DOMAIN_ID', '0')
-        self._report(
-            f'no message yet in namespace {self._node.get_namespace()}, ROS_DOMAIN_ID {domain}; '
-            'is the graph up?'
-        )
-
-    @property
-    def missing(self) -> list[str]:
-        """The topics that had no publisher so far."""
-        return list(self._waiting)
+        where = f'namespace {self._node.get_namespace()}, ROS_DOMAIN_ID {domain}'
+        nothing = f'no message yet in {where}; is the graph up?'
+        self._report(f'{total} messages, {new}' if total else nothing)
 
 
 def record(
@@ -199,8 +170,8 @@ def record(
     with joined(NAME, namespace) as node, writer as bag:
         recorder = Recorder(node, bag, topics, report)
         spin_until(stopped, node, recorder, duration)
-        if recorder.missing:
-            report(f'never there: {", ".join(recorder.missing)}')
+        if recorder.waiting:
+            report(f'never there: {", ".join(recorder.waiting)}')
 
 
 def spin_until(stopped: threading.Event, node: Node, recorder: Recorder, duration: float) -> None:
@@ -257,9 +228,7 @@ def import_message_class(msgtype: str) -> type:
 
 def requests_too_much(requested: QoSProfile, offered: list[QoSProfile]) -> bool:
     """Tell whether a subscription requests more than one of these publishers offers."""
-    return any(
-        qos_check_compatible(qos, requested)[0] == QoSCompatibility.ERROR for qos in offered
-    )
+    return any(qos_check_compatible(qos, requested)[0].name == 'ERROR' for qos in offered)
 
 
 def matching_qos(offered: list[QoSProfile]) -> QoSProfile:

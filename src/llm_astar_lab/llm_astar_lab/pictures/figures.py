@@ -49,12 +49,9 @@ CHARACTERS_PER_INCH = 11
 SIZE = 10.0
 # Of methods, for titles.
 METHOD_NAMES = {
-    'astar': 'A*',
-    'exact_astar': 'exact A*',
-    'weighted_astar': 'weighted A*',
-    'dynamic_weighted_astar': 'dynamic weighted A*',
-    'llm_astar': 'LLM-A*',
-}
+    'astar': 'A*', 'exact_astar': 'exact A*', 'weighted_astar': 'weighted A*',
+    'dynamic_weighted_astar': 'dynamic weighted A*', 'llm_astar': 'LLM-A*',
+}  # fmt: skip
 # Outlines of the robot drawn along one path.
 MAX_OUTLINES = 100
 # The order of a legend; what is not here comes first.
@@ -81,7 +78,7 @@ class Picture:
     the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
     the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
     `recorded` [n, 2] is another path, the one that a bag holds, and `ways` are those to choose
-    from.
+    from. `causes` are the places, points in metres, of what closes the way.
     """
 
     grid_map: GridMap
@@ -101,6 +98,7 @@ class Picture:
     has_scale_bar: bool = True
     recorded: NDArray[np.float64] | None = None
     ways: Sequence[NDArray[np.int32]] = ()
+    causes: Sequence[Sequence[Sequence[float]]] = ()
 
     @property
     def in_metres(self) -> bool:
@@ -155,9 +153,8 @@ def picture_of(
     """
     grid_map = drawable_map(costmap.grid_map, costmap.config)
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
-    guidance = describe_guidance(plan.method, plan.guided_by)
-    if plan.guided_by == 'none':
-        guidance = describe_plan(plan)
+    is_guided = plan.guided_by != 'none'
+    guidance = describe_guidance(plan.method, plan.guided_by) if is_guided else describe_plan(plan)
     outcome = describe_outcome(plan, grid_map.resolution)
     places = NO_PLACES if route is None else route.places
     path = plan.path if plan.any_angle is None else plan.any_angle.points
@@ -167,6 +164,7 @@ def picture_of(
         grid_map, plan.start, plan.goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}',
         offset, places, instructed, plan.footprint, inflated, plan.via,
         ways=[way.path for way in plan.alternatives],
+        causes=[] if plan.why is None else [points for _, points in plan.why.places()],
     )  # fmt: skip
 
 
@@ -259,6 +257,9 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
     for number, way in enumerate(picture.ways, start=1):
         axes.plot(*picture.on_axes(way).T, linewidth=5, alpha=0.4, label=f'way {number}')
+    for points in picture.causes:
+        x, y = picture.project(np.array(points)).T
+        axes.plot(x, y, 'X:', color=style.PATH, markersize=11, zorder=4.9, label='closes the way')
     if len(picture.path):
         x, y = picture.on_axes(picture.path).T
         axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')
@@ -337,9 +338,8 @@ def draw_cells(axes: Axes, picture: Picture) -> None:
     pixels = box.width / axes.figure.dpi * DPI / window.width
     codes = raster.widen_expanded(codes, math.ceil(MIN_PIXELS / pixels))
     if pixels < 1.0:
-        codes = raster.resize(
-            codes, max(1, int(window.width * pixels)), max(1, int(window.height * pixels))
-        )
+        size = (max(1, int(side * pixels)) for side in (window.width, window.height))
+        codes = raster.resize(codes, *size)
     raster.draw_codes(axes, codes, window, picture.to_axes)
     (left, bottom), (right, top) = raster.bounds_of(window, picture.to_axes)
     unit = 'm' if picture.in_metres else 'cells'
@@ -376,9 +376,9 @@ def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     names = sorted(handles, key=lambda name: LEGEND.index(name) if name in LEGEND else -1)
     rows = max(1, math.ceil(len(names) / int(figure.get_figwidth() / 1.25)))
     figure.legend(
-        [handles[name] for name in names], names, loc='outside lower center',
-        ncols=max(1, math.ceil(len(names) / rows)),
-        frameon=False, fontsize=SIZE - 1, handlelength=1.4, columnspacing=1.4,
+        [handles[name] for name in names], names, loc='outside lower center', frameon=False,
+        ncols=max(1, math.ceil(len(names) / rows)), fontsize=SIZE - 1, handlelength=1.4,
+        columnspacing=1.4,
     )  # fmt: skip
 
 

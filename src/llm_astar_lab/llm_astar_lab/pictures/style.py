@@ -46,14 +46,10 @@ MARK_EDGE = '#111111'
 
 # Clauses of an instruction, by `ClauseStatus`.
 CLAUSES = {
-    'KEPT': '#009e73',
-    'AS_FAR_AS_POSSIBLE': '#b8860b',
-    'NOT_KEPT': '#c8102e',
-    'IMPOSSIBLE': '#c8102e',
-    'UNSURE': '#e08a00',
-    'NOT_UNDERSTOOD': '#7f7f7f',
+    'KEPT': '#009e73', 'AS_FAR_AS_POSSIBLE': '#b8860b', 'NOT_KEPT': '#c8102e',
+    'IMPOSSIBLE': '#c8102e', 'UNSURE': '#e08a00', 'NOT_UNDERSTOOD': '#7f7f7f',
     'UNSUPPORTED': '#7f7f7f',
-}
+}  # fmt: skip
 # Where a path is not to be, and is not.
 AVOIDED = '#b5533c'
 # Named places.
@@ -68,18 +64,9 @@ CHART, BASELINE, WORSE = '#0050b5', '#9aa0ac', '#d55e00'
 def page_colours() -> dict[str, str | dict[str, str]]:
     """Return the colours by what is drawn, for JSON; `waypoint` has one for each status."""
     return {
-        'free': FREE,
-        'obstacle': OBSTACLE,
-        'unknown': UNKNOWN,
-        'inflated': INFLATED,
-        'expanded': EXPANDED,
-        'path': PATH,
-        'recorded': RECORDED,
-        'start': START.colour,
-        'goal': GOAL.colour,
-        'via': VIA.colour,
-        'footprint': FOOTPRINT,
+        'free': FREE, 'obstacle': OBSTACLE, 'unknown': UNKNOWN, 'inflated': INFLATED,
+        'expanded': EXPANDED, 'path': PATH, 'recorded': RECORDED, 'start': START.colour,
+        'goal': GOAL.colour, 'via': VIA.colour, 'footprint': FOOTPRINT,
         'waypoint': {status: mark.colour for status, mark in WAYPOINTS.items()},
-        'avoided': AVOIDED,
-        'clause': dict(CLAUSES),
-    }
+        'avoided': AVOIDED, 'clause': dict(CLAUSES),
+    }  # fmt: skip

@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.route import Route
@@ -21,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
 from llm_astar_lab.pictures.style import page_colours
-from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
+from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayError, PlayMap
 from llm_astar_lab.play.planning import PlayedPlan
 from llm_astar_lab.play.request import MAX_REPLY, PARAMETERS, SOURCES, PlayRequest, command_of
 from llm_astar_planner import __version__
@@ -29,25 +31,7 @@ from llm_astar_planner import __version__
 # Cells of an expansion order that are sent, at most.
 MAX_ORDER = 1_000_000
 EDITED = 'the map is edited (walls, costs, places or zones), and a command plans on its file'
-ABOUT_METHODS = {
-    'guided': 'follows waypoints, and proves how good its path is',
-    'exact_astar': 'shortest path, with costs',
-    'astar': "the paper's A*",
-    'weighted_astar': "the paper's A* with a weighted heuristic",
-    'dynamic_weighted_astar': "the paper's A* with a weight that decays",
-    'llm_astar': "the paper's LLM-A*: follows waypoints, proves nothing",
-}
-ABOUT_SOURCES = {
-    'none': 'no waypoints',
-    'embedded': 'the learned waypoint model that comes with the planner',
-    'coarse': 'the cheapest route on a coarser map',
-    'straight': 'points on the straight line',
-    'oracle': 'points on a shortest path',
-    'noisy': 'points on a shortest path, moved at random',
-    'random': 'random free cells',
-    'reversed': 'points on a shortest path, in reverse order',
-    'reply': "a model's answer, as you type it",
-}
+ABOUT = read_yaml(Path(__file__).with_name('choices.yaml'), PlayError)
 
 
 def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
@@ -57,8 +41,8 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
         'version': __version__,
         'live': live,
         'colours': page_colours(),
-        'methods': [{'name': name, 'about': ABOUT_METHODS[name]} for name in METHODS],
-        'sources': [{'name': name, 'about': ABOUT_SOURCES[name]} for name in SOURCES],
+        'methods': [{'name': name, 'about': ABOUT['methods'][name]} for name in METHODS],
+        'sources': [{'name': name, 'about': ABOUT['sources'][name]} for name in SOURCES],
         'heuristics': list(HEURISTIC_NAMES),
         'limits': {'cells': MAX_CELLS, 'text': MAX_REPLY, 'radius_m': radius},
         'maps': [map_summary(play_map) for play_map in maps],
@@ -67,13 +51,9 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
 
 def map_summary(play_map: PlayMap) -> dict[str, Any]:
     """Return a map without its cells."""
-    grid_map = play_map.grid_map
-    return named_json(play_map) | {
-        'kind': 'grid' if play_map.barriers is None else 'barriers',
-        **size_json(grid_map),
-        'pairs': len(play_map.pairs()),
-        'places': bool(len(play_map.places)),
-    }
+    kind = 'grid' if play_map.barriers is None else 'barriers'
+    counts = {'pairs': len(play_map.pairs()), 'places': bool(len(play_map.places))}
+    return named_json(play_map) | {'kind': kind} | size_json(play_map.grid_map) | counts
 
 
 def size_json(grid_map: GridMap) -> dict[str, Any]:
@@ -113,11 +93,10 @@ def place_json(place: Place, grid_map: GridMap) -> dict[str, Any]:
 
 def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) -> dict[str, Any]:
     """Return the answer to a request for a plan."""
-    costmap = planner.costmap
+    costmap, command = planner.costmap, command_of(request)
     obstacles = planner.grid_map.blocked(
         costmap.config.occupied_threshold, allow_unknown=costmap.config.allow_unknown
     )
-    command = command_of(request)
     return {
         'plans': [plan_json(played, planner, request.places) for played in plans],
         'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)),
@@ -132,12 +111,8 @@ def plan_json(played: PlayedPlan, planner: Planner, places: Places) -> dict[str,
     instructed = instructed_path(plan, Route(planner.costmap, plan.start, plan.goal, places))
     order = np.flatnonzero(plan.expanded) if played.order is None else played.order
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
-    shown = report_json(
-        plan.to_dict(),
-        waypoints,
-        *map(finite_or_none, (plan.length, plan.length * grid_map.resolution)),
-    )
-    return shown | {
+    lengths = plan.length, plan.length * grid_map.resolution
+    return report_json(plan.to_dict(), waypoints, *map(finite_or_none, lengths)) | {
         'role': played.role,
         'title': played.title,
         'start': list(plan.start),
@@ -176,7 +151,7 @@ def cells_of(points: ArrayLike, grid_map: GridMap) -> list[list[float]]:
 
 def report_json(
     report: Mapping[str, Any],
-    waypoints: Sequence[tuple[float, float, str]],
+    waypoints: Iterable[tuple[float, float, str]],
     length: float | None,
     length_m: float | None,
 ) -> dict[str, Any]:
@@ -217,19 +192,17 @@ def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None
     return {
         'verdict': verdict,
         'satisfied': outcome.get('satisfied') is True,
-        'sentence': str(read.get('sentence', '')),
-        'status': str(read.get('status', '')),
-        'questions': [str(question) for question in read.get('questions', ())],
-        'clauses': [
-            {
-                'clause': str(clause['clause']),
-                'status': str(clause['status']),
-                'detail': f'{clause["detail"]}{clause_price(clause)}'.removeprefix(', '),
-            }
-            for clause in outcome.get('clauses', [])
-        ],
+        **{name: str(read.get(name, '')) for name in ('sentence', 'status')},
+        'questions': [*map(str, read.get('questions', ()))],
+        'clauses': [clause_json(clause) for clause in outcome.get('clauses', [])],
         'note': '; '.join(note for note in notes if note not in verdict),
     }
+
+
+def clause_json(clause: Mapping[str, Any]) -> dict[str, str]:
+    """Return what became of a clause."""
+    detail = f'{clause["detail"]}{clause_price(clause)}'.removeprefix(', ')
+    return {'clause': str(clause['clause']), 'status': str(clause['status']), 'detail': detail}
 
 
 def encoded(array: NDArray[Any]) -> str:

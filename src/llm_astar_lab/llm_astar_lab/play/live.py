@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-import threading
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from functools import partial
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -33,10 +33,12 @@ class LiveFeed:
 
     def __init__(self) -> None:
         """Start with nothing but the state."""
-        self._lock = threading.Lock()
-        self._shown: dict[str, Any] = {'status': 'waiting for the planner', 'places': NO_PLACES}
-        # How often each has changed.
-        self._numbers = {'map': 0, 'plan': 0, 'status': 1}
+        self._changes = count()
+        # By its name what came last, with a number that each gets when it comes. Threads replace
+        # values as a whole, so they need no lock.
+        self._shown: dict[str, tuple[int, Any]] = {}
+        self.show_status('waiting for the planner')
+        self.show_places(NO_PLACES)
         self._pages = 0
         self._is_closed = False
 
@@ -46,24 +48,19 @@ class LiveFeed:
             size = f'{grid_map.width} x {grid_map.height}'
             self.show_status(f'the map has {size} cells, over the {MAX_CELLS} that can be shown')
         else:
-            self._take('map', map=grid_map)
+            self._shown['map'] = next(self._changes), grid_map
 
     def show_places(self, places: Places) -> None:
         """Take newer places."""
-        self._take('map', places=places)
+        self._shown['places'] = next(self._changes), places
 
     def show_plan(self, points: NDArray[np.float64], report: dict[str, Any]) -> None:
         """Take a newer plan: its points [n, 2] in metres, the fields of its PlanReport."""
-        self._take('plan', plan=(points, report))
+        self._shown['plan'] = next(self._changes), (points, report)
 
     def show_status(self, sentence: str) -> None:
         """Take a newer sentence on the planner's state."""
-        self._take('status', status=sentence)
-
-    def _take(self, kind: str, **values: object) -> None:
-        with self._lock:
-            self._shown.update(values)
-            self._numbers[kind] += 1
+        self._shown['status'] = next(self._changes), sentence
 
     def close(self) -> None:
         """End the streams of all pages."""
@@ -97,22 +94,20 @@ class LiveFeed:
 
     def _newer_than(self, sent: dict[str, object]) -> list[tuple[str, dict[str, Any]]]:
         """Return the events not sent yet, the map before the plan, and note them in `sent`."""
-        with self._lock:
-            shown = dict(self._shown)
-            numbers: dict[str, object] = dict(self._numbers)
-        make: dict[str, Callable[[], dict[str, Any]]] = {
-            'status': lambda: {'message': shown['status']}
-        }
+        shown = dict(self._shown)
+        number, sentence = shown['status']
+        make: dict[str, tuple[object, Any]] = {'status': (number, lambda: {'message': sentence})}
         if 'map' in shown:
-            make['map'] = partial(live_map_json, shown['map'], shown['places'])
+            (number, grid_map), (of_places, places) = shown['map'], shown['places']
+            make['map'] = (number, of_places), partial(live_map_json, grid_map, places)
         if 'map' in shown and 'plan' in shown:
             # Cells of a path are those of a layout of the map.
-            numbers['plan'] = numbers['plan'], shown['map'].layout
-            points, report = shown['plan']
-            make['plan'] = partial(readable_plan_json, points, report, shown['map'])
-        fresh = [kind for kind in make if sent.get(kind) != numbers[kind]]
-        sent.update((kind, numbers[kind]) for kind in fresh)
-        return [(kind, make[kind]()) for kind in fresh]
+            number, (points, report) = shown['plan']
+            key = number, grid_map.layout
+            make['plan'] = key, partial(readable_plan_json, points, report, grid_map)
+        fresh = [kind for kind, (key, _) in make.items() if sent.get(kind) != key]
+        sent.update((kind, make[kind][0]) for kind in fresh)
+        return [(kind, make[kind][1]()) for kind in fresh]
 
 
 def live_map_json(grid_map: GridMap, places: Places) -> dict[str, Any]:

@@ -33,16 +33,9 @@ MAX_DROPPED = 10
 DROPPED = 'dropped/'
 BARE_IMAGE = b'{resolution: 0.05, origin: [0, 0, 0], occupied_thresh: 0.65, free_thresh: 0.196}'
 # The files in maps/ that the page offers, those of robots first.
-SHIPPED = (
-    'demo.json',
-    'depot.yaml',
-    'hospital.yaml',
-    *(
-        f'instructions/{name}.yaml'
-        for name in ('house', 'office', 'warehouse', 'museum', 'market', 'ward', 'workshop')
-    ),
-    SAMPLES_FILE,
-)
+SUITE = ('house', 'office', 'warehouse', 'museum', 'market', 'ward', 'workshop')
+INDOORS = (f'instructions/{name}.yaml' for name in SUITE)
+SHIPPED = ('demo.json', 'depot.yaml', 'hospital.yaml', *INDOORS, SAMPLES_FILE)
 
 
 class PlayError(LlmAstarError, ValueError):
@@ -86,11 +79,8 @@ class PlayMap:
 
     def pairs(self) -> list[tuple[Point, Point]]:
         """Return the first start-goal pairs, in cells."""
-        to_cell = self.problem.to_cell
-        return [
-            (to_cell(sample.start), to_cell(sample.goal))
-            for sample in self.problem.samples[:MAX_PAIRS]
-        ]
+        to_cell, samples = self.problem.to_cell, self.problem.samples[:MAX_PAIRS]
+        return [(to_cell(sample.start), to_cell(sample.goal)) for sample in samples]
 
 
 class Maps:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_planner.caches import Recent
@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.play.maps import PlayError
-from llm_astar_lab.play.request import REPLY, PlayRequest
+from llm_astar_lab.play.request import PlayRequest
 
 # Seconds that one plan may take, and that an instruction may take to be understood.
 TIME_LIMIT_S = 10.0
@@ -42,11 +42,11 @@ MAX_KEPT_CELLS = 8_000_000
 # Plans that may wait for their turn, in all and of one address; and how many run at a time.
 MAX_WAITING, MAX_OF_ONE = 64, 32
 AT_A_TIME = min(8, len(os.sched_getaffinity(0)))
-_T = TypeVar('_T')
+# Returns the answer to a page, until the flag stops it.
+Job = Callable[[StopFlag], bytes]
 
 
-@dataclass(frozen=True, eq=False)
-class PlayedPlan:
+class PlayedPlan(NamedTuple):
     """A plan, what part it plays (`chosen`, `no_waypoints`, `astar`) and its title.
 
     `order` is int32 [n]: the cells y * width + x in the order of their expansion, None where that
@@ -85,33 +85,31 @@ class PlanningService:
     def plan(self, request: PlayRequest, stop: StopFlag) -> tuple[Planner, list[PlayedPlan]]:
         """Return the planner, the chosen plan and those to compare it with, until stopped."""
         planner = self.planner_for(request)
-        requests = compared(self.plan_request(request))
         plans = []
-        for role, wanted in requests.items():
+        for role, wanted in compared(self.plan_request(request)).items():
             # So that the times of plans are for planning; says so where it takes long.
             with compile_progress():
                 planner.compile(wanted)
-            plans.append(played(role, planner, wanted, stop))
+            plan = planner.plan(wanted, stop)
+            order = None if stop[0] else retrace(planner, wanted, plan)
+            plans.append(
+                PlayedPlan(role, title_of(wanted), plan, None if order is None else order.order)
+            )
         return planner, plans
 
     def plan_request(self, request: PlayRequest) -> PlanRequest:
         """Return the request for the chosen plan."""
-        start, goal, values = request.start, request.goal, request.values
+        ends, settle = (request.start, request.goal), partial(settled, confirm=request.confirm)
         instruction = route_instruction(
-            values,
-            request.places,
-            INTERPRETATION_S,
-            lambda: self._interpreter,
-            partial(settled, confirm=request.confirm),
+            request.values, request.places, INTERPRETATION_S, lambda: self._interpreter, settle
         )
         return PlanRequest(
-            start,
-            goal,
+            *ends,
             source=waypoint_source(request),
-            sample=sample_key_of(request.play_map.problem, start, goal),
+            sample=sample_key_of(request.play_map.problem, *ends),
             via=request.via,
             instruction=instruction,
-            **request_fields(values) | {'time_limit': TIME_LIMIT_S},
+            **request_fields(request.values) | {'time_limit': TIME_LIMIT_S},
         )
 
 
@@ -125,17 +123,9 @@ def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
     if chosen.source is not None and not chosen.via:
         requests['no_waypoints'] = replace(chosen, source=None)
     if chosen.method != 'astar' or chosen.instruction is not None:
-        requests['astar'] = replace(
-            chosen, method='astar', source=None, instruction=None, any_angle=False
-        )
+        plain = replace(chosen, source=None, instruction=None, any_angle=False)
+        requests['astar'] = replace(plain, method='astar')
     return requests
-
-
-def played(role: str, planner: Planner, request: PlanRequest, stop: StopFlag) -> PlayedPlan:
-    """Plan, and find out in which order the cells were expanded."""
-    plan = planner.plan(request, stop)
-    order = None if stop[0] else retrace(planner, request, plan)
-    return PlayedPlan(role, title_of(request), plan, None if order is None else order.order)
 
 
 def title_of(request: PlanRequest) -> str:
@@ -150,20 +140,19 @@ def title_of(request: PlanRequest) -> str:
 
 def waypoint_source(request: PlayRequest) -> WaypointSource | None:
     """Return the source of waypoints, None where none is asked."""
+    name = request.values['source']
     if request.values['method'] not in WAYPOINT_METHODS:
         return None
     if request.reply is not None:
         return FixedReply(request.reply, request.play_map.problem.offset)
-    if request.source in ('none', REPLY):
-        return None
-    return make_source(SourceSettings(source=request.source))
+    return None if name == 'none' else make_source(SourceSettings(source=name))
 
 
 @dataclass(frozen=True, eq=False)
 class Waiting:
     """A job of an address, under the name that its page gave it, and the flag that stops it."""
 
-    future: Future[Any]
+    future: Future[bytes]
     stop: StopFlag
     address: str
     name: str
@@ -179,43 +168,32 @@ class Worker:
         self._jobs: list[Waiting] = []
 
     async def run(
-        self,
-        job: Callable[[StopFlag], _T],
-        gone: asyncio.Task[None],
-        address: str = '',
-        name: str = '',
-    ) -> _T:
+        self, job: Job, gone: asyncio.Task[None], address: str = '', name: str = ''
+    ) -> bytes:
         """Return what a job returns; the flag that it gets is raised once `gone` is done.
 
         Raises PlayError where too many jobs wait (503) and where the job was stopped (499), and
         what the job raises.
         """
-        if problem := self.problem(address):
-            raise PlayError(problem, status=503)
+        waiting = self.waiting()
+        own = sum(one.address == address for one in waiting)
+        if len(waiting) >= MAX_WAITING or own >= MAX_OF_ONE:
+            count = f'{len(waiting)} plans are waiting, {own} of this address'
+            raise PlayError(f'busy: {count}; ask again in a moment', status=503)
         stop = no_stop()
-        future = self._threads.submit(job, stop)
-        entry = Waiting(future, stop, address, name)
+        entry = Waiting(self._threads.submit(job, stop), stop, address, name)
         self._jobs.append(entry)
         try:
-            waiting = asyncio.wrap_future(future)
-            both: set[asyncio.Future[Any]] = {waiting, gone}
+            answer = asyncio.wrap_future(entry.future)
+            both: set[asyncio.Future[Any]] = {answer, gone}
             await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
-            if waiting.done():
-                return waiting.result()
+            if answer.done():
+                return answer.result()
             raise PlayError('the page has asked anew', status=499)
         finally:
             stop[0] = 1
-            future.cancel()
+            entry.future.cancel()
             self._jobs.remove(entry)
-
-    def problem(self, address: str) -> str | None:
-        """Say why an address must not have another job wait; None where it may."""
-        waiting = self.waiting()
-        own = sum(one.address == address for one in waiting)
-        if len(waiting) < MAX_WAITING and own < MAX_OF_ONE:
-            return None
-        count = f'{len(waiting)} plans are waiting, {own} of this address'
-        return f'busy: {count}; ask again in a moment'
 
     def waiting(self) -> list[Waiting]:
         """Return the jobs that no thread has begun, in their order."""

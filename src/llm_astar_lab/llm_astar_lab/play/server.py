@@ -16,6 +16,7 @@ import json
 import re
 import socket
 import time
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -43,7 +44,6 @@ PAGE = Path(__file__).parent / 'page'
 MAX_BODY = 2**20
 # Of a map that is dropped onto the page.
 MAX_DROPPED_BODY = 2**23
-TOO_LONG = 'the body is over {} bytes; edit fewer walls, or cut out a part of the map'
 # A request holds walls, these cells, and these numbers.
 MAX_DEPTH = 5
 # Seconds in which the head of a request, and its body, have to arrive.
@@ -70,7 +70,7 @@ HEADERS = {
 HOST = re.compile(r'(\[[^\]]*\]|[^:]*)(:[0-9]+)?')
 
 
-class PlayApp:
+class PlayApp(Starlette):
     """The page's routes on some maps."""
 
     def __init__(self, maps: Maps, feed: LiveFeed | None = None) -> None:
@@ -79,22 +79,18 @@ class PlayApp:
         self._feed = feed
         self._service = PlanningService()
         self._worker = Worker()
-
-    def asgi(self) -> Starlette:
-        """Return the application."""
-        return Starlette(
-            routes=[
-                Route('/', self.index),
-                Route('/api/options', self.options),
-                Route('/api/map', self.map),
-                Route('/api/map', self.drop_map, methods=['POST']),
-                Route('/api/plan', self.plan, methods=['POST']),
-                Route('/api/queue', self.queue),
-                Route('/api/live', self.live),
-                Mount('/page', StaticFiles(directory=PAGE)),
-            ],
-            exception_handlers={LlmAstarError: refuse, HTTPException: refuse_route},
-        )
+        routes = [
+            Route('/', self.index),
+            Route('/api/options', self.options),
+            Route('/api/map', self.map),
+            Route('/api/map', self.drop_map, methods=['POST']),
+            Route('/api/plan', self.plan, methods=['POST']),
+            Route('/api/queue', self.queue),
+            Route('/api/live', self.live),
+            Mount('/page', StaticFiles(directory=PAGE)),
+        ]
+        handlers: dict[Any, Any] = dict.fromkeys((LlmAstarError, HTTPException), refuse)
+        super().__init__(routes=routes, exception_handlers=handlers)
 
     def close(self) -> None:
         """Stop what is running and end the streams, before the server ends."""
@@ -121,13 +117,12 @@ class PlayApp:
 
     async def plan(self, request: Request) -> Response:
         """Plan, and send the plans; stop when the page has asked anew or is gone."""
-        asked = read_request(await read_body(request), self._maps)
+        asked = read_request(await read_body(request, MAX_BODY), self._maps)
         gone = asyncio.create_task(wait_until_gone(request))
+        address = request.client.host if request.client else ''
+        name = request.headers.get('x-page', '')[:MAX_NAME]
         try:
-            name = request.headers.get('x-page', '')[:MAX_NAME]
-            reply = await self._worker.run(
-                lambda stop: self.work(asked, stop), gone, address_of(request.scope), name
-            )
+            reply = await self._worker.run(partial(self.work, asked), gone, address, name)
         finally:
             gone.cancel()
         return Response(reply, media_type='application/json')
@@ -148,27 +143,17 @@ class PlayApp:
         return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
 
 
-def address_of(scope: Scope) -> str:
-    """Return the address that a request comes from, '' where that is not known."""
-    client = scope.get('client')
-    return str(client[0]) if client else ''
-
-
-async def read_body(request: Request, limit: int = MAX_BODY) -> object:
+async def read_body(request: Request, limit: int) -> object:
     """Return the JSON value in the body of a request. Raises PlayError."""
-    declared = request.headers.get('content-length', '0')
-    if not declared.isdecimal() or int(declared[:20]) > limit:
-        raise PlayError(TOO_LONG.format(limit), status=413)
     try:
         body = await asyncio.wait_for(received(request, limit), BODY_S)
-    except asyncio.TimeoutError:
-        raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
-    try:
         value: object = json.loads(body, parse_constant=refuse_constant)
         is_too_deep = depth_of(value) > MAX_DEPTH
+    except asyncio.TimeoutError:
+        raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
     except RecursionError:
         is_too_deep = True
-    except ValueError as error:
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise PlayError(f'the body is not JSON: {error}', status=400) from None
     if is_too_deep:
         raise PlayError('the body is nested too deeply for a plan; send less', status=400)
@@ -181,7 +166,10 @@ async def received(request: Request, limit: int) -> bytes:
     async for chunk in request.stream():
         body += chunk
         if len(body) > limit:
-            raise PlayError(TOO_LONG.format(limit), status=413)
+            what = (
+                f'the body is over {limit} bytes; edit fewer walls, or cut out a part of the map'
+            )
+            raise PlayError(what, status=413)
     return bytes(body)
 
 
@@ -193,8 +181,8 @@ def depth_of(value: object) -> int:
 
 
 def refuse_constant(name: str) -> NoReturn:
-    """Raise ValueError for NaN and infinities, which JSON does not have."""
-    raise ValueError(f'{name} is not a number')
+    """Raise PlayError for NaN and infinities, which JSON does not have."""
+    raise PlayError(f'the body is not JSON: {name} is not a number', status=400)
 
 
 async def wait_until_gone(request: Request) -> None:
@@ -208,18 +196,13 @@ def error_response(sentence: str, field: str, status: int) -> Response:
     return JSONResponse({'error': sentence[:MAX_SENTENCE], 'field': field}, status)
 
 
-async def refuse(_request: Request, error: Exception) -> Response:
-    """Say why a request is not served."""
-    if isinstance(error, PlayError):
-        return error_response(str(error), error.field, error.status)
-    return error_response(str(error), '', 422)
-
-
-async def refuse_route(request: Request, error: Exception) -> Response:
-    """Say that there is no such page, or no such method."""
-    status = error.status_code if isinstance(error, HTTPException) else 404
-    words = {404: 'there is no such page', 405: f'{request.method} is not allowed'}
-    return error_response(words.get(status, str(error)), '', status)
+async def refuse(request: Request, error: Exception) -> Response:
+    """Say why a request is not served: what is wrong with it, or that there is no such page."""
+    if isinstance(error, HTTPException):
+        words = {404: 'there is no such page', 405: f'{request.method} is not allowed'}
+        return error_response(words.get(error.status_code, str(error)), '', error.status_code)
+    field, status = getattr(error, 'field', ''), getattr(error, 'status', 422)
+    return error_response(str(error), field, status)
 
 
 class Guard:
@@ -233,14 +216,15 @@ class Guard:
     def __init__(self, app: ASGIApp, host: str = '127.0.0.1') -> None:
         """Guard an application that is served at an address."""
         self._app = app
-        self._names = allowed_names(host)
         self._any_address = host in EVERY_ADDRESS
+        # By which a server at this address is reached.
+        self._names = {*LOOPBACK, host.lower(), f'[{host.lower()}]'}
+        self._names |= {socket.gethostname().lower()} if self._any_address else set()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
         if scope['type'] != 'http':
-            await self._app(scope, receive, send)
-            return
+            return await self._app(scope, receive, send)
 
         async def send_guarded(message: Message) -> None:
             if message['type'] == 'http.response.start':
@@ -254,16 +238,15 @@ class Guard:
 
         problem = self.problem(scope['method'], Headers(scope=scope))
         answer = self._app if problem is None else error_response(problem[1], '', problem[0])
-        await answer(scope, receive, send_guarded)
+        return await answer(scope, receive, send_guarded)
 
     def problem(self, method: str, headers: Headers) -> tuple[int, str] | None:
         """Return with which status and sentence a request is refused, None if it is not."""
         host = headers.getlist('host')
         if len(host) != 1 or not self.knows(host[0]):
-            return 421, (
-                f'Host: {", ".join(host)[:80] or "none"} is not a name of this server; open it as '
-                'localhost, or name the host with --host'
-            )
+            fix = 'open it as localhost, or name the host with --host'
+            named = ', '.join(host)[:80] or 'none'
+            return 421, f'Host: {named} is not a name of this server; {fix}'
         origin = headers.get('origin')
         if origin is not None and origin.lower() != f'http://{host[0].lower()}':
             return 403, f'Origin: {origin[:80]} is another site; open the page of this server'
@@ -283,21 +266,11 @@ class Guard:
         return name in self._names or (self._any_address and is_address(name))
 
 
-def allowed_names(host: str) -> frozenset[str]:
-    """Return the names in Host headers by which a server at this address is reached."""
-    names = {*LOOPBACK, host.lower(), f'[{host.lower()}]'}
-    if host in EVERY_ADDRESS:
-        names.add(socket.gethostname().lower())
-    return frozenset(names)
-
-
 def is_address(name: str) -> bool:
     """Tell whether a name is an IP address: no name server can make another site's of it."""
-    try:
-        ipaddress.ip_address(name.strip('[]'))
-    except ValueError:
-        return False
-    return True
+    with contextlib.suppress(ValueError):
+        return bool(ipaddress.ip_address(name.strip('[]')))
+    return False
 
 
 class PlayServer(uvicorn.Server):
@@ -308,15 +281,9 @@ class PlayServer(uvicorn.Server):
         self._app = app
         # Connections that wait for a request after their last one, since when.
         self._idle: dict[tuple[Any, Any], float] = {}
-        super().__init__(
-            uvicorn.Config(
-                Guard(app.asgi(), host),
-                log_level='warning',
-                access_log=False,
-                server_header=False,
-                timeout_graceful_shutdown=GRACE_S,
-            )
-        )
+        silent: dict[str, Any] = {'log_level': 'warning', 'access_log': False}
+        silent |= {'server_header': False, 'timeout_graceful_shutdown': GRACE_S}
+        super().__init__(uvicorn.Config(Guard(app, host), **silent))
 
     async def on_tick(self, counter: int) -> bool:
         """Close connections on which no whole head of a request came in HEAD_S.

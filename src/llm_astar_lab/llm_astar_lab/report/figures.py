@@ -5,23 +5,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.files import naming
-from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
-from llm_astar_planner.planning.types import describe_expansions
-from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
-from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.paper import astar, llm_astar
-from llm_astar_planner.search.problem import SearchProblem
-from llm_astar_planner.search.result import Cell, SearchResult
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from llm_astar_lab.analysis.run_comparison import RunComparison, VariantChange
 from llm_astar_lab.analysis.statistics import Interval
@@ -29,17 +20,8 @@ from llm_astar_lab.analysis.summary import Growth, VariantSummary
 from llm_astar_lab.pictures import raster, style
 from llm_astar_lab.report.sentences import has_waypoints, variant_label
 
-# What A* expanded where LLM-A* did not.
-BEYOND = style.LINE
-# A small map in the manner of the paper's Figure 4, whose own map is not published: a pocket in
-# front of the goal.
-SHOWCASE = BarrierMap(
-    0, (0, 11), (0, 11), (Barrier(3, 3, 7), Barrier(7, 3, 7)), (Barrier(7, 3, 7),)
-)
 # Ratios that differ by more than this factor are drawn on a log axis.
 WIDE = 5.0
-SHOWCASE_ENDPOINTS: tuple[Cell, Cell] = (2, 5), (9, 5)
-SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
 
 
 def growth_figure(growths: Sequence[Growth]) -> Figure:
@@ -72,12 +54,11 @@ def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
     shown = [summary for summary in summaries if summary.operation.mean.value > 0][::-1]
     labels = [variant_label(summary.variant) for summary in shown]
     figure, panels = interval_panels(labels, (8.0, 1.0), 2)
-    for axes, quantity in zip(panels, ('operation', 'length')):
+    quantities = {'operation': 'expansions', 'length': 'path length'}
+    for axes, (quantity, name) in zip(panels, quantities.items()):
         for position, summary in enumerate(shown):
-            mean = getattr(summary, quantity).mean
             colour = style.CHART if has_waypoints(summary.variant) else style.SOFT
-            draw_interval(axes, position, mean, colour)
-        name = {'operation': 'expansions', 'length': 'path length'}[quantity]
+            draw_interval(axes, position, getattr(summary, quantity).mean, colour)
         end_panel(axes, f'{name}, % of A* (95 % interval)')
     for colour, name in ((style.CHART, 'with waypoints'), (style.SOFT, 'without')):
         panels[0].plot([], [], 'o', color=colour, label=name)
@@ -147,47 +128,6 @@ def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) 
     axes.errorbar(value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
 
 
-def showcase_figure() -> Figure:
-    """Draw LLM-A* target by target and against A*, chebyshev, as the paper's Figure 4."""
-    blocked, goal = SHOWCASE.to_grid().blocked(), SHOWCASE_ENDPOINTS[1]
-    guided, path = traced(llm_astar, blocked, [*SHOWCASE_WAYPOINTS, goal])
-    plain, shortest = traced(astar, blocked, ())
-    # The next waypoint becomes the target where the one before is a neighbour of a cell.
-    y, x = np.divmod(guided.order, blocked.shape[1])
-    stages, first = [], 0
-    for near_x, near_y in SHOWCASE_WAYPOINTS:
-        first += int(np.argmax(np.maximum(abs(x - near_x), abs(y - near_y))[first:] <= 1))
-        stages.append(int(guided.steps[np.searchsorted(guided.steps[:, 1], first + 1), 0]))
-    stages.append(guided.expansions)
-    figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
-    *panels, beyond = figure.subplots(1, len(stages) + 1)
-    for number, (axes, count) in enumerate(zip(panels, stages), start=1):
-        aim = 'the goal' if axes is panels[-1] else f'waypoint {number}'
-        expanded = raster.expanded_cells(guided, blocked.shape, count)
-        draw_cells(axes, blocked, (expanded, style.EXPANDED))
-        mark_points(axes, SHOWCASE_ENDPOINTS, SHOWCASE_WAYPOINTS)
-        axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
-    every = raster.expanded_cells(plain, blocked.shape, plain.expansions)
-    draw_cells(beyond, blocked, (expanded, style.EXPANDED), (every, BEYOND))
-    mark_points(beyond, SHOWCASE_ENDPOINTS, ())
-    all_of_astar = describe_expansions(plain.expansions)
-    beyond.set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
-    for axes, cells in ((panels[-1], path), (beyond, shortest)):
-        axes.plot(*zip(*cells), color=style.PATH, linewidth=2, zorder=1.99)
-    return figure
-
-
-def traced(
-    method: Callable[..., SearchResult], blocked: NDArray[np.bool_], targets: Sequence[Cell]
-) -> tuple[ExpansionOrder, NDArray[np.int32]]:
-    """Search on the showcase, chebyshev; return the order of expansion and the path [n, 2]."""
-    recorder = ExpansionRecorder(blocked.shape, blocked.size)
-    grid = GridGraph(blocked, corner_cutting=True)
-    problem = SearchProblem(grid, *SHOWCASE_ENDPOINTS, targets, heuristic='chebyshev')
-    path = method(problem, recorder).path
-    return recorder.order(), path
-
-
 def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Path]:
     """Write one PNG per map with its start-goal pairs numbered; return the files."""
     folder = Path(folder)
@@ -203,44 +143,17 @@ def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Pa
 
 def map_figure(barrier_map: ProblemMap) -> Figure:
     """Draw a map with its start-goal pairs numbered, starts blue and goals pink."""
-    blocked = barrier_map.to_grid().blocked()
-    height, width = blocked.shape
+    codes = raster.cell_codes(barrier_map.to_grid())
+    height, width = codes.shape
     figure = Figure(figsize=(6.0, 6.0 * height / width + 0.4), layout='constrained')
     axes = figure.subplots()
-    draw_cells(axes, blocked)
+    axes.imshow(raster.PALETTE[codes], origin='lower', interpolation='nearest')
+    axes.set(xticks=[], yticks=[])
     for pair, sample in enumerate(barrier_map.samples):
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
         axes.plot(*zip(start, goal), color=style.BASELINE, linewidth=0.6, linestyle=':')
-        mark_points(axes, (start, goal), ())
+        for point, mark in ((start, style.START), (goal, style.GOAL)):
+            axes.plot(*point, mark.marker, color=mark.colour, markersize=7, mec=style.MARK_EDGE)
         axes.annotate(str(pair), start, textcoords='offset points', xytext=(4, 3), fontsize=7)
     axes.set_title(f'map {barrier_map.id}', fontsize=9)
     return figure
-
-
-def cell_image(
-    blocked: NDArray[np.bool_], *layers: tuple[NDArray[np.bool_], str]
-) -> NDArray[np.float64]:
-    """Colour cells of bool [height, width]; return an image [height, width, 3] from 0 to 1.
-
-    Obstacles cover the first layer, which covers the second, and so on.
-    """
-    image = np.ones((*blocked.shape, 3))
-    for cells, colour in (*reversed(layers), (blocked, style.OBSTACLE)):
-        image[cells] = to_rgb(colour)
-    return image
-
-
-def draw_cells(
-    axes: Axes, blocked: NDArray[np.bool_], *layers: tuple[NDArray[np.bool_], str]
-) -> None:
-    """Draw a `cell_image` without ticks."""
-    axes.imshow(cell_image(blocked, *layers), origin='lower', interpolation='nearest')
-    axes.set(xticks=[], yticks=[])
-
-
-def mark_points(axes: Axes, endpoints: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
-    """Mark waypoints, start and goal as in all pictures."""
-    marks = [(point, style.WAYPOINTS['accepted'], 13) for point in waypoints]
-    marks += [(endpoints[0], style.START, 7), (endpoints[1], style.GOAL, 7)]
-    for point, mark, size in marks:
-        axes.plot(*point, mark.marker, color=mark.colour, markersize=size, mec=style.MARK_EDGE)

@@ -13,8 +13,6 @@ import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +26,7 @@ from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from PIL import Image
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_lab.analysis.summary import SampleId, by_variant, is_baseline, report_order
+from llm_astar_lab.analysis.summary import SampleId, by_variant
 from llm_astar_lab.pictures import raster
 from llm_astar_lab.pictures.animation import AnimatedSearch, drawn_search
 from llm_astar_lab.pictures.figures import Picture, drawable_map
@@ -36,20 +34,20 @@ from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.report.pages import data_url
 from llm_astar_lab.report.sentences import variant_label
 from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant, parse_points
+from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.engine import SearchSettings, request_again
 
 # The part of the samples on each side of the median that count as about median.
 AROUND = 0.05
 # Characters of JSON that the samples may take; a page with all of a large run takes megabytes.
 BUDGET = 500_000
-# Bytes of rows that are kept to choose from, and of a row without its texts.
-MAX_KEPT, ROW_BYTES = 32_000_000, 900
+# Bytes of rows that are kept to choose from.
+MAX_KEPT = 32_000_000
 # Pixels of a map's picture along its longer side, at most.
 MAX_PIXELS = 1000
 
 
-@dataclass(frozen=True)
-class DrawnSample:
+class DrawnSample(NamedTuple):
     """One sample planned by several methods: their pictures, and their animations if known."""
 
     where: str
@@ -65,20 +63,13 @@ def draw_median(
     A plan is drawn by planning again, without an instruction.
     """
     problems = {item.id: item for item in maps}
-    stored = {number: len(item.samples) for number, item in problems.items()}
-    chosen = median_rows(
-        [row for row in rows if row.pair < stored.get(row.map, 0) and not row.instruction]
-    )
+    chosen = median_rows([row for row in rows if not row.instruction])
     if not chosen:
         return None
-    map_id, pair = chosen[0].map, chosen[0].pair
-    drawn = [drawn_row(problems[map_id], row, settings) for row in chosen]
-    searches = [search for _, search in drawn if search is not None]
-    return DrawnSample(
-        f'Map {map_id}, pair {pair}, the largest sample of about median saving',
-        [picture for picture, _ in drawn],
-        searches if len(searches) == len(drawn) else [],
-    )
+    problem, pair = problems[chosen[0].map], chosen[0].pair
+    pictures, searches = zip(*(drawn_row(problem, row, settings) for row in chosen))
+    where = f'Map {problem.id}, pair {pair}, the largest sample of about median saving'
+    return DrawnSample(where, [*pictures], [*searches] if all(searches) else [])
 
 
 def drawn_row(
@@ -88,10 +79,8 @@ def drawn_row(
     planner, request = request_again(problem, problem.samples[row.pair], row, settings)
     plan = planner.plan(request)
     recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
-    return drawn_search(
-        plan, planner.costmap, problem.offset, variant_label(row.variant),
-        retrace(planner, request, plan), recorded=recorded,
-    )  # fmt: skip
+    order, label = retrace(planner, request, plan), variant_label(row.variant)
+    return drawn_search(plan, planner.costmap, problem.offset, label, order, recorded=recorded)
 
 
 def median_rows(rows: Sequence[Row]) -> list[Row]:
@@ -100,24 +89,17 @@ def median_rows(rows: Sequence[Row]) -> list[Row]:
     The other method is LLM-A*, with a model's waypoints if there are any; `guided` has the same.
     Of the samples whose saving is about the median it is the one that A* expands most on.
     """
-    variants = by_variant(rows)
-    base = variants.get(PAPER_ASTAR, {})
-    compared = sorted(
-        (
-            variant
-            for variant in variants
-            if variant.method not in (PAPER_ASTAR.method, WAYPOINTS_ONLY)
-            and SEARCH_METHODS.problem(variant.method) is None
-        ),
-        key=rank,
-    )
-    if not compared:
-        return []
-    chosen = compared[0]
+    variants = {
+        variant: {sample: row for sample, row in found.items() if row.found}
+        for variant, found in by_variant(rows).items()
+        if variant.method != WAYPOINTS_ONLY and SEARCH_METHODS.problem(variant.method) is None
+    }
+    base = variants.pop(PAPER_ASTAR, {})
+    chosen = min(variants, key=rank, default=PAPER_ASTAR)
     ratios = {
         sample: row.operation / base[sample].operation
-        for sample, row in variants[chosen].items()
-        if row.found and sample in base and base[sample].found
+        for sample, row in variants.get(chosen, {}).items()
+        if sample in base
     }
     if not ratios:
         return []
@@ -126,16 +108,16 @@ def median_rows(rows: Sequence[Row]) -> list[Row]:
     near = ranked[max(0, middle - spread) : middle + spread + 1]
     # The largest of those in the middle, for there is something to see.
     sample = max(near, key=lambda key: base[key].operation)
-    guided = [item for item in compared if item.method == GUIDED and item != chosen]
-    shown = [PAPER_ASTAR, chosen, *sorted(guided, key=lambda item: item[1:] != chosen[1:])[:1]]
-    found = [variants[variant].get(sample) for variant in shown]
-    return [row for row in found if row is not None and row.found]
+    guided = [item for item in variants if item.method == GUIDED and item != chosen]
+    guided.sort(key=lambda item: (item[1:] != chosen[1:], rank(item)))
+    shown = [base, *(variants[item] for item in (chosen, *guided[:1]))]
+    return [found[sample] for found in shown if sample in found]
 
 
 def rank(variant: Variant) -> tuple[bool, ...]:
     """Return the sort key by which a variant is drawn: LLM-A* with a model's waypoints first."""
     return (
-        variant.source == 'none', is_baseline(variant), variant.source != 'oracle',
+        variant.source == 'none', variant.is_baseline, variant.source != 'oracle',
         variant.method != 'llm_astar', variant.method != GUIDED,
     )  # fmt: skip
 
@@ -147,30 +129,22 @@ class ShownSamples(NamedTuple):
     total: int
 
 
-def shown_samples(rows: Iterable[Row], maps: Iterable[ProblemMap]) -> ShownSamples:
-    """Read rows once and keep those of scale 1 whose sample is stored in one of the maps.
+def shown_samples(rows: Iterable[Row] | StoredRows, maps: Iterable[ProblemMap]) -> ShownSamples:
+    """Keep the rows of scale 1 whose sample is stored in one of the maps.
 
-    Rows are in order of map and pair. Where all would take over MAX_KEPT bytes, only every
-    second sample is kept, every fourth and so on.
+    Where all would take over MAX_KEPT bytes, only every second sample is kept, every fourth and
+    so on.
     """
-    stored = {problem.id: len(problem.samples) for problem in maps}
-    drawable = (row for row in rows if row.scale == 1 and row.pair < stored.get(row.map, 0))
-    kept: list[list[Row]] = []
-    every, total, size = 1, 0, 0
-    for _, of_sample in groupby(drawable, key=lambda row: (row.map, row.pair)):
-        if total % every == 0:
-            kept.append(list(of_sample))
-            size += sum(map(row_size, kept[-1]))
-        total += 1
-        while size > MAX_KEPT and len(kept) > 1:
-            every, kept = 2 * every, kept[::2]
-            size = sum(row_size(row) for group in kept for row in group)
-    return ShownSamples([row for group in kept for row in group], total)
-
-
-def row_size(row: Row) -> int:
-    """Return about how many bytes a row takes in memory."""
-    return ROW_BYTES + len(row.waypoints) + len(row.path) + len(row.recorded_path)
+    stored, pairs = StoredRows.of(rows), {item.id: len(item.samples) for item in maps}
+    found = stored.arrays('sizes')
+    limits = np.array([pairs.get(number, 0) for number in found['map'].tolist()], dtype=int)
+    samples, every = np.flatnonzero(found['pair'] < limits), 1
+    while found['size'][samples[::every]].sum() > MAX_KEPT and every < len(samples):
+        every *= 2
+    kept = samples[::every]
+    chosen = set(zip(found['map'][kept].tolist(), found['pair'][kept].tolist()))
+    of_chosen = (row for row in stored.rows('scale = 1') if (row.map, row.pair) in chosen)
+    return ShownSamples(list(of_chosen), len(samples))
 
 
 def browser_data(
@@ -184,44 +158,39 @@ def browser_data(
     Grids are drawn with the walls of `costmap`, by default MovingAI's; `places` are on every map.
     Of more than fit into BUDGET every second, third and so on is left out; `total` counts all.
     """
-    variants = dict(sorted(by_variant(shown.rows).items(), key=lambda item: report_order(item[0])))
+    found = by_variant(shown.rows)
+    variants = {variant: found[variant] for variant in sorted(found, key=lambda v: v.report_order)}
     samples = sorted({(row.map, row.pair) for row in shown.rows})
-    wanted = {map_id for map_id, _ in samples}
-    drawn = {
-        item.id: map_data(item, costmap) | {'places': places_data(item, places)}
-        for item in maps
-        if item.id in wanted
-    }
-    every = 1
+    wanted, every = {map_id for map_id, _ in samples}, 1
+    drawn = {item.id: map_data(item, costmap, places) for item in maps if item.id in wanted}
     while True:
-        data = samples_data(variants, samples[::every], drawn) | {'total': shown.total}
+        chosen = samples[::every]
+        of_chosen = {map_id for map_id, _ in chosen}
+        data = {
+            'maps': {number: values for number, values in drawn.items() if number in of_chosen},
+            'cases': [variant_label(variant) for variant in variants],
+            **samples_data([*variants.values()], chosen),
+            'total': shown.total,
+        }
         size = len(json.dumps(data, separators=(',', ':')))
-        if size <= BUDGET or len(data['samples']) < 2:
+        if size <= BUDGET or len(chosen) < 2:
             return data
         every += max(1, every * (size - BUDGET) // BUDGET)
 
 
 def samples_data(
-    variants: Mapping[Variant, Mapping[SampleId, Row]],
-    samples: Sequence[SampleId],
-    maps: Mapping[int, dict[str, Any]],
+    variants: Sequence[Mapping[SampleId, Row]], samples: Sequence[SampleId]
 ) -> dict[str, Any]:
     """Return the data of some samples. `strings` holds what their rows name by number."""
     strings: dict[str, int] = {}
     entries = []
     for sample in samples:
-        of_sample = [found.get(sample) for found in variants.values()]
-        row = next(item for item in of_sample if item is not None)
+        of_sample = [found.get(sample) for found in variants]
+        row = next(filter(None, of_sample))
         request = f'{row.bag}, request {row.request}' if row.bag else ''
         numbers = [row_data(item, strings) for item in of_sample]
         entries.append([*sample, numbers, request, row.recorded_path])
-    wanted = {map_id for map_id, _ in samples}
-    return {
-        'maps': {map_id: data for map_id, data in maps.items() if map_id in wanted},
-        'cases': [variant_label(variant) for variant in variants],
-        'samples': entries,
-        'strings': list(strings),
-    }
+    return {'samples': entries, 'strings': list(strings)}
 
 
 def row_data(row: Row | None, strings: dict[str, int]) -> list[Any] | None:
@@ -238,20 +207,21 @@ def row_data(row: Row | None, strings: dict[str, int]) -> list[Any] | None:
     return [code, *numbers, status, *places]
 
 
-def map_data(problem: ProblemMap, costmap: CostmapConfig | None) -> dict[str, Any]:
+def map_data(problem: ProblemMap, costmap: CostmapConfig | None, places: Places) -> dict[str, Any]:
     """Return a map in cells, counted from its corner: its barriers, or a picture of its grid."""
     to_cell = problem.to_cell
     pairs = [[*to_cell(sample.start), *to_cell(sample.goal)] for sample in problem.samples]
+    data: dict[str, Any] = {'pairs': pairs, 'places': places_data(problem, places)}
     if not isinstance(problem, BarrierMap):
         grid_map = drawable_map(problem.to_grid(), costmap)
         size = [grid_map.width, grid_map.height]
-        return {'size': size, 'h': [], 'v': [], 'image': grid_image(grid_map), 'pairs': pairs}
+        return {'size': size, 'h': [], 'v': [], 'image': grid_image(grid_map), **data}
     x_min, y_min = problem.offset
     return {
         'size': list(problem.size),
         'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in problem.horizontal_barriers],
         'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in problem.vertical_barriers],
-        'pairs': pairs,
+        **data,
     }
 
 

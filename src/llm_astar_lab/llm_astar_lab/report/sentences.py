@@ -1,49 +1,28 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""States the results in sentences: what the waypoints added over none, even if that is nothing."""
+"""Names and sentences of reports: what the waypoints added over none, even if that is nothing.
+
+The sentences themselves are in `sentences.j2`.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
 from llm_astar_lab.analysis.statistics import Interval
-from llm_astar_lab.analysis.summary import (
-    Growth,
-    PairedComparison,
-    RunSummary,
-    is_baseline,
-    is_learned,
-)
+from llm_astar_lab.analysis.summary import Growth, PairedComparison, RunSummary
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
+from llm_astar_lab.templates import TEMPLATES
 
-# A slope of log work over log scale below this counts as near linear.
-NEAR_LINEAR = 1.25
 METHOD_LABELS = {
-    'astar': 'A*',
-    'exact_astar': 'exact A* (ours)',
-    'weighted_astar': 'weighted A* (w = 2)',
-    'dynamic_weighted_astar': 'dynamic weighted A* (w = 2)',
-    WAYPOINTS_ONLY: 'waypoints alone',
-    'llm_astar': 'LLM-A*',
-    'guided': 'guided (ours)',
-}
-SOURCE_LABELS = {
-    'coarse': 'the turns of the cheapest route on a coarser map',
-    'straight': 'three points on the straight line',
-    'oracle': 'the corners of the best path',
-    'noisy': 'corners displaced by up to 3 cells',
-    'reversed': 'the corners in reverse order',
-    'random': 'random points',
-}
-EFFECT_SENTENCES = {
-    'help': 'The waypoints saved work:',
-    'harm': 'The waypoints did harm:',
-    'nothing': 'The waypoints added nothing that can be told from chance:',
-}
+    'astar': 'A*', 'exact_astar': 'exact A* (ours)', 'weighted_astar': 'weighted A* (w = 2)',
+    'dynamic_weighted_astar': 'dynamic weighted A* (w = 2)', WAYPOINTS_ONLY: 'waypoints alone',
+    'llm_astar': 'LLM-A*', 'guided': 'guided (ours)',
+}  # fmt: skip
 
 
 def method_label(method: str) -> str:
@@ -61,94 +40,33 @@ def variant_label(variant: Variant) -> str:
     return f'{name}, {guide}' if guide else name
 
 
+def model_label(variant: Variant) -> str:
+    """Return the model or source of a variant, and what tells it from one of the same name."""
+    if variant.is_learned:
+        return f'{variant.source} (learned, not an LLM)'
+    _, _, transcript = variant.source.partition('replay:')
+    name = variant.model or variant.source
+    return f'{name} ({transcript})' if transcript else name
+
+
 def has_waypoints(variant: Variant) -> bool:
     """Tell whether a variant was given waypoints."""
     return variant.source != 'none' and variant.method != WAYPOINTS_ONLY
 
 
+def shares_text(shares: Mapping[str, float]) -> str:
+    """Write named shares in percent, a dash for none."""
+    return ', '.join(f'{name} {100 * part:.1f}' for name, part in shares.items()) or '-'
+
+
+def counts_text(counts: Mapping[str, int]) -> str:
+    """Write named numbers, a dash for none."""
+    return ', '.join(f'{name} {number}' for name, number in counts.items()) or '-'
+
+
 def counted(number: int, thing: str) -> str:
     """Return a number with its noun, in the plural except for 1."""
     return f'{number} {thing}' if number == 1 else f'{number} {thing}s'
-
-
-def recorded_sentence(counts: Mapping[str, int]) -> str:
-    """Say for how many requests the bags hold a plan, by `RunSummary.recorded`; '' for none."""
-    if not counts or not (counts['plans'] or counts['empty']):
-        return ''
-    none = f' (it found none for {counts["empty"]})' if counts['empty'] else ''
-    return (
-        f"The robot's own plan is in the bags for {counts['plans']} of "
-        f'{counted(counts["requests"], "request")}{none}; not valid on their map by these rules: '
-        f'{counts["broken"]} (`recorded_problem` in results.csv says why).'
-    )
-
-
-def headline(comparisons: Sequence[PairedComparison]) -> str:
-    """Say in one sentence what waypoints added: those of a model for LLM-A*, else the oracle's."""
-    usable = [comparison for comparison in comparisons if comparison.samples]
-    if not usable:
-        return 'No method was run both with waypoints and without any: nothing to compare.'
-
-    def rank(comparison: PairedComparison) -> tuple[bool, bool, bool]:
-        variant = comparison.variant
-        return is_baseline(variant), variant.method != 'llm_astar', variant.source != 'oracle'
-
-    chosen = min(usable, key=rank)
-    others = {item.variant[1:]: item for item in usable if item.failures}
-    others.pop(chosen.variant[1:], None)
-    named = [(describe_waypoints(item.variant), failure_text(item)) for item in others.values()]
-    return ''.join(f'With {name} the source {text}. ' for name, text in named) + sentence(chosen)
-
-
-def failure_text(comparison: PairedComparison) -> str:
-    """Say on how many samples the source of a variant failed, and with which statuses."""
-    failed = sum(comparison.failures.values())
-    kinds = ', '.join(f'{name} {count}' for name, count in comparison.failures.items())
-    return f'failed on {failed} of {counted(comparison.asked, "sample")} ({kinds})'
-
-
-def sentence(comparison: PairedComparison) -> str:
-    """Say what the waypoints of one variant added over none, with the confidence intervals."""
-    work, length, variant = comparison.operation, comparison.length, comparison.variant
-    found, (answered, usable) = EFFECT_SENTENCES[effect_on(work)], comparison.answered
-    without = ''
-    if comparison.failures:
-        failed = f'The source {failure_text(comparison)}'
-        if not usable:
-            return f'{failed}: nothing is known of {describe_waypoints(variant)}.'
-        found = f'{failed}, with these t{found[1:]}'
-        change = describe_change(answered.value, 'more', 'fewer')
-        interval = describe_interval(answered, 'more', 'fewer')
-        without = f'; without them {change} ({interval}), over {counted(usable, "sample")}'
-    return (
-        f'{found} {method_label(variant.method)} with '
-        f'{describe_waypoints(variant)} expanded {describe_change(work.value, "more", "fewer")} '
-        f'nodes than with no waypoints ({describe_interval(work, "more", "fewer")}), on paths '
-        f'{describe_change(length.value, "longer", "shorter")} '
-        f'({describe_interval(length, "longer", "shorter")}), '
-        f'over {counted(comparison.samples, "sample")} of {counted(comparison.maps, "map")}'
-        f'{without}.'
-    )
-
-
-def growth_sentence(growths: Sequence[Growth]) -> str | None:
-    """Say how the work of A* and LLM-A* grows with the map; None where either was not run."""
-    work = [item for item in growths if item.quantity == 'operation' and item.samples]
-    guided = [item for item in work if item.variant.method == 'llm_astar']
-    plain = next((item for item in work if item.variant.method == 'astar'), None)
-    if plain is None or not guided:
-        return None
-    chosen = min(
-        guided, key=lambda item: (is_baseline(item.variant), item.variant.source != 'oracle')
-    )
-    near = 'near' if chosen.slope < NEAR_LINEAR else 'not near'
-    return (
-        f'From scale 1 to {chosen.scales[-1]} the work of LLM-A* with `{chosen.variant.source}` '
-        f'waypoints grew {chosen.factors[-1]:.1f} times (slope {chosen.slope:.2f}) and that of A* '
-        f'{plain.factors[-1]:.1f} times (slope {plain.slope:.2f}), over '
-        f'{counted(chosen.samples, "sample")}: '
-        f'{near} linear in the scale, which would be slope 1.'
-    )
 
 
 def effect_on(work: Interval) -> str:
@@ -158,56 +76,51 @@ def effect_on(work: Interval) -> str:
     return 'harm' if work.low > 1.0 else 'nothing'
 
 
-def describe_waypoints(variant: Variant) -> str:
-    """Say whose waypoints a variant was given."""
-    if is_baseline(variant):
-        what = SOURCE_LABELS.get(variant.source, variant.source)
-        return f'`{variant.source}` waypoints ({what})'
-    if is_learned(variant):
-        return f'the waypoints of `{variant.source}` (a learned model, not an LLM)'
-    named = ', '.join(part for part in (variant.model, variant.prompt) if part)
-    return f'the waypoints of `{variant.source}`' + (f' ({named})' if named else '')
+SENTENCES = TEMPLATES.get_template(
+    'report/sentences.j2',
+    globals={
+        'method': method_label, 'counts': counts_text, 'counted': counted, 'effect': effect_on,
+    },
+)  # fmt: skip
 
 
-def describe_change(ratio: float, more: str, less: str) -> str:
-    """Write a ratio as a change in percent, such as `5.00 % fewer`."""
-    return f'{100.0 * abs(ratio - 1.0):.2f} % {more if ratio >= 1.0 else less}'
+def say(name: str, *values: object) -> str:
+    """Return the sentence of this name about the values, '' for none."""
+    text: str = getattr(SENTENCES.module, name)(*values)
+    return ' '.join(text.split())
 
 
-def describe_interval(interval: Interval, more: str, less: str) -> str:
-    """Write an interval of a ratio as changes in percent."""
-    if math.isnan(interval.low):
-        return 'one map gives no interval'
-    low, high = (describe_change(end, more, less) for end in (interval.low, interval.high))
-    if (interval.low < 1.0) == (interval.high < 1.0):
-        # Both limits have the same direction: name it once, the smaller number first.
-        ends = sorted(100.0 * abs(end - 1.0) for end in (interval.low, interval.high))
-        low, high = f'{ends[0]:.2f}', f'{ends[1]:.2f} % {more if interval.low >= 1.0 else less}'
-    return f'95 % interval: {low} to {high}'
+# What the waypoints of one variant added over none, with the confidence intervals.
+sentence = partial(say, 'sentence')
+
+
+def headline(comparisons: Sequence[PairedComparison]) -> str:
+    """Say in one sentence what waypoints added: those of a model for LLM-A*, else the oracle's."""
+    usable = [comparison for comparison in comparisons if comparison.samples]
+    if not usable:
+        return 'No method was run both with waypoints and without any: nothing to compare.'
+    chosen = min(usable, key=lambda item: rank(item.variant))
+    others = {item.variant[1:]: item for item in usable if item.failures}
+    others.pop(chosen.variant[1:], None)
+    return say('headline', list(others.values()), chosen)
+
+
+def rank(variant: Variant) -> tuple[bool, bool, bool]:
+    """Return the sort key of what a headline is about."""
+    return variant.is_baseline, variant.method != 'llm_astar', variant.source != 'oracle'
+
+
+def growth_sentence(growths: Sequence[Growth]) -> str:
+    """Say how the work of A* and LLM-A* grows with the map; '' where either was not run."""
+    work = [item for item in growths if item.quantity == 'operation' and item.samples]
+    guided = [item for item in work if item.variant.method == 'llm_astar']
+    plain = next((item for item in work if item.variant.method == 'astar'), None)
+    if plain is None or not guided:
+        return ''
+    return say('growth', min(guided, key=lambda item: rank(item.variant)), plain)
 
 
 def provenance(run: RunSummary) -> str:
     """Say which samples, settings, version and machine the figures come from."""
-    metadata = run.metadata
-    dataset, machine = metadata.get('dataset', {}), metadata.get('machine', {})
-    parameters = metadata.get('parameters', {})
     most = max(run.variants, key=lambda summary: summary.samples, default=None)
-    size = ''
-    if most is not None:
-        size = f'{counted(most.samples, "sample")} of {counted(most.maps, "map")} from '
-    heuristic = parameters.get('heuristic')
-    sha = f' (sha256 {str(dataset["sha256"])[:12]})' if dataset.get('sha256') else ''
-    facts = [
-        f'{size}`{dataset["file"]}`{sha}' if 'file' in dataset else size.removesuffix(' from '),
-        f'seed {parameters["seed"]}' if 'seed' in parameters else '',
-        f'heuristic {heuristic}' if heuristic else '',
-        f'llm_astar_planner {metadata["version"]}' if 'version' in metadata else '',
-    ]
-    text = ', '.join(fact for fact in facts if fact)
-    if machine:
-        text += (
-            f'; run in {float(metadata.get("seconds") or 0.0):.1f} s with '
-            f'{parameters.get("jobs", 1)} at once on {machine.get("cores")} cores of '
-            f'{machine.get("processor")}, Python {machine.get("python")}'
-        )
-    return f'{text}.' if text else ''
+    return say('provenance', run.metadata, most)

@@ -3,7 +3,8 @@
 
 """A table as data, columns and rows of cells, and as Markdown, LaTeX, CSV and text.
 
-Markdown, LaTeX and text show numbers as they are read, CSV has all their digits.
+Markdown, LaTeX and text show numbers as they are read, CSV has all their digits. `tables.yaml`
+says which columns the tables have.
 """
 
 from __future__ import annotations
@@ -13,21 +14,31 @@ import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import partial
+from functools import cache
 from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import yaml
+from jinja2 import ChainableUndefined, Environment, Undefined
 from llm_astar_msgs_adapter.errors import printable, shortened
 
-from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio
+from llm_astar_lab.analysis.statistics import UNKNOWN, Interval, Ratio
+from llm_astar_lab.report import sentences
 from llm_astar_lab.results.folder import ResultsFolder
+from llm_astar_lab.templates import render
 
 # A number that is NaN is unknown.
 Cell = str | float | Interval
-# What a column says of an item: a function, or attributes and keys with dots between them.
-Value = str | Callable[[Any], Cell]
 TextRows = list[tuple[str, ...]]
+# What numbers of a unit are multiplied by, and their decimals.
+UNITS = {
+    'text': (1.0, 2), 'number': (1.0, 2), 'count': (1.0, 0), 'tenth': (1.0, 1), 'p': (1.0, 3),
+    'price': (1.0, 4), 'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
+    'whole percent': (100.0, 0), 'ms': (1e3, 3), 'megabyte': (1e-6, 2),
+}  # fmt: skip
+# The end of the unit of a column that is left out where nothing in it is known.
+IF_KNOWN = ' if known'
 # Characters of a text in a table; CSV has all.
 MAX_CELL = 300
 # What has a meaning in LaTeX, or no glyph in its usual fonts.
@@ -37,45 +48,20 @@ LATEX = str.maketrans({
     '<': r'\textless{}', '>': r'\textgreater{}', '|': r'\textbar{}',
     '↓': r'$\downarrow$', '↑': r'$\uparrow$',
 })  # fmt: skip
-NO_RATIO = Ratio(UNKNOWN, NO_SPREAD)
+# A ratio that was not measured is None, and what it has unknown.
+EXPRESSIONS = Environment(undefined=ChainableUndefined, autoescape=True)
+EXPRESSIONS.filters.update(
+    label=sentences.variant_label, method=sentences.method_label, model=sentences.model_label,
+    effect=sentences.effect_on, shares=sentences.shares_text, counts=sentences.counts_text,
+)  # fmt: skip
+EXPRESSIONS.globals['unknown'] = UNKNOWN
 
 
 class Column(NamedTuple):
-    """A column: its head with the unit, what numbers are multiplied by for it, and decimals."""
+    """A column: its head, and the unit of its numbers, of UNITS."""
 
     head: str
-    factor: float = 1.0
-    digits: int = 2
-    value: Value = ''
-
-    def cell(self, item: object) -> Cell:
-        """Return what the column says of an item; a ratio that is None is unknown."""
-        if callable(self.value):
-            return self.value(item)
-        found: Any = item
-        for name in self.value.split('.'):
-            found = NO_RATIO if found is None else found
-            found = found[name] if isinstance(found, Mapping) else getattr(found, name)
-        cell: Cell = math.nan if found is None else found
-        return cell
-
-
-Columns = tuple[Column, ...]
-
-
-def columns(*heads: str | Mapping[str, Value], factor: float = 1.0, digits: int = 2) -> Columns:
-    """Return columns of one unit, by their heads or with what each says of an item."""
-    named = [part if isinstance(part, Mapping) else {part: ''} for part in heads]
-    return tuple(
-        Column(head, factor, digits, value) for part in named for head, value in part.items()
-    )
-
-
-# Columns of texts, of whole numbers, of ratios in percent, and of seconds in milliseconds.
-texts = columns
-counts = partial(columns, digits=0)
-percents = partial(columns, factor=100.0)
-milliseconds = partial(columns, factor=1e3, digits=3)
+    unit: str = 'text'
 
 
 @dataclass(frozen=True)
@@ -84,24 +70,39 @@ class Table:
 
     name: str
     title: str
-    columns: Columns
+    columns: Sequence[Column]
     rows: Sequence[tuple[Cell, ...]]
     note: str = ''
 
     @classmethod
     def of(
-        cls, name: str, title: str, columns: Columns, items: Iterable[object], note: str = ''
+        cls, name: str, items: Iterable[object] = (), each: Sequence[str] = (), **words: str
     ) -> Table:
-        """Return the table of what its columns say of each item."""
-        rows = [tuple(column.cell(item) for column in columns) for item in items]
-        return cls(name, title, columns, rows, note)
+        """Return the table that `tables.yaml` describes by this name, with a row for each item.
 
-    def with_column(self, column: Column, cells: Sequence[Cell]) -> Table:
-        """Return the table with one more column on the right, unless no cell of it is known."""
-        if all(cell_text(cell, column) in ('', '-') for cell in cells):
-            return self
-        rows = [(*row, cell) for row, cell in zip(self.rows, cells)]
-        return replace(self, columns=(*self.columns, column), rows=rows)
+        `each` are the names of columns that are there several times. `words` are known to the
+        expressions, fill the note and the names of units, and may be another `title` and `file`
+        and `more` of the note.
+        """
+        found = descriptions()[name]
+        described = [
+            (head.replace('{}', label), unit, text.replace('{}', str(number)))
+            for head, (unit, text) in found['columns'].items()
+            for number, label in enumerate(each if '{}' in head else ('',))
+        ]
+        say = expression(f'[{", ".join(text for *_, text in described)}]')
+        rows = [tuple(map(known, say({**words, **values_of(item)}))) for item in items]
+        units = [words.get(unit, unit.removesuffix(IF_KNOWN)) for _, unit, _ in described]
+        columns = [Column(head, unit) for (head, *_), unit in zip(described, units)]
+        is_kept = [
+            not unit.endswith(IF_KNOWN)
+            or any(cell_text(row[number], columns[number]) not in ('', '-') for row in rows)
+            for number, (_, unit, _) in enumerate(described)
+        ]
+        title = words.get('title') or found['title']
+        note = found.get('note', '').format(**words) + words.get('more', '')
+        shown = [tuple(compress(row, is_kept)) for row in rows]
+        return cls(words.get('file', name), title, [*compress(columns, is_kept)], shown, note)
 
     def without_constants(self) -> tuple[Table, str]:
         """Return it without the columns that say the same in every row, and what they say.
@@ -121,6 +122,33 @@ class Table:
         return replace(self, columns=columns, rows=shown), ', '.join(common)
 
 
+@cache
+def descriptions() -> Mapping[str, Any]:
+    """Return what `tables.yaml` says of each table."""
+    file = Path(__file__).with_name('tables.yaml')
+    found: Mapping[str, Any] = yaml.safe_load(file.read_text(encoding='utf-8'))
+    return found
+
+
+@cache
+def expression(text: str) -> Callable[[Mapping[str, Any]], Any]:
+    """Return what evaluates an expression of jinja."""
+    return EXPRESSIONS.compile_expression(text)
+
+
+def values_of(item: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of any type with names
+    """Return the values of an object by name."""
+    if isinstance(item, Mapping):
+        return item
+    found: Mapping[str, Any] = item._asdict() if hasattr(item, '_asdict') else vars(item)
+    return found
+
+
+def known(value: Cell | Undefined | None) -> Cell:
+    """Return a cell; what is None or not there is unknown."""
+    return math.nan if value is None or isinstance(value, Undefined) else value
+
+
 def texts_of(table: Table) -> tuple[tuple[str, ...], TextRows]:
     """Return the heads of a table and its rows as they are read."""
     heads = tuple(column.head for column in table.columns)
@@ -134,14 +162,14 @@ def cell_text(cell: Cell, column: Column) -> str:
     """
     if isinstance(cell, str):
         return shortened(printable(cell), MAX_CELL)
+    factor, digits = UNITS[column.unit]
     ends = cell if isinstance(cell, Interval) else (cell, math.nan, math.nan)
-    value, low, high = (column.factor * end for end in ends)
-    if math.isnan(value):
+    value, low, high = (f'{factor * end:.{digits}f}' for end in ends)
+    if math.isnan(ends[0]):
         return '-'
-    digits = column.digits
-    if math.isnan(low) or math.isclose(low, high):
-        return f'{value:.{digits}f}'
-    return f'{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})'
+    if math.isnan(ends[1]) or math.isclose(factor * ends[1], factor * ends[2]):
+        return value
+    return f'{value} ({low} to {high})'
 
 
 def markdown(table: Table) -> str:
@@ -154,11 +182,6 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return texts as a Markdown table; empty without rows."""
     lines = [head, ['---'] * len(head), *rows] if rows else []
     return '\n'.join('| ' + ' | '.join(line) + ' |' for line in lines)
-
-
-def text(table: Table) -> str:
-    """Return a table for a terminal, its columns aligned."""
-    return text_table(*texts_of(table))
 
 
 def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -176,16 +199,13 @@ def latex(table: Table) -> str:
     shown, common = table.without_constants()
     heads, rows = texts_of(shown)
     note = f'{table.note} In all rows that have it: {common}.' if common else table.note
+    caption = latex_text(f'{table.title}. {note}'.strip())
     has_texts = [any(isinstance(cell, str) for cell in cells) for cells in zip(*shown.rows)]
-    sides = ''.join('l' if is_text else 'r' for is_text in has_texts)
-    lines = [r' & '.join(map(latex_text, line)) + r' \\' for line in (heads, *rows)]
-    return '\n'.join([
-        r'\begin{table}', r'\centering',
-        rf'\caption{{{latex_text(f"{table.title}. {note}".strip())}}}',
-        rf'\label{{tab:{table.name}}}', r'\begin{adjustbox}{max width=\textwidth}',
-        rf'\begin{{tabular}}{{{sides}}}', r'\toprule', lines[0], r'\midrule', *lines[1:],
-        r'\bottomrule', r'\end{tabular}', r'\end{adjustbox}', r'\end{table}', '',
-    ])  # fmt: skip
+    return render(
+        'report/table.tex.j2', name=table.name, caption=caption,
+        sides=''.join('l' if is_text else 'r' for is_text in has_texts),
+        lines=[' & '.join(map(latex_text, line)) for line in (heads, *rows)],
+    )  # fmt: skip
 
 
 def latex_text(words: str) -> str:
@@ -204,25 +224,25 @@ def csv_table(table: Table) -> str:
     unknown is an empty cell.
     """
     found: list[list[str]] = []
-    for column, cells in zip(table.columns, zip(*table.rows)):
-        found.append([column.head, *(exact(cell, column) for cell in cells)])
+    for (head, unit), cells in zip(table.columns, zip(*table.rows)):
+        found.append([head, *(exact(cell, unit) for cell in cells)])
         if any(isinstance(cell, Interval) for cell in cells):
             for name in ('low', 'high'):
                 limits = (getattr(cell, name, math.nan) for cell in cells)
-                found.append([f'{column.head}, {name}', *(exact(end, column) for end in limits)])
+                found.append([f'{head}, {name}', *(exact(end, unit) for end in limits)])
     buffer = io.StringIO()
     csv.writer(buffer, lineterminator='\n').writerows(zip(*found))
     return buffer.getvalue()
 
 
-def exact(cell: Cell, column: Column) -> str:
-    """Return the value of a cell with all its digits, in the unit of its column."""
+def exact(cell: Cell, unit: str) -> str:
+    """Return the value of a cell with all its digits, in its unit."""
     if isinstance(cell, str):
         return '' if cell == '-' else cell
     value = cell.value if isinstance(cell, Interval) else cell
     if math.isnan(value):
         return ''
-    return str(value) if isinstance(value, int) else repr(round(column.factor * value, 9))
+    return str(value) if isinstance(value, int) else repr(round(UNITS[unit][0] * value, 9))
 
 
 def json_of(value: Any) -> Any:  # noqa: ANN401 - any JSON value

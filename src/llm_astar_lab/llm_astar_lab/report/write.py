@@ -18,17 +18,11 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from matplotlib.figure import Figure
 
 from llm_astar_lab.analysis.replies import reply_shares
-from llm_astar_lab.analysis.summary import (
-    Growth,
-    PairedComparison,
-    RunSummary,
-    VariantSummary,
-    summarise_run,
-)
+from llm_astar_lab.analysis.summary import RunSummary, VariantSummary, summarise_run
 from llm_astar_lab.pictures.animation import save_animation
 from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, panel_figure
-from llm_astar_lab.report.figures import growth_figure, ratio_figure, showcase_figure
-from llm_astar_lab.report.pages import PANEL, html_report, markdown_report
+from llm_astar_lab.report.figures import growth_figure, ratio_figure
+from llm_astar_lab.report.pages import html_report, markdown_report
 from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples
 from llm_astar_lab.report.sentences import headline, sentence
 from llm_astar_lab.report.table import json_of
@@ -41,6 +35,8 @@ from llm_astar_lab.runner.engine import SearchSettings
 DPI, PANEL_DPI = 140, 100
 PAD, PANEL_PAD = 0.1, 0.03
 Pictures = list[tuple[Path, str]]
+# Figures that are lists in summary.json, and those of runs with instructions.
+LISTS, INSTRUCTED = ('proven', 'operation_exact'), ('instruction', 'recorded_instruction')
 
 
 def write_report(
@@ -55,7 +51,7 @@ def write_report(
     where they have been read. Raises ResultsError.
     """
     rows = folder.stored() if rows is None else rows
-    shown = shown_samples(rows.rows('scale = 1'), maps)
+    shown = shown_samples(rows, maps)
     run = summarise_run(rows, metadata)
     summary = {
         'headline': headline(run.comparisons),
@@ -78,31 +74,24 @@ def write_report(
     return run
 
 
-def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
-    """Return the figures of a variant by name.
+def to_json(item: Any) -> dict[str, Any]:  # noqa: ANN401 - a summary, comparison or growth
+    """Return the figures of a variant by name, without those of what the run did not have.
 
     The keys of the file are older than the word variant: `case` is its name.
     """
-    values = summary_json(item) if isinstance(item, VariantSummary) else asdict(item)
+    values = asdict(item)
+    if isinstance(item, VariantSummary):
+        # Older than the intervals and objects, and read by scripts: a number, and lists.
+        older = {'optimal': item.optimal.value} | {name: values[name] for name in LISTS}
+        values = json_of(item) | older | {'optimal_share': json_of(item.optimal)}
+        if item.replies:
+            values['reply_shares'] = json_of(reply_shares(item.replies))
+        absent = [name for name in INSTRUCTED if math.isnan(getattr(item, name).value)]
+        absent += () if item.families else ('families', 'family_means')
+        absent += () if item.replies else ('replies', 'seconds_reply')
+        values = {name: value for name, value in values.items() if name not in absent}
     del values['variant']
     return {'case': str(item.variant), **values, **item.variant._asdict()}
-
-
-def summary_json(item: VariantSummary) -> dict[str, Any]:
-    """Return the figures of a summary by name, without those of what the run did not have."""
-    values = json_of(item)
-    # Older than the intervals and objects, and read by scripts: a number, and lists.
-    values |= {'optimal': item.optimal.value, 'optimal_share': values['optimal']}
-    values |= {name: asdict(item)[name] for name in ('proven', 'operation_exact')}
-    if item.replies:
-        values['reply_shares'] = json_of(reply_shares(item.replies))
-    is_absent = {
-        'instruction': math.isnan(item.instruction.value),
-        'recorded_instruction': math.isnan(item.recorded_instruction.value),
-        **dict.fromkeys(('families', 'family_means'), not item.families),
-        **dict.fromkeys(('replies', 'seconds_reply'), not item.replies),
-    }
-    return {name: value for name, value in values.items() if not is_absent.get(name)}
 
 
 def draw_all(
@@ -130,15 +119,12 @@ def draw_all(
         caption = f'{sample.where}: what each method expanded.'
         save('compare.png', comparison_figure(sample.pictures), caption, PAD)
         for number, picture in enumerate(on_one_window(sample.pictures), start=1):
-            file, caption = f'{PANEL}{number}.png', picture.title
+            file, caption = f'panel_{number}.png', picture.title
             save(file, panel_figure(picture), caption, PANEL_PAD, PANEL_DPI)
         if sample.searches:
             save_animation(folder / 'search.gif', sample.searches)
             frames = 'all searches with the same number of expansions in a frame.'
             pictures.append((folder / 'search.gif', f'{sample.where}: {frames}'))
-    if not run.metadata.get('bags'):
-        caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A*.'
-        save('showcase.png', showcase_figure(), caption)
     return pictures
 
 

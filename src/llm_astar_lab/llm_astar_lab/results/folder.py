@@ -56,19 +56,18 @@ CLAIMED: dict[Path, int] = {}
 
 # Rows of a Parquet part: so many wait in results.csv first, where a crash does not lose them.
 PART_ROWS = 16_384
-# What the fields of metadata.json are, where they are there.
-METADATA_TYPES = {
-    'version': 'str', 'parameters': 'dict', 'dataset': 'dict', 'machine': 'dict',
-    'seconds': 'int or float', 'bags': 'list', 'left_out': 'list', 'notes': 'list',
-    'map_costs': 'list', 'files': 'dict', 'packages': 'dict',
+# What metadata.json holds, where it is there: types, objects of these, or lists of one.
+NUMBER = 'int or float'
+SHAPE = {
+    'version': 'str', 'machine': {}, 'seconds': NUMBER, 'bags': ['str'], 'left_out': ['str'],
+    'notes': ['str'], 'map_costs': ['dict'], 'files': {}, 'packages': {},
+    'dataset': {'file': 'str', 'sha256': 'str'},
+    'parameters': {
+        'seed': 'int', 'rules': 'dict or null', 'price': 'list or null', 'heuristic': 'str',
+        'weight': NUMBER, 'time_limit': NUMBER, 'tolerance': NUMBER, 'start_tolerance': NUMBER,
+        'max_suboptimality': f'{NUMBER} or null', 'paper_corners': 'bool',
+    },
 }  # fmt: skip
-PARAMETER_TYPES = {
-    'seed': 'int', 'rules': 'dict or null', 'price': 'list or null', 'heuristic': 'str',
-    'weight': 'int or float', 'time_limit': 'int or float', 'tolerance': 'int or float',
-    'start_tolerance': 'int or float', 'max_suboptimality': 'int or float or null',
-    'paper_corners': 'bool',
-}  # fmt: skip
-DATASET_TYPES = {'file': 'str', 'sha256': 'str'}
 
 
 class ResultsFolder:
@@ -77,9 +76,9 @@ class ResultsFolder:
     def __init__(self, path: str | Path) -> None:
         """Set the paths; nothing is read or written yet."""
         self.path = Path(path)
-        self.results = self.path / 'results.csv'
-        self.transcript = self.path / 'transcript.jsonl'
-        self._parts = self.path / 'results.parquet'
+        self.results, self.transcript, self._parts = (
+            self.path / name for name in ('results.csv', 'transcript.jsonl', 'results.parquet')
+        )
         # Rows of results.csv that are not in a part yet.
         self._waiting = 0
 
@@ -130,10 +129,8 @@ class ResultsFolder:
     def require_new(self) -> None:
         """Raise ResultsError where the folder already has rows."""
         if self.has_rows:
-            raise ResultsError(
-                f'{self.results}: exists; continue it with --resume, replace it with --overwrite, '
-                'or name another --out'
-            )
+            ways = 'continue it with --resume, replace it with --overwrite, or name another --out'
+            raise ResultsError(f'{self.results}: exists; {ways}')
 
     def discard_results(self) -> None:
         """Remove rows and reports of an earlier run; a transcript stays. Raises ResultsError."""
@@ -163,8 +160,8 @@ class ResultsFolder:
         Raises ResultsError, for example on a full disk; the rows written before are kept.
         """
         lines = [format_row(row) for row in rows]
-        with writing(self.results, 'the rows before are kept: free some space and continue with '
-                                   '--resume'):  # fmt: skip
+        advice = 'the rows before are kept: free some space and continue with --resume'
+        with writing(self.results, advice):
             with self.results.open('a', encoding='utf-8', newline='') as file:
                 file.write(format_csv(lines))
             self._waiting += len(lines)
@@ -277,19 +274,13 @@ class ResultsFolder:
         for name in ('version', 'parameters', 'dataset', 'machine'):
             if name not in metadata:
                 raise ResultsError(f'{path}: {name} is missing')
-        check_types(metadata, METADATA_TYPES, str(path))
+        check_shape(metadata, SHAPE, str(path))
         parameters = metadata['parameters']
-        check_types(parameters, PARAMETER_TYPES, f'{path}: parameters')
-        check_types(metadata['dataset'], DATASET_TYPES, f'{path}: dataset')
-        for name in ('bags', 'left_out', 'notes'):
-            for item in metadata.get(name) or ():
-                check_types({name: item}, {name: 'str'}, f'{path}: each of')
-        price = parameters.get('price')
-        for item in price or ():
-            check_types({'price': item}, {'price': 'int or float'}, f'{path}: parameters')
-        if price is not None and len(price) != 2:
-            what = f'price: two numbers are expected, not {short_repr(price)}'
-            raise ResultsError(f'{path}: parameters: {what}')
+        if (price := parameters.get('price')) is not None:
+            check_shape(price, [NUMBER], f'{path}: parameters: price')
+            if len(price) != 2:
+                what = f'price: two numbers are expected, not {short_repr(price)}'
+                raise ResultsError(f'{path}: parameters: {what}')
         if parameters.get('seed', 0) < 0:
             raise ResultsError(f'{path}: parameters: seed: 0 or more is expected')
         if rules := parameters.get('rules'):
@@ -339,13 +330,18 @@ def format_csv(lines: Iterable[Sequence[str]]) -> str:
     return buffer.getvalue()
 
 
-def check_types(fields: Mapping[str, Any], types: Mapping[str, str], where: str) -> None:
-    """Raise ResultsError, which begins with `where`, for a JSON value of another type."""
-    for name, expected in types.items():
-        value = fields.get(name)
-        found = 'null' if value is None else type(value).__name__
-        if name in fields and found not in expected.split(' or '):
-            raise ResultsError(f'{where}: {name}: {expected} is expected, not {short_repr(value)}')
+def check_shape(value: Any, shape: Any, where: str) -> None:  # noqa: ANN401 - any JSON value
+    """Raise ResultsError, which begins with `where`, for a JSON value unlike a shape as SHAPE."""
+    expected = shape if isinstance(shape, str) else type(shape).__name__
+    found = 'null' if value is None else type(value).__name__
+    if found not in expected.split(' or '):
+        raise ResultsError(f'{where}: {expected} is expected, not {short_repr(value)}')
+    if isinstance(shape, dict):
+        for name in filter(value.__contains__, shape):
+            check_shape(value[name], shape[name], f'{where}: {name}')
+    elif isinstance(shape, list):
+        for item in value:
+            check_shape(item, shape[0], where)
 
 
 def describe_run(

@@ -21,6 +21,12 @@ from numpy.typing import NDArray
 # The method that takes the waypoints themselves as the path, called `llm_only` up to 0.1.0.
 WAYPOINTS_ONLY = 'waypoints_only'
 METHOD_ALIASES = {'llm_only': WAYPOINTS_ONLY}
+# The order of a report: methods as in the paper, and models before the baseline sources.
+METHOD_ORDER = (
+    'astar', 'exact_astar', 'weighted_astar', 'dynamic_weighted_astar', WAYPOINTS_ONLY,
+    'llm_astar', 'guided',
+)  # fmt: skip
+BASELINE_SOURCES = ('none', 'coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 # Source statuses that a second query would not change.
 FINAL_STATUSES = frozenset(
     status.value for status in SourceStatus if status.is_answer or status is SourceStatus.NONE
@@ -42,6 +48,24 @@ class Variant(NamedTuple):
     def __str__(self) -> str:
         """Return method/source/prompt/model without the empty parts."""
         return '/'.join(part for part in self if part)
+
+    @property
+    def is_baseline(self) -> bool:
+        """Whether its waypoints come from no model."""
+        return self.source in BASELINE_SOURCES
+
+    @property
+    def is_learned(self) -> bool:
+        """Whether its waypoints come from the embedded model: learned, but not an LLM."""
+        return self.source.startswith('embedded')
+
+    @property
+    def report_order(self) -> tuple[int, str, bool, int, str]:
+        """The sort key of reports: methods as in the paper, models before baselines."""
+        known = self.method in METHOD_ORDER
+        method = METHOD_ORDER.index(self.method) if known else len(METHOD_ORDER)
+        source = BASELINE_SOURCES.index(self.source) if self.is_baseline else -1
+        return method, self.method, self.is_baseline, source, str(self)
 
 
 # The paper's A*, to which every ratio refers.

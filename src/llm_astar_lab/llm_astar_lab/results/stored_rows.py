@@ -30,24 +30,16 @@ from llm_astar_msgs_adapter.errors import shortened
 from numpy.typing import NDArray
 
 import llm_astar_planner
-from llm_astar_lab.results.row import (
-    ADDED_COLUMNS,
-    COLUMNS,
-    FINAL_STATUSES,
-    METHOD_ALIASES,
-    ResultsError,
-    Row,
-    Variant,
-)
+from llm_astar_lab.results import row as rows_of
+from llm_astar_lab.results.row import COLUMNS, ResultsError, Row, Variant
+from llm_astar_lab.templates import TEMPLATES
 
 # What reading takes at most, and what queries about one variant do.
 MEMORY, QUERY_MEMORY = '112MB', '32MB'
 SETTINGS: dict[str, Any] = {
-    'threads': 1,
-    'max_temp_directory_size': '32GB',
-    'autoinstall_known_extensions': False,
-    'autoload_known_extensions': False,
-}
+    'threads': 1, 'max_temp_directory_size': '32GB',
+    'autoinstall_known_extensions': False, 'autoload_known_extensions': False,
+}  # fmt: skip
 # Bytes of one line of CSV, and of what is read at a time.
 MAX_LINE_BYTES, BUFFER_BYTES = 16_000_000, 32_000_000
 # Whole numbers from here on are no exact floats.
@@ -57,13 +49,10 @@ MAX_GROUP_ROWS, MAX_GROUP_BYTES = 2**17, 2**28
 SQL_TYPES = {'int': 'BIGINT', 'float': 'DOUBLE', 'str': 'VARCHAR'}
 INTEGERS = [name for name, kind in COLUMNS.items() if kind == 'int']
 KEY = 'map, pair, scale, method, source, prompt, model'
-# Conditions of queries; that of a variant has its four values.
-OF_VARIANT = 'method = ? AND source = ? AND prompt = ? AND model = ?'
-ANSWERED = f'source_status IN ({", ".join(map(repr, sorted(FINAL_STATUSES)))})'
+# Conditions of queries.
+ANSWERED = f'source_status IN ({", ".join(map(repr, sorted(rows_of.FINAL_STATUSES)))})'
 UNANSWERED = f'NOT {ANSWERED}'
-# Of rows whose source gave no waypoints that it could have given: it failed, was late, or replied
-# without a list.
-FAILED = "source_status NOT IN ('NONE', 'NO_WAYPOINTS', 'OK')"
+QUERIES = TEMPLATES.get_template('results/queries.sql.j2', globals={'ANSWERED': ANSWERED}).module
 # Rows that are fetched at a time, and of a group of a Parquet file.
 FETCHED_ROWS, GROUP_ROWS = 1000, 2048
 PARQUET = f'FORMAT parquet, COMPRESSION zstd, ROW_GROUP_SIZE {GROUP_ROWS}'
@@ -131,9 +120,12 @@ class StoredRows:
             for values in some:
                 yield Row(*values)
 
-    def arrays(self, query: str, *values: object) -> dict[str, NDArray[Any]]:
-        """Return the columns of a query by name; `values` are those of its question marks."""
-        return self._query(query, *values).fetchnumpy()
+    def arrays(self, query: str, *values: object, **words: str) -> dict[str, NDArray[Any]]:
+        """Return the columns of a query by name, `query` being its name in QUERIES.
+
+        `values` are those of its question marks; `words` are names of columns and schemas.
+        """
+        return self._query(getattr(QUERIES, query)(**words), *values).fetchnumpy()
 
     def variants(self, condition: str = 'true') -> list[Variant]:
         """Return the variants of the rows for which a condition holds, in their order there."""
@@ -159,11 +151,9 @@ class StoredRows:
         empty = {'float': "nullif({}, 'nan') AS {}", 'str': "nullif({}, '') AS {}", 'int': '{}'}
         cells = ', '.join(empty[kind].format(name, name) for name, kind in COLUMNS.items())
         what, how = ('*', PARQUET) if path.suffix == '.parquet' else (cells, 'FORMAT csv, HEADER')
+        rows = f'SELECT {what} FROM rows WHERE {condition}'
         try:
-            self._query(
-                f'COPY (SELECT {what} FROM rows WHERE {condition}) TO {quoted(path)} '
-                f'({how}, USE_TMP_FILE false)'
-            )
+            self._query(f'COPY ({rows}) TO {quoted(path)} ({how}, USE_TMP_FILE false)')
         except duckdb.Error as error:
             raise OSError(0, describe(error)) from None
 
@@ -242,22 +232,21 @@ class StoredRows:
 
 def select(names: Collection[str]) -> str:
     """Return the SELECT of all columns from a table that has those of these names."""
-    missing = {'float': "'nan'::DOUBLE", 'str': "''"}
-    chosen = [
-        (f'coalesce({name}, {missing[kind]})' if kind in missing else name)
-        if name in names
-        else missing[kind]
+    missing = {'float': "'nan'::DOUBLE", 'str': "''", 'int': 'NULL'}
+    chosen = {
+        name: f'coalesce({name}, {missing[kind]})' if name in names else missing[kind]
         for name, kind in COLUMNS.items()
-    ]
-    method = list(COLUMNS).index('method')
-    aliases = ' '.join(f"WHEN '{old}' THEN '{new}'" for old, new in METHOD_ALIASES.items())
-    chosen[method] = f"CASE method {aliases} ELSE coalesce(method, '') END"
-    return f'SELECT {", ".join(chosen)}'
+    }
+    aliases = ' '.join(f"WHEN '{old}' THEN '{new}'" for old, new in rows_of.METHOD_ALIASES.items())
+    chosen['method'] = f'CASE method {aliases} ELSE {chosen["method"]} END'
+    return f'SELECT {", ".join(chosen.values())}'
 
 
 def check_header(names: Sequence[str]) -> None:
     """Raise ValueError where columns are not those of a row, perhaps of an older version."""
-    if list(names) != [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]:
+    if list(names) != [
+        name for name in COLUMNS if name in names or name not in rows_of.ADDED_COLUMNS
+    ]:
         version = llm_astar_planner.__version__
         raise ValueError(f'its columns are not those of version {version}')
 
@@ -277,21 +266,17 @@ def complete_bytes(file: BinaryIO) -> int:
 def describe(error: Exception) -> str:
     """Say in one line what is wrong with a file, with the line of a CSV file."""
     text = str(error)
-    line = re.search(r'CSV Error on Line: (\d+)', text)
-    columns = re.search(r'Expected Number of Columns: (\d+)', text)
-    missing = re.search(r'NOT NULL constraint failed: \w+\.(\w+)', text)
-    known = re.search(
-        r'(?m)^(Error when converting|Value with|Invalid unicode|Maximum line).*', text
-    )
-    of_system = re.search(r'"errno":"(\d+)"', text)
     if isinstance(error, OSError):
         return error.strerror or text
-    if of_system:
+    if of_system := re.search(r'"errno":"(\d+)"', text):
         return os.strerror(int(of_system[1]))
-    if missing:
+    if missing := re.search(r'NOT NULL constraint failed: \w+\.(\w+)', text):
         return wrong_column(missing[1])
+    known = re.search(r'(?m)^(Error when converting|Value with|Invalid uni|Maximum line).*', text)
     problem = shortened(known[0] if known else text.partition('\n')[0])
-    problem = f'{columns[1]} values are expected' if columns else problem
+    if columns := re.search(r'Expected Number of Columns: (\d+)', text):
+        problem = f'{columns[1]} values are expected'
+    line = re.search(r'CSV Error on Line: (\d+)', text)
     return f'line {line[1]}: {problem}' if line else problem
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import pickle
 import sys
 import time
-from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -21,8 +20,8 @@ from tqdm import tqdm
 
 from llm_astar_lab.datasets.named import BenchmarkSample, sample_pairs
 from llm_astar_lab.results.folder import ResultsFolder, run_differences
-from llm_astar_lab.results.row import ResultsError, Row, Variant
-from llm_astar_lab.results.stored_rows import Finished
+from llm_astar_lab.results.row import ResultsError, Row
+from llm_astar_lab.results.stored_rows import UNANSWERED, Finished, StoredRows
 from llm_astar_lab.runner import engine
 from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
@@ -33,12 +32,6 @@ LARGE_RUN = 200_000
 # What the report says of a file that changed before a run was resumed.
 ANOTHER_INPUT = ': was another file when earlier rows were made'
 CONNECT_TIMEOUT_S = 10
-# The first tasks of a scale that are timed; the more there are, the better the forecast.
-TIMED_PART, MOST_TIMED = 0.02, 20
-# Tasks differ: later ones may have more to search.
-MARGIN = 1.5
-# Shorter runs need no forecast, seconds.
-WORTH_SAYING = 10.0
 # Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
@@ -182,53 +175,16 @@ def run_into_folder(
         engine.run_tasks(tasks, executor, max_pending, keep)
 
 
-def describe_unanswered(rows: Iterable[Row]) -> list[str]:
-    """Return one line per variant whose source left samples unanswered; read rows once."""
-    counts: dict[Variant, Counter[str]] = defaultdict(Counter)
-    firsts: dict[Variant, str] = {}
-    for row in rows:
-        if not row.answered:
-            counts[row.variant][row.source_status] += 1
-            firsts.setdefault(row.variant, f'map {row.map}, pair {row.pair}, scale {row.scale}')
-    return [
-        f'{variant}: {found.total()} samples without an answer '
-        f'({", ".join(f"{status} {count}" for status, count in found.items())}), '
-        f'the first {firsts[variant]}'
-        for variant, found in counts.items()
-    ]
-
-
-def split_timed(
-    tasks: Sequence[Task],
-) -> tuple[dict[int, list[Task]], list[Task]]:
-    """Return the first tasks of each scale, to be timed, and the others."""
-    timed: dict[int, list[Task]] = {}
-    others: list[Task] = []
-    counts = Counter(task.scale for task in tasks)
-    for task in tasks:
-        group = timed.setdefault(task.scale, [])
-        most = min(MOST_TIMED, max(1, round(TIMED_PART * counts[task.scale])))
-        (group if len(group) < most else others).append(task)
-    return timed, others
-
-
-def forecast(tasks: Sequence[Task], seconds: Mapping[int, float]) -> str | None:
-    """Say how long tasks take at most; None if not long.
-
-    `seconds` is the time of a task at each scale.
-    """
-    longest = MARGIN * sum(seconds[task.scale] for task in tasks)
-    if longest < WORTH_SAYING:
-        return None
-    return f'{len(tasks)} more samples, {describe_seconds(longest)} at most'
-
-
-def describe_seconds(seconds: float) -> str:
-    """Return a duration in the unit that a person would use."""
-    for unit, size in (('hours', 3600.0), ('minutes', 60.0)):
-        if seconds > 1.5 * size:
-            return f'about {seconds / size:.2g} {unit}'
-    return f'about {seconds:.2g} seconds'
+def describe_unanswered(rows: Iterable[Row] | StoredRows) -> Iterator[str]:
+    """Yield a line for each variant whose source left samples unanswered."""
+    stored = StoredRows.of(rows)
+    for variant in stored.variants(UNANSWERED):
+        found = stored.arrays('unanswered', *variant)
+        counts = ', '.join(map('{} {}'.format, found['source_status'], found['times']))
+        yield (
+            f'{variant}: {found["times"].sum()} samples without an answer ({counts}), '
+            f'the first {found["place"][0]}'
+        )
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.zone_layer import with_zones
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
@@ -33,22 +34,15 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import (
     SampleKey,
-    SourceStatus,
     WaypointQuery,
     WaypointReply,
+    WaypointSource,
 )
 
 from llm_astar_lab.analysis.replies import problems_column
 from llm_astar_lab.datasets.named import GRID_CONFIG, BenchmarkSample
-from llm_astar_lab.results.row import (
-    PAPER_ASTAR,
-    WAYPOINTS_ONLY,
-    Row,
-    Variant,
-    format_points,
-    parse_points,
-    plan_columns,
-)
+from llm_astar_lab.results import row as rows
+from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.sources import SourceSpec
 
@@ -72,7 +66,7 @@ class SearchSettings:
 
     Without `costmap` the kind of map decides: the paper's rules on barrier maps, MovingAI's on
     grids. With `paper_corners` paths may cut corners on maps whose barriers are known, whatever
-    `costmap` says.
+    `costmap` says. `zones` is the text of a GeoJSON file, '' for none.
     """
 
     heuristic: str = 'euclidean'
@@ -84,6 +78,7 @@ class SearchSettings:
     start_tolerance: float = 0.0
     paper_corners: bool = False
     instruction: RouteInstruction | None = None
+    zones: str = ''
 
     def costmap_for(self, problem: ProblemMap) -> CostmapConfig:
         """Return the costmap rules for a map."""
@@ -225,46 +220,46 @@ def run_task(task: Task) -> list[Outcome]:
         # In another process than the command's.
         SEARCH_METHODS.admit(variant.method)
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
-    planner = planner_for(replace(scaled, samples=()), task.settings.costmap_for(scaled))
-    sample = scaled.samples[0]
-    endpoints = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
-    key = SampleKey(*task.sample.key, task.scale)
-    replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
+    planner = planner_of(scaled, task.settings)
+    sample, key = scaled.samples[0], SampleKey(*task.sample.key, task.scale)
+    ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
+    known = key if task.is_sample else None
+    query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, known)
     recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
+    replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
     outcomes = []
     for variant, index in task.variants:
-        source = task.sources[index].source
-        if source is not None and index not in replies:
-            sample_key = key if task.is_sample else None
-            limit = task.settings.time_limit
-            query = WaypointQuery(planner.costmap, *endpoints, limit, sample_key)
-            answer, seconds = query_source(source, query)
-            replies[index] = answer, reply_columns(answer, seconds, query)
-        reply, of_reply = replies.get(index, (NOT_ASKED, {'source_status': 'NONE'}))
-        plan = None
+        if index not in replies:
+            replies[index] = ask(task.sources[index].source, query)
+        (reply, of_reply), plan = replies[index], None
         if variant.method == WAYPOINTS_ONLY:
-            columns = waypoints_only_columns(planner, endpoints, reply)
+            columns = waypoints_only_columns(planner, ends, reply)
         else:
-            known = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
-            request = make_request(endpoints, variant.method, known, task.settings)
+            source = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
+            request = make_request(ends, variant.method, source, task.settings)
             request = replace(request, want_expanded=False, sample=key)
             plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
             statuses = [point.status.value for point in plan.checked_waypoints]
-            columns = plan_columns(plan.to_dict(), statuses, plan.path)
+            columns = rows.plan_columns(plan.to_dict(), statuses, plan.path)
         columns |= of_reply | recorded | {'family': task.sample.barrier_map.family}
         outcomes.append(Outcome(Row(*task.sample.key, task.scale, *variant, **columns), plan))
     return outcomes
 
 
-def reply_columns(reply: WaypointReply, seconds: float, query: WaypointQuery) -> dict[str, Any]:
-    """Return the columns of a row that describe the reply to a query, which took `seconds`."""
+def ask(
+    source: WaypointSource | None, query: WaypointQuery
+) -> tuple[WaypointReply, dict[str, Any]]:
+    """Return the reply of a source, and the columns of a row that describe it."""
+    if source is None:
+        return NOT_ASKED, {'source_status': 'NONE'}
+    reply, seconds = query_source(source, query)
     problems = problems_column(reply, query.costmap, query.start, query.goal)
-    return {
+    return reply, {
         'seconds_source': seconds,
         'source_status': reply.status.value,
         'prompt_tokens': reply.prompt_tokens,
         'completion_tokens': reply.completion_tokens,
-        'waypoints': format_points(reply.waypoints),
+        'waypoints': rows.format_points(reply.waypoints),
         'reply_problems': problems,
         'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
     }
@@ -274,22 +269,19 @@ def request_again(
     barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
 ) -> tuple[Planner, PlanRequest]:
     """Return the planner and the request of a row of scale 1, with its recorded waypoints."""
-    planner = planner_for(replace(barrier_map, samples=()), settings.costmap_for(barrier_map))
+    planner = planner_of(barrier_map, settings)
     endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
+    reply = WaypointReply(rows.parse_points(row.waypoints), label=row.source)
     source = AnsweredSource(row.source, reply) if row.waypoints else None
     return planner, make_request(endpoints, row.method, source, settings)
 
 
 def make_request(
-    endpoints: tuple[Cell, Cell],
-    method: str,
-    source: AnsweredSource | None,
-    settings: SearchSettings,
+    ends: tuple[Cell, Cell], method: str, source: WaypointSource | None, settings: SearchSettings
 ) -> PlanRequest:
     """Return the request for a sample with the settings of the run."""
     values = {name: getattr(settings, name) for name in OF_REQUEST}
-    return PlanRequest(*endpoints, method, source, **values)
+    return PlanRequest(*ends, method, source, **values)
 
 
 def waypoints_only_columns(
@@ -301,14 +293,14 @@ def waypoints_only_columns(
     """
     start, goal = endpoints
     points = [start, *(point for point in reply.waypoints if point not in endpoints), goal]
-    answered = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
+    answered = reply.status.value in ('OK', 'NO_WAYPOINTS')
     if not (answered and planner.costmap.line_of_sight.clear_along(points)):
         return {'code': ResultCode.NO_VALID_PATH.name}
     steps = np.diff(np.array(points, dtype=float), axis=0)
     return {
         'code': ResultCode.NONE.name,
         'length': float(np.hypot(*steps.T).sum()),
-        'path': format_points(points),
+        'path': rows.format_points(points),
     }
 
 
@@ -318,11 +310,18 @@ def cache_size(planner: Planner) -> int:
     return min(max(cells, MAX_CACHED_CELLS // MAX_CACHED_PLANNERS), MAX_CACHED_CELLS)
 
 
+def planner_of(problem: ProblemMap, settings: SearchSettings) -> Planner:
+    """Return the planner for a map with the rules and zones of a run."""
+    return planner_for(replace(problem, samples=()), settings.costmap_for(problem), settings.zones)
+
+
 @cached(MAX_CACHED_CELLS, key=lambda *arguments: arguments, cost=cache_size)
-def planner_for(problem: ProblemMap, costmap: CostmapConfig) -> Planner:
-    """Return the planner for a map, from the cache of the last ones. Thread-safe."""
+def planner_for(problem: ProblemMap, costmap: CostmapConfig, zones: str = '') -> Planner:
+    """Return the planner for a map with zones, from the cache of the last ones. Thread-safe."""
     barriers = problem if isinstance(problem, BarrierMap) else None
-    return Planner(problem.to_grid(), costmap, barriers).prepare()
+    grid_map = problem.to_grid()
+    grid_map = with_zones(grid_map, zones, costmap) if zones else grid_map
+    return Planner(grid_map, costmap, barriers).prepare()
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,6 @@
 The competition reports the time for preprocessing a map, the memory that its planner holds and
 the times of the queries, each by itself.
 """
-# ruff: noqa: S608 - queries are put together from the names of columns alone
 
 from __future__ import annotations
 
@@ -24,10 +23,9 @@ from llm_astar_planner.search.methods import GUIDED
 
 from llm_astar_lab.analysis.statistics import spread
 from llm_astar_lab.datasets.named import GRID_CONFIG
-from llm_astar_lab.results.stored_rows import OF_VARIANT, StoredRows
+from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.engine import compile_once
 
-SECONDS = f'SELECT map, seconds_search FROM rows WHERE scale = 1 AND {OF_VARIANT}'
 # What a planner shares with everything else, and what leads there.
 SHARED = (type, ModuleType, FunctionType, str, bytes)
 
@@ -79,7 +77,7 @@ def add_query_times(costs: Iterable[dict[str, Any]], rows: StoredRows) -> None:
     """Add to each map's costs the seconds of its queries by variant, at scale 1."""
     by_map = {cost['map']: cost.setdefault('queries', {}) for cost in costs}
     for variant in rows.variants('scale = 1'):
-        found = rows.arrays(SECONDS, *variant)
+        found = rows.arrays('seconds', *variant)
         for number, queries in by_map.items():
             chosen = found['seconds_search'][found['map'] == number]
             if len(chosen):

@@ -27,12 +27,8 @@ from llm_astar_planner.waypoints.source import (
 )
 from llm_astar_planner.waypoints.transcript import read_transcript
 
-from llm_astar_lab.datasets.named import (
-    GRID_CONFIG,
-    BenchmarkSample,
-    SelectionError,
-    sample_pairs,
-)
+from llm_astar_lab.datasets import named as datasets
+from llm_astar_lab.datasets.named import BenchmarkSample
 
 # The baselines that are cheap on any grid, because they need no visibility graph.
 GRID_BASELINES = ('coarse', 'straight', 'random')
@@ -40,6 +36,9 @@ EMBEDDED, REPLAY = 'embedded', 'replay'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
 BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
+MAX_RETRIEVED = 100
+# Behind a prompt's name: so many examples are retrieved in the place of its own.
+RETRIEVED = '+retrieved_'
 RECORDED, ALL = SAMPLES = ('recorded', 'all')
 # Groups of maps that a sentence names; metadata.json has all of them.
 MAX_NAMED = 4
@@ -68,51 +67,104 @@ class SourceSpec:
         return self.samples is None or key in self.samples
 
 
-def make_source_specs(
-    names: Sequence[str],
-    prompts: Sequence[str],
-    models: Sequence[str],
-    *,
-    settings: SourceSettings,
-    dataset: Sequence[BarrierMap],
-    transcripts: Sequence[str] = (),
-    seed: int = 0,
-    default: Sequence[str] | None = None,
-) -> list[SourceSpec]:
-    """Make the sources of a run; the first one is `none`.
+@dataclass(frozen=True)
+class SourceOptions:
+    """What the sources of a run are made by: each is made once per prompt and model.
 
-    Every named source is made once per prompt and model, with the other `settings`, and a replay
-    once per transcript. A replay without prompt and model covers all that its transcript holds.
-    All baselines (or `default`) are added if a named source is not a baseline. Without names
-    these are the baselines and the embedded model; the name `none` alone gives `none` alone.
-    Raises ValueError for a source that cannot be made.
+    `default` are the baselines that are added, None for all of them.
     """
-    baselines = baseline_sources(seed)
-    named = [name for name in dict.fromkeys(names) if name != 'none']
-    prompts, models = list(dict.fromkeys(prompts)), list(dict.fromkeys(models))
-    chosen = [name for name in named if name in baselines]
-    if len(chosen) < len(named) or not names:
-        chosen = list(baselines if default is None else default)
-    specs = [SourceSpec()]
-    if EMBEDDED in named or not names:
-        specs += embedded_sources(settings)
-    for name in named:
-        if name == REPLAY:
-            specs += replay_sources(settings, transcripts, prompts, models, dataset)
-        elif name not in baselines and name != EMBEDDED:
-            chosen_settings = replace(settings, source=name)
-            specs += model_sources(chosen_settings, prompts, models, dataset, seed)
-    specs += [SourceSpec(baselines[name], name) for name in chosen]
-    for count, *row in repeated(specs):
-        same = ', '.join(filter(None, row))
-        raise SettingsError(f'source: {count} would have the same rows, {same}: rename a file')
-    return specs
 
+    settings: SourceSettings
+    dataset: Sequence[BarrierMap]
+    prompts: Sequence[str] = ()
+    models: Sequence[str] = ()
+    transcripts: Sequence[str] = ()
+    seed: int = 0
+    default: Sequence[str] | None = None
 
-def repeated(specs: Iterable[SourceSpec]) -> Iterator[tuple[int, str, str, str]]:
-    """Yield how many sources have a name, model and prompt, and these, where not one alone."""
-    times = Counter((spec.name, spec.model, spec.prompt) for spec in specs)
-    yield from ((count, *row) for row, count in times.items() if count > 1)
+    def specs(self, names: Sequence[str]) -> list[SourceSpec]:
+        """Make the named sources; the first one is `none`.
+
+        A replay is made once per transcript, and without prompt and model it covers all that its
+        transcript holds. All baselines (or `default`) are added if a named source is not a
+        baseline. Without names these are the baselines and the embedded model; the name `none`
+        alone gives `none` alone. Raises ValueError for a source that cannot be made.
+        """
+        baselines = baseline_sources(self.seed)
+        named = [name for name in dict.fromkeys(names) if name != 'none']
+        chosen = [name for name in named if name in baselines]
+        if len(chosen) < len(named) or not names:
+            chosen = list(baselines if self.default is None else self.default)
+        specs = [SourceSpec()]
+        if EMBEDDED in named or not names:
+            specs += embedded_sources(self.settings)
+        for name in named:
+            if name == REPLAY:
+                specs += self.replays()
+            elif name not in baselines and name != EMBEDDED:
+                specs += self.of_models(name)
+        specs += [SourceSpec(baselines[name], name) for name in chosen]
+        for row, count in Counter((spec.name, spec.model, spec.prompt) for spec in specs).items():
+            if count > 1:
+                what = f'{count} would have the same rows, {", ".join(filter(None, row))}'
+                raise SettingsError(f'source: {what}: rename a file')
+        return specs
+
+    @property
+    def asked(self) -> Iterator[tuple[str, str]]:
+        """The models and prompts, each with each; '' where none is named."""
+        models, prompts = (dict.fromkeys(some or ('',)) for some in (self.models, self.prompts))
+        return product(models, prompts)
+
+    def replays(self) -> list[SourceSpec]:
+        """Make a replay of each transcript, model and prompt: all recorded ones, or those named.
+
+        Where two transcripts hold the same model and prompt, their rows are told apart by file
+        name: `replay:NAME`.
+        """
+        specs, own = [], dataset_digest(self.dataset)
+        for transcript in self.transcripts or ('',):
+            of_file = replace(self.settings, source=REPLAY, transcript=transcript)
+            exchanges = read_transcript(transcript) if transcript else []
+            recorded = dict.fromkeys((exchange.model, exchange.prompt) for exchange in exchanges)
+            digests = Counter(exchange.provenance.dataset_digest for exchange in exchanges)
+            foreign = digests.total() - digests[''] - digests[own] if own else 0
+            chosen = [
+                (model, prompt)
+                for model, prompt in recorded
+                if model in (self.models or [model]) and prompt in (self.prompts or [prompt])
+            ]
+            for model, prompt in chosen or self.asked:
+                source = make_source(replace(of_file, model=model, prompt=prompt), self.dataset)
+                name = Path(transcript).name
+                specs.append(SourceSpec(source, REPLAY, prompt, model, name, foreign=foreign))
+        held = Counter((spec.model, spec.prompt) for spec in specs)
+        return [
+            replace(spec, name=f'{REPLAY}:{Path(spec.transcript).stem}')
+            if held[spec.model, spec.prompt] > 1
+            else spec
+            for spec in specs
+        ]
+
+    def of_models(self, name: str) -> Iterator[SourceSpec]:
+        """Make a source once per model and prompt; an endpoint's label says how often it repairs.
+
+        Raises ValueError where one cannot be made.
+        """
+        if name == 'endpoint' and not self.models:
+            raise SettingsError('model: --source endpoint needs --model')
+        for model, prompt in self.asked:
+            template, _, count = prompt.partition(RETRIEVED)
+            settings = replace(self.settings, source=name, model=model, prompt=template)
+            if count.isdecimal():
+                settings = replace(settings, retrieved_examples=min(int(count), MAX_RETRIEVED))
+            source, label = make_source(settings, self.dataset, self.seed), prompt
+            if name == 'endpoint':
+                rounds = settings.repair_rounds
+                label = settings.prompt_name + (f', repaired up to {rounds}x' if rounds else '')
+            if problem := name_problem(label):
+                raise SettingsError(f'prompt: {problem}')
+            yield SourceSpec(source, name, label, model)
 
 
 def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
@@ -123,85 +175,10 @@ def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
     ]
 
 
-def replay_sources(
-    settings: SourceSettings,
-    transcripts: Sequence[str],
-    prompts: Sequence[str],
-    models: Sequence[str],
-    dataset: Sequence[BarrierMap],
-) -> list[SourceSpec]:
-    """Make a replay of each transcript, model and prompt; all that are recorded, or those named.
-
-    Where two transcripts hold the same model and prompt, their rows are told apart by file name:
-    `replay:NAME`. Raises SettingsError where that is the same too.
-    """
-    specs, own = [], dataset_digest(dataset)
-    for transcript in transcripts or ('',):
-        of_file = replace(settings, source=REPLAY, transcript=transcript)
-        exchanges = read_transcript(transcript) if transcript else []
-        recorded = dict.fromkeys((exchange.model, exchange.prompt) for exchange in exchanges)
-        digests = Counter(exchange.provenance.dataset_digest for exchange in exchanges)
-        foreign = digests.total() - digests[''] - digests[own] if own else 0
-        chosen = [
-            (model, prompt)
-            for model, prompt in recorded
-            if (not models or model in models) and (not prompts or prompt in prompts)
-        ]
-        for model, prompt in chosen or product(models or ('',), prompts or ('',)):
-            source = make_source(replace(of_file, model=model, prompt=prompt), dataset)
-            name = Path(transcript).name
-            specs.append(SourceSpec(source, REPLAY, prompt, model, name, foreign=foreign))
-    return told_apart(specs)
-
-
-def told_apart(specs: Sequence[SourceSpec]) -> list[SourceSpec]:
-    """Name replays of the same model and prompt by their files. Raises SettingsError."""
-    held = Counter((spec.model, spec.prompt) for spec in specs)
-    named = [
-        replace(spec, name=f'{REPLAY}:{Path(spec.transcript).stem}')
-        if held[spec.model, spec.prompt] > 1
-        else spec
-        for spec in specs
-    ]
-    for count, name, model, prompt in repeated(named):
-        raise SettingsError(
-            f'transcript: {count} files named {name.removeprefix(REPLAY + ":")} hold model '
-            f'{model}, prompt {prompt}; rename all but one'
-        )
-    return named
-
-
-def model_sources(
-    settings: SourceSettings,
-    prompts: Sequence[str],
-    models: Sequence[str],
-    dataset: Sequence[BarrierMap],
-    seed: int = 0,
-) -> list[SourceSpec]:
-    """Make a source once per model and prompt; an endpoint's label says how often it repairs.
-
-    Raises ValueError where one cannot be made.
-    """
-    if settings.source == 'endpoint' and not models:
-        raise SettingsError('model: --source endpoint needs --model')
-    specs = []
-    for model, prompt in product(models or ('',), prompts or ('',)):
-        asked = replace(settings, model=model, prompt=prompt)
-        source = make_source(asked, dataset, seed)
-        label = prompt
-        if settings.source == 'endpoint':
-            rounds = f', repaired up to {asked.repair_rounds}x' if asked.repair_rounds else ''
-            label = f'{asked.prompt_name}{rounds}'
-        if problem := name_problem(label):
-            raise SettingsError(f'prompt: {problem}')
-        specs.append(SourceSpec(source, settings.source, label, model))
-    return specs
-
-
 def check_grid_options(problem: GridProblem, names: Sequence[str]) -> None:
     """Raise ValueError where a grid cannot be run with these sources."""
     slow = [name for name in names if name in BASELINE_NAMES and name not in GRID_BASELINES]
-    reason = visibility_problem(Costmap(problem.to_grid(), GRID_CONFIG)) if slow else None
+    reason = visibility_problem(Costmap(problem.to_grid(), datasets.GRID_CONFIG)) if slow else None
     if reason:
         raise ValueError(f'--source {",".join(slow)}: {reason}')
 
@@ -263,15 +240,11 @@ class Coverage:
         """Return what metadata.json and summary.json say."""
         spec = self.spec
         return {
-            'transcript': spec.transcript,
-            'source': spec.name,
-            'prompt': spec.prompt,
-            'model': spec.model,
-            'samples': self.total,
-            'recorded': len(self.recorded),
+            'transcript': spec.transcript, 'source': spec.name, 'prompt': spec.prompt,
+            'model': spec.model, 'samples': self.total, 'recorded': len(self.recorded),
             'unanswered': len(self.unanswered),
             'missing': [group._asdict() for group in groups_of(self.missing)],
-        }
+        }  # fmt: skip
 
 
 class RecordedRun(NamedTuple):
@@ -305,10 +278,12 @@ def keep_recorded(
     recorded = {key[:2] for key in every}
     kept = [sample for sample in samples if sample.key in recorded]
     due = [(sample, 1) for sample in samples if 1 in scales]
-    due += sample_pairs(kept, [scale for scale in scales if scale != 1], scale_samples, seed)
+    due += datasets.sample_pairs(
+        kept, [scale for scale in scales if scale != 1], scale_samples, seed
+    )
     coverage = [cover(spec, due) for spec in replays]
     if not every:
-        raise SelectionError(
+        raise datasets.SelectionError(
             f'{coverage[0].sentence()}; --samples all runs them without waypoints'
         )
     chosen = [replace(spec, samples=own.get(id(spec), every)) for spec in specs]

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from llm_astar_planner.instructions.transcript import parse_exchange as parse_in
 from llm_astar_planner.waypoints import transcript
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
-from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
+from llm_astar_planner.waypoints.source import SampleKey
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptError
 
 from llm_astar_lab.datasets.named import BenchmarkSample
@@ -56,16 +56,17 @@ def check_transcript(
         by_model[exchange.model, exchange.prompt].append(exchange)
     if len(by_model) > MAX_MODELS:
         raise TranscriptError(f'{path}: over {MAX_MODELS} models and prompts; split the file')
-    coverage: list[Coverage | None] = [None] * len(by_model)
-    if samples and not problems:
-        pairs = [(sample, 1) for sample in samples]
-        for index, ((model, prompt), own) in enumerate(by_model.items()):
-            source = ReplaySource(path, model, prompt, exchanges=own)
-            spec = SourceSpec(source, 'replay', prompt, model, path.name)
-            coverage[index] = cover(spec, pairs)
-    held = zip(by_model.values(), coverage)
-    models = [describe_model(own, covered, digest) for own, covered in held]
-    complete = (models or not samples) and all(map(is_complete, models))
+    coverage: list[Coverage | None] = []
+    for (model, prompt), own in by_model.items():
+        source = ReplaySource(path, model, prompt, exchanges=own)
+        spec = SourceSpec(source, 'replay', prompt, model, path.name)
+        is_known = samples and not problems
+        coverage.append(cover(spec, [(item, 1) for item in samples]) if is_known else None)
+    models = [describe_model(*item, digest) for item in zip(by_model.values(), coverage)]
+    lacks = any(item['coverage'] and item['coverage']['missing'] for item in models)
+    differ = any(len(held) > 1 for item in models for held in item['values'].values())
+    foreign = any(item['of_another_dataset'] for item in models)
+    is_whole = bool(models or not samples) and not (problems or cut_off)
     values = {
         'file': str(path),
         'exchanges': len(exchanges),
@@ -73,7 +74,7 @@ def check_transcript(
         'problems': problems,
         'cut_off': cut_off,
         'models': models,
-        'sound': bool(complete) and not problems and cut_off is None,
+        'sound': is_whole and not (lacks or differ or foreign),
     }
     return TranscriptCheck(values, coverage)
 
@@ -92,7 +93,7 @@ def describe_model(
         'exchanges': len(exchanges),
         'samples': len({exchange.sample for exchange in exchanges}),
         'statuses': dict(Counter(exchange.status.value for exchange in exchanges)),
-        'with_points': sum(has_points(exchange) for exchange in exchanges),
+        'with_points': sum(read_answer(e.response).status.value == 'OK' for e in exchanges),
         'prompt_tokens': sum(exchange.prompt_tokens for exchange in exchanges),
         'completion_tokens': sum(exchange.completion_tokens for exchange in exchanges),
         'seconds': sum(exchange.seconds for exchange in exchanges),
@@ -102,13 +103,6 @@ def describe_model(
         'of_another_dataset': foreign if digest else 0,
         'coverage': None if coverage is None else coverage.to_json(),
     }
-
-
-def is_complete(model: Mapping[str, Any]) -> bool:
-    """Tell whether a model lacks no sample, and all its exchanges are of the same origin."""
-    lacks = model['coverage'] and model['coverage']['missing']
-    differs = any(len(held) > 1 for held in model['values'].values())
-    return not (lacks or model['of_another_dataset'] or differs)
 
 
 def check_lines(path: Path) -> tuple[list[Exchange], int, list[str], str | None]:
@@ -136,27 +130,20 @@ def check_lines(path: Path) -> tuple[list[Exchange], int, list[str], str | None]
     return exchanges, about_instructions, problems, cut_off
 
 
-def values_of(exchanges: Iterable[Exchange]) -> dict[str, list[dict[str, Any]]]:
+def values_of(exchanges: Sequence[Exchange]) -> dict[str, list[dict[str, Any]]]:
     """Return the known values of each of the fields COMMON, the most frequent one first."""
-    found: dict[str, dict[Any, list[SampleKey]]] = {name: defaultdict(list) for name in COMMON}
-    for exchange in exchanges:
-        for name in COMMON:
-            value = getattr(exchange.provenance, name)
-            if value not in ('', None):
-                found[name][value].append(exchange.sample)
-    return {
-        name: [
+    found: dict[str, list[dict[str, Any]]] = {}
+    for name in COMMON:
+        samples: dict[Any, list[SampleKey]] = defaultdict(list)
+        for exchange in exchanges:
+            samples[getattr(exchange.provenance, name)].append(exchange.sample)
+        values = [
             {'value': value, 'exchanges': len(keys), 'samples': name_samples(keys)}
-            for value, keys in sorted(values.items(), key=lambda item: -len(item[1]))
+            for value, keys in sorted(samples.items(), key=lambda item: -len(item[1]))
+            if value not in ('', None)
         ]
-        for name, values in found.items()
-        if values
-    }
-
-
-def has_points(exchange: Exchange) -> bool:
-    """Tell whether the response of an exchange holds a list of points."""
-    return read_answer(exchange.response).status is SourceStatus.OK
+        found |= {name: values} if values else {}
+    return found
 
 
 def name_samples(keys: Iterable[SampleKey]) -> list[str]:

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from benchmark_samples import A_STAR, MODEL, NONE, ORACLE, row, rows_with
 from llm_astar_lab.analysis.summary import (
-    Price,
     growth,
     growth_factor,
     log_log_slope,
-    report_order,
     summarise,
 )
 from llm_astar_lab.report.sentences import growth_sentence
@@ -27,7 +25,7 @@ def test_a_summary_holds_each_metric():
         row(MODEL, 100.0, 12.0, pair=1, completion_tokens=1, source_status='TIMEOUT'),
         row(MODEL, 10.0, math.nan, map_id=1, code='NO_VALID_PATH'),
     ]
-    summary = summarise(rows, price=Price(1e5, 1e6))[1]
+    summary = summarise(rows, price=(1e5, 1e6))[1]
     assert summary.variant == MODEL
     assert (summary.samples, summary.maps, summary.unanswered) == (3, 2, 1)
     assert summary.valid.value == pytest.approx(2 / 3)
@@ -55,7 +53,7 @@ def test_the_share_of_optimal_paths_has_an_interval_over_the_maps():
 def test_variants_are_ordered_as_in_the_paper_with_baselines_below_models():
     alone, guided = Variant('waypoints_only', 'oracle'), Variant('guided')
     variants = [ORACLE, guided, NONE, MODEL, alone, A_STAR]
-    assert sorted(variants, key=report_order) == [
+    assert sorted(variants, key=lambda variant: variant.report_order) == [
         A_STAR, alone, MODEL, NONE, ORACLE, guided,
     ]  # fmt: skip
 

@@ -16,6 +16,7 @@ import pytest
 from llm_astar_lab.commands import bench as cli_bench
 from llm_astar_lab.commands import run_options
 from llm_astar_lab.datasets.generate import generate
+from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.row import ResultsError, parse_points
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.problem_maps import save_maps
@@ -83,6 +84,27 @@ def test_the_whole_table_needs_no_key(dataset, out, capsys):
     assert metadata['seconds'] > 0
     for name in ('summary.json', 'report.md', 'report.html', 'growth.png', 'search.gif'):
         assert (out / name).is_file()
+
+
+def test_zones_are_on_the_map_of_every_sample_and_of_the_pictures(dataset, out, tmp_path, capsys):
+    zones = tmp_path / 'zones.geojson'
+    ring = [[0, 0], [60, 0], [60, 40], [0, 40], [0, 0]]
+    geometry = {'type': 'Polygon', 'coordinates': [ring]}
+    rule = {'kind': 'one_way', 'heading': 0}
+    feature = {'type': 'Feature', 'geometry': geometry, 'properties': rule}
+    zones.write_text(json.dumps({'type': 'FeatureCollection', 'features': [feature]}))
+    words = ('--map', dataset, '--out', out, '--methods', 'exact_astar,guided', '--limit', 12)
+    assert llm_astar('bench', *words, '--zones', zones) == 0
+    capsys.readouterr()
+    with (out / 'results.csv').open() as file:
+        rows = [row for row in csv.DictReader(file) if row['code'] == 'NONE']
+    paths = [np.array(parse_points(row['path'])) for row in rows]
+    assert len(paths) > 5
+    assert all((np.diff(path[:, 0]) >= 0).all() for path in paths)
+    metadata = json.loads((out / 'metadata.json').read_text())
+    assert 'one_way' in search_settings(metadata).zones
+    with pytest.raises(ValueError, match='--zones is about metres'):
+        llm_astar('bench', *words[:2], '--out', tmp_path / 'b', '--zones', zones, '--scales', '2')
 
 
 def test_many_jobs_give_the_same_figures(undrawn, dataset, tmp_path, capsys):

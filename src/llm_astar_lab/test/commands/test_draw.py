@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.figures import Picture, draw
-from llm_astar_lab.report.figures import (
-    SHOWCASE,
-    SHOWCASE_ENDPOINTS,
-    SHOWCASE_WAYPOINTS,
-    cell_image,
-    showcase_figure,
-)
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.cli import main as cli
 from matplotlib.figure import Figure
 from PIL import Image, ImageColor
-from reference_trace import trace
 
 ROBOT_MAP = """image: hall.pgm
 resolution: 0.1
@@ -87,34 +80,8 @@ def test_no_path_is_said_and_nothing_is_drawn(tmp_path, capsys):
     assert not path.exists()
 
 
-def test_the_showcase_expands_less_with_waypoints():
-    blocked = SHOWCASE.to_grid().blocked()
-    goals = [*SHOWCASE_WAYPOINTS, SHOWCASE_ENDPOINTS[1]]
-    guided = trace(blocked, *SHOWCASE_ENDPOINTS, goals, 'chebyshev')
-    plain = trace(blocked, *SHOWCASE_ENDPOINTS, (), 'chebyshev')
-    assert len(guided.switches) == len(SHOWCASE_WAYPOINTS)
-    assert len(guided.order) < len(plain.order)
-    titles = [axes.get_title() for axes in showcase_figure().axes]
-    expansions = [*guided.switches, len(guided.order), len(plain.order)]
-    assert [int(title.split()[-2]) for title in titles] == expansions
-    assert guided.path[-1] == plain.path[-1] == SHOWCASE_ENDPOINTS[1]
-
-
-def test_obstacles_cover_expanded_cells():
-    blocked = np.array([[True, False], [False, False]])
-    above, below = (
-        np.array([[True, True], [False, False]]),
-        np.array([[False, True], [True, False]]),
-    )
-    image = cell_image(blocked, (above, '#ff0000'), (below, '#0000ff'))
-    assert image[0, 1].tolist() == [1.0, 0.0, 0.0]
-    assert image[1, 0].tolist() == [0.0, 0.0, 1.0]
-    assert image[0, 0].max() < 0.3
-    assert image[1, 1].tolist() == [1.0, 1.0, 1.0]
-
-
 def test_a_title_is_never_wider_than_its_picture(tmp_path):
-    grid_map = SHOWCASE.to_grid()
+    grid_map = GridMap(np.zeros((12, 12), dtype=np.int8))
     nothing = np.zeros(grid_map.cells.shape, dtype=bool)
     title = 'guided, guided by a model with quite a long name for itself: 49 expansions, ' * 3
     path = np.empty((0, 2), dtype=np.int32)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from instruction_suites import MAPS, ROOMS
-from llm_astar_lab.instruct_bench.comparison import normal_form, same_specification
 from llm_astar_lab.instruct_bench.maps import SuiteError, SuiteMap
+from llm_astar_lab.instruct_bench.suite import normal_form, same_specification
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import places_from_polygons
 from llm_astar_planner.instructions.specification import from_json

@@ -94,3 +94,14 @@ def test_what_is_off_the_map_does_not_change_the_size_of_its_picture(tmp_path, s
     save_picture(picture_of(plan, Costmap(MAP)), tmp_path / 'off.png')
     with Image.open(tmp_path / 'off.png') as picture:
         assert max(picture.size) < 2000
+
+
+def test_what_closes_the_way_is_marked_where_it_is():
+    cells = np.zeros((40, 40), dtype=np.int8)
+    cells[:, 20], cells[17:24, 20] = 100, 0
+    planner = Planner(GridMap(cells, 0.1), CostmapConfig(robot_radius=0.45))
+    plan = planner.plan(PlanRequest((5, 20), (35, 20)))
+    axes = Figure().add_subplot()
+    draw(axes, picture_of(plan, planner.costmap))
+    (mark,) = (line for line in axes.get_lines() if line.get_label() == 'closes the way')
+    assert [*mark.get_xdata(), *mark.get_ydata()] == pytest.approx([2.05, 2.05])

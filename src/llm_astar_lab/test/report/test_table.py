@@ -3,35 +3,29 @@
 import csv
 import io
 import math
-from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 from benchmark_samples import rows_with
-from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
+from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval, Ratio
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.table import (
-    NO_RATIO,
     Column,
     Table,
     cell_text,
-    counts,
     csv_table,
     latex,
     markdown,
-    percents,
-    texts,
     texts_of,
     write_tables,
 )
 from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import ResultsFolder
 
-PERCENT = Column('share (%)', 100.0)
+PERCENT = Column('share (%)', 'percent')
 
 
 def table_of(heads, rows):
-    return Table('some', 'Some', texts(*heads), rows)
+    return Table('some', 'Some', tuple(map(Column, heads)), rows)
 
 
 def read_csv(text):
@@ -42,7 +36,7 @@ def test_percentages_show_their_interval_unless_it_is_a_point():
     assert cell_text(Interval(0.5, 0.4, 0.6), PERCENT) == '50.00 (40.00 to 60.00)'
     assert cell_text(Interval(1.0, 1.0, 1.0), PERCENT) == '100.00'
     assert cell_text(UNKNOWN, PERCENT) == '-'
-    assert cell_text(1.5, Column('seconds', digits=1)) == '1.5'
+    assert cell_text(1.5, Column('seconds', 'tenth')) == '1.5'
     assert markdown(table_of(('a', 'b'), [])) == ''
 
 
@@ -55,19 +49,25 @@ def test_a_column_that_says_the_same_in_every_row_is_a_note():
     assert single.without_constants()[0] == single
 
 
-def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unknown():
-    items = [
-        SimpleNamespace(
-            ratio=replace(NO_RATIO, mean=Interval(0.5, 0.4, 0.6)), of={'a.b': 1}, cost=2.0
-        ),
-        SimpleNamespace(ratio=None, of={'a.b': 3}, cost=None),
-    ]
-    heads = (
-        *texts({'name': lambda item: f'no {item.of["a.b"]}'}),
-        *percents({'ratio (%)': 'ratio.mean', 'worst (%)': 'ratio.spread.worst'}),
-        *counts({'cost': 'cost'}),
-    )
-    table = Table.of('some', 'Some', heads, items)
+@pytest.fixture
+def described(monkeypatch):
+    """Describe a table of its own."""
+    heads = {
+        'name': ['text', "'no ' ~ of['a.b']"],
+        'ratio (%)': ['percent', 'ratio.mean'],
+        'worst (%)': ['percent', 'ratio.spread.worst'],
+        'cost': ['count', 'cost'],
+        'gain': ['percent if known', 'gain'],
+        '{} (s)': ['number', 'seconds[{}]'],
+    }
+    found = {'some': {'title': 'Some', 'columns': heads}}
+    monkeypatch.setattr('llm_astar_lab.report.table.descriptions', lambda: found)
+
+
+def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unknown(described):
+    ratio = Ratio(Interval(0.5, 0.4, 0.6), NO_SPREAD)
+    items = [{'ratio': ratio, 'of': {'a.b': 1}, 'cost': 2.0}, {'ratio': None, 'of': {'a.b': 3}}]
+    table = Table.of('some', items)
     assert texts_of(table)[1] == [
         ('no 1', '50.00 (40.00 to 60.00)', '-', '2'),
         ('no 3', '-', '-', '-'),
@@ -75,15 +75,16 @@ def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unk
     assert len(next(csv.reader(io.StringIO(csv_table(table))))) == 6
 
 
-def test_a_column_without_any_value_is_not_added():
-    table = table_of(('name',), [('a',), ('b',)])
-    assert table.with_column(PERCENT, [UNKNOWN, math.nan]) is table
-    wider = table.with_column(PERCENT, [UNKNOWN, 0.5])
-    assert texts_of(wider)[1] == [('a', '-'), ('b', '50.00')]
+def test_a_column_is_there_for_each_name_and_some_only_with_a_value(described):
+    items = [{'gain': UNKNOWN, 'seconds': [1, 2]}, {'gain': 0.5, 'seconds': [3]}]
+    heads, rows = texts_of(Table.of('some', items, ['a{}', 'b']))
+    assert heads[4:] == ('gain', 'a{} (s)', 'b (s)')
+    assert [row[4:] for row in rows] == [('-', '1.00', '2.00'), ('50.00', '3.00', '-')]
+    assert len(texts_of(Table.of('some', items[:1], ['a']))[0]) == 5
 
 
 def test_an_interval_takes_three_columns_of_a_csv_file_and_keeps_all_digits():
-    columns = (*texts('name'), *percents('ratio (%)'), Column('tokens', digits=0))
+    columns = [Column('name'), Column('ratio (%)', 'percent'), Column('tokens', 'count')]
     rows = [('a, b', Interval(1 / 3, 0.25, 0.5), 7), ('c', UNKNOWN, math.nan)]
     first, second = read_csv(csv_table(Table('some', 'Some', columns, rows)))
     assert first['name'] == 'a, b'

@@ -103,7 +103,7 @@ def test_transcripts_of_the_same_model_are_told_apart_by_their_names(
     (tmp_path / 'sub').mkdir()
     same = record(tmp_path / 'sub' / 'one.jsonl', [(0, 3)])
     assert bench(dataset, tmp_path / 'again', '--transcript', f'{one},{same}') == 2
-    assert '2 files named one hold model parrot' in capsys.readouterr().err
+    assert '2 would have the same rows, replay:one, parrot' in capsys.readouterr().err
 
 
 def test_exchanges_of_another_dataset_and_a_changed_transcript_are_told(

@@ -23,6 +23,7 @@ OCCUPIED = 100
 # Of a map that is read from a file: ten times the 4000 x 4000 cells that the planner is made for.
 MAX_CELLS = 160_000_000
 MIN_RESOLUTION = 1e-6
+NO_RULES: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
 # A point nearer to a cell border than this, in cells, lies on the border.
 BORDER_TOLERANCE = 1e-6
 # Metres. Points beyond are off any map, and their cells might overflow.
@@ -62,8 +63,15 @@ class Composed(Protocol):
     def base(self) -> GridMap:
         """The map without what was composed onto it."""
 
+    @property
+    def forbidden(self) -> NDArray[np.uint8]:
+        """The moves that rules of the road forbid, see `GridMap.forbidden`."""
+
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
         """Yield of all that closes cells its kind, name and window, and which cells of that."""
+
+    def rules(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.uint8]]]:
+        """Yield of each rule of the road its kind, name, window, and what it forbids there."""
 
     def without_each(self) -> Iterator[tuple[str, GridMap]]:
         """Yield the label of each zone, with the map without it."""
@@ -121,13 +129,22 @@ class GridMap:
         return int(self.cells.shape[0])
 
     @cached_property
+    def forbidden(self) -> NDArray[np.uint8]:
+        """The moves out of each cell that rules of the road forbid: uint8 [height, width].
+
+        Bits 0 to 7 are the moves +x, +y, -x, -y, +x+y, -x+y, -x-y, +x-y. Empty without rules.
+        """
+        return NO_RULES if self.composed is None else self.composed.forbidden
+
+    @cached_property
     def digest(self) -> str:
-        """Twelve hex digits that identify the map: cells, resolution, origin and frame."""
+        """Twelve hex digits that identify the map: cells, rules, resolution, origin and frame."""
         # An OccupancyGrid holds a float32; this keeps the digest equal before and after a message.
         resolution = float(np.float32(self.resolution))
         header = f'{self.cells.shape} {resolution!r} {tuple(self.origin)!r} {self.frame_id}'
         digest = hashlib.sha256(header.encode())
         digest.update(self.cells.data)  # as it lies in memory: 0.6 ms a million cells
+        digest.update(self.forbidden.tobytes())
         return digest.hexdigest()[:12]
 
     @property
@@ -140,8 +157,12 @@ class GridMap:
         return self.layout == other.layout
 
     def is_equal_to(self, other: GridMap) -> bool:
-        """Tell whether both maps have the same cells at the same places: faster than digests."""
-        return self.is_laid_out_as(other) and np.array_equal(self.cells, other.cells)
+        """Tell whether both maps have the same cells and rules: faster than digests."""
+        return (
+            self.is_laid_out_as(other)
+            and np.array_equal(self.cells, other.cells)
+            and np.array_equal(self.forbidden, other.forbidden)
+        )
 
     def contains(self, cell: tuple[int, int]) -> bool:
         """Tell whether the cell (x, y) lies on the map."""

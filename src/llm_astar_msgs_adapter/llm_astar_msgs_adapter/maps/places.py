@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -43,7 +43,7 @@ MAX_NAME_CHARS = 80
 GEOMETRIES = ('Polygon', 'MultiPolygon', 'Point')
 LINES = ('LineString', 'MultiLineString')
 # Nested lists below `coordinates`: of a MultiPolygon polygons, rings, points, numbers.
-DEPTHS = {'Point': 1, 'Polygon': 3, 'MultiPolygon': 4}
+DEPTHS = {'Point': 1, 'LineString': 2, 'MultiLineString': 3, 'Polygon': 3, 'MultiPolygon': 4}
 # Parts of an area below this count as drawn inexactly. Rooms usually share the wall between them.
 TOLERATED = 0.05
 MAX_PROBLEMS = 20
@@ -283,13 +283,13 @@ def parse_names(value: object, where: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(parse_name(item, where) for item in names))
 
 
-def parse_geometry(geometry: Mapping[str, Any], where: str) -> BaseGeometry:
-    """Return a polygon, several, or a point. Raises PlacesError, which begins with `where`."""
-    kind, coordinates = geometry.get('type'), geometry.get('coordinates')
-    if kind not in GEOMETRIES:
-        raise PlacesError(
-            f'{where}: geometry: {short_repr(kind)} is not one of {", ".join(GEOMETRIES)}'
-        )
+def parse_geometry(
+    geometry: Mapping[str, Any], where: str, kinds: Sequence[str] = GEOMETRIES
+) -> BaseGeometry:
+    """Return a geometry of some kinds. Raises PlacesError, which begins with `where`."""
+    kind, coordinates = str(geometry.get('type')), geometry.get('coordinates')
+    if kind not in kinds:
+        raise PlacesError(f'{where}: geometry: {kind[:40]!r} is not one of {", ".join(kinds)}')
     count = check_coordinates(coordinates, DEPTHS[kind], f'{where}: coordinates')
     if count > MAX_VERTICES:
         raise PlacesError(f'{where}: coordinates: {count} points are over {MAX_VERTICES}')
@@ -300,7 +300,7 @@ def parse_geometry(geometry: Mapping[str, Any], where: str) -> BaseGeometry:
     if not found.is_valid:
         reason = shapely.is_valid_reason(found)
         raise PlacesError(f'{where}: coordinates: {reason}; the outline must not cross itself')
-    if found.is_empty or (kind != 'Point' and not found.area > 0.0):
+    if found.is_empty or (kind in GEOMETRIES[:2] and not found.area > 0.0):
         raise PlacesError(f'{where}: coordinates: the place has no area; draw it, or use a Point')
     return found
 

@@ -185,30 +185,45 @@ def places_to_markers(places: Places, stamp: Time) -> MarkerArray:
 
 
 def zones_to_markers(
-    zones: Iterable[tuple[str, BaseGeometry, bool]], frame_id: str, stamp: Time
+    zones: Iterable[tuple[str, BaseGeometry, bool, Sequence[tuple[Point2D, ...]]]],
+    frame_id: str,
+    stamp: Time,
 ) -> MarkerArray:
-    """Draw zones: label, polygon in metres, and whether it is closed to the robot.
+    """Draw zones: label, polygon in metres, whether it is closed to the robot, and arrows.
 
-    Each is a text and a line strip around each ring. The first marker deletes those before.
+    Each is a text, a line strip around each ring, and arrows from point to point. The first marker
+    deletes those before.
     """
     areas = [
-        Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True)
-        for label, geometry, is_closed in zones
+        Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True, arrows)
+        for label, geometry, is_closed, arrows in zones
     ]
     return areas_to_markers('zones', areas, frame_id, stamp)
 
 
+def reasons_to_markers(
+    reasons: Iterable[tuple[str, Sequence[Sequence[float]]]], frame_id: str, stamp: Time
+) -> list[Marker]:
+    """Draw what explains a plan: names, and lines through points (x, y) in metres, not none."""
+    areas = [
+        Area(name, shapely.LineString([*points, points[-1]]), CLOSED_COLOUR, TEXT_SIZE)
+        for name, points in reasons
+    ]
+    return list(areas_to_markers('reasons', areas, frame_id, stamp).markers[1:])
+
+
 class Area(NamedTuple):
-    """A named place or zone: its name has a height in metres, its holes may have outlines too."""
+    """A named place, zone or line: its name has a height in metres, holes may have outlines."""
 
     name: str
     geometry: BaseGeometry
     colour: Colour
     size: float
     with_holes: bool = False
+    arrows: Sequence[tuple[Point2D, ...]] = ()
 
     def markers(self) -> Iterator[Marker]:
-        """Yield the name and the closed outlines of the polygons; a point has none."""
+        """Yield the name, closed outlines of polygons, and lines; a point has none."""
         colour = rgba(self.colour)
         inside = self.geometry.representative_point()
         text = Marker(type=Marker.TEXT_VIEW_FACING, text=self.name, color=colour)
@@ -217,11 +232,20 @@ class Area(NamedTuple):
         yield text
         for part in shapely.get_parts(self.geometry):
             holes = part.interiors if self.with_holes else ()
-            for ring in (part.exterior, *holes) if part.geom_type == 'Polygon' else ():
-                outline = Marker(type=Marker.LINE_STRIP, color=colour)
-                outline.scale.x = LINE_WIDTH
-                outline.points = [Point(x=x, y=y, z=0.0) for x, y in ring.coords]
-                yield outline
+            is_polygon = part.geom_type == 'Polygon'
+            lines = [part] if part.geom_type == 'LineString' else []
+            for ring in (part.exterior, *holes) if is_polygon else lines:
+                yield self.through(ring.coords, Marker.LINE_STRIP)
+        for points in self.arrows:
+            yield self.through(points, Marker.ARROW)
+
+    def through(self, points: Iterable[Sequence[float]], kind: int) -> Marker:
+        """Return a line or an arrow through points."""
+        marker = Marker(type=kind, color=rgba(self.colour))
+        marker.scale.x = LINE_WIDTH
+        marker.scale.y = 3.0 * LINE_WIDTH if kind == Marker.ARROW else 0.0
+        marker.points = [Point(x=x, y=y, z=0.0) for x, y in points]
+        return marker
 
 
 def areas_to_markers(

@@ -4,7 +4,11 @@ import pytest
 import shapely
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
-from llm_astar_msgs_adapter.messages.markers import places_to_markers
+from llm_astar_msgs_adapter.messages.markers import (
+    places_to_markers,
+    reasons_to_markers,
+    zones_to_markers,
+)
 from visualization_msgs.msg import Marker
 
 PLACES = Places(
@@ -41,3 +45,16 @@ def test_names_lie_in_their_place_and_grow_with_the_map():
 def test_no_places_delete_the_last_ones():
     (clear,) = places_to_markers(NO_PLACES, Time()).markers
     assert clear.action == Marker.DELETEALL
+
+
+def test_zones_have_arrows_and_reasons_are_lines_with_names():
+    zone = 'in', shapely.box(0, 0, 2, 2), False, [((1.0, 1.0), (2.0, 1.0))]
+    _, text, outline, arrow = zones_to_markers([zone], 'floor', Time()).markers
+    assert (text.text, len(outline.points)) == ('in', 5)
+    assert (arrow.type, arrow.points[1].x, arrow.scale.y > 0.0) == (Marker.ARROW, 2.0, True)
+    reasons = [('spill', [[1.0, 2.0], [3.0, 2.0]]), ('radius', [[5.0, 5.0]])]
+    markers = reasons_to_markers(reasons, 'floor', Time())
+    assert {marker.ns for marker in markers} == {'reasons'}
+    assert [marker.text for marker in markers if marker.text] == ['spill', 'radius']
+    line = next(marker for marker in markers if marker.type == Marker.LINE_STRIP)
+    assert [point.x for point in line.points] == [1.0, 3.0, 3.0]

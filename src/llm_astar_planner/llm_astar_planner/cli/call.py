@@ -125,7 +125,7 @@ def print_plan(
             caller.confirm(text, is_meant=answer)
     places = open_places(arguments.places_file, None) if arguments.places_file else None
     start, goal = (caller.pose(end, places) for end in ends)
-    plan = caller.plan(start, goal, arguments.frame)
+    plan = caller.call(start, goal, arguments.frame, caller.seconds)
     if draw is not None:
         draw(plan, (start, goal), arguments)
     if arguments.json:

@@ -153,6 +153,22 @@ def open_places(name: str, map_name: str | None) -> place_files.Places:
     return place_files.NO_PLACES if beside is None else named_places(beside)
 
 
+def zones_text(name: str | None) -> str:
+    """Return the text of a file of zones, '' for none. Raises ZonesError, FileNotFoundError."""
+    if not name:
+        return ''
+    # shapely, which plans without zones do not take.
+    from llm_astar_planner.costmap.zone_file import zones_from_text  # noqa: PLC0415
+    from llm_astar_planner.costmap.zones import ZonesError  # noqa: PLC0415
+
+    text = find_file(name, 'maps').read_text(encoding='utf-8')
+    try:
+        zones_from_text(text)
+    except ZonesError as error:
+        raise ZonesError(f'{name}: {error}') from None
+    return text
+
+
 def named_places(path: Path) -> place_files.Places:
     """Return the places of a file that instructions can name. Raises PlacesError."""
     # Its tables take a tenth of a second to read.

@@ -34,7 +34,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.waypoints.config import SourceSettings
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.planner_client import PlannerState
+    from llm_astar_planner.nodes.tools.planner_client import PlannerCaller
 
 # The longest wait for an answer of the graph; a small model takes long to understand.
 GRAPH_SECONDS = 60.0
@@ -61,10 +61,10 @@ def run(arguments: argparse.Namespace) -> int:
         tools = tools_of_files(arguments)
         make_server(lambda: tools).run('stdio')
         return 0
-    from llm_astar_planner.nodes.tools.planner_client import PlannerState, calling  # noqa: PLC0415
+    from llm_astar_planner.nodes.tools.planner_client import calling  # noqa: PLC0415
 
     with calling(arguments.namespace, arguments.node, GRAPH_SECONDS) as caller:
-        make_server(GraphTools(PlannerState(caller)).current).run('stdio')
+        make_server(GraphTools(caller).current).run('stdio')
     return 0
 
 
@@ -81,20 +81,20 @@ def tools_of_files(arguments: argparse.Namespace) -> RouteTools:
 class GraphTools:
     """Makes route tools on what a running planner has; they are made again when that changes."""
 
-    def __init__(self, state: PlannerState) -> None:
-        """Take the state of a planner."""
-        self._state = state
+    def __init__(self, caller: PlannerCaller) -> None:
+        """Take a caller of the planner."""
+        self._caller = caller
         self._lock = threading.Lock()
         self._planner: Planner | None = None
 
     def current(self) -> RouteTools:
         """Return the tools. Raises PlannerClientError where the planner does not answer."""
         with self._lock:
-            values = self._state.values([item.name for item in planning_options.RULES])
-            grid_map, config = self._state.grid_map(), costmap_config(values)
+            values = self._caller.values([item.name for item in planning_options.RULES])
+            grid_map, config = self._caller.grid_map(), costmap_config(values)
             known = self._planner
             if known is None or (known.grid_map.digest, known.config) != (grid_map.digest, config):
                 self._planner = known = Planner(grid_map, config).prepare()
         settings = SourceSettings(timeout_s=GRAPH_SECONDS)
         options = planning_options.PlanningOptions(values, settings)
-        return RouteTools(known, self._state.places(), self._state, options)
+        return RouteTools(known, self._caller.places(), self._caller, options)

@@ -93,9 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 def answered(question: str, asked: Problem) -> dict[str, Any]:
     """Answer a question about what was planned. Raises QuestionError."""
     # The grammar takes a while to import, and other plans do not need it.
-    from llm_astar_planner.instructions.grammar.interpreter import (  # noqa: PLC0415
-        GrammarInterpreter,
-    )
+    from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter  # noqa: PLC0415
     from llm_astar_planner.planning.questions import Questions  # noqa: PLC0415
 
     questions = Questions(asked.planner, asked.request, GrammarInterpreter(), asked.places)

@@ -18,6 +18,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
 from llm_astar_planner.cli import flags, map_files
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.costmap.zone_layer import with_zones
 from llm_astar_planner.instructions import interpretation as readings
 from llm_astar_planner.instructions.confirmations import Confirmations
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
@@ -25,8 +26,7 @@ from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning import parameters
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import PLANNER, SOURCE
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE, read_parameter_files
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file, state_file
@@ -49,10 +49,16 @@ class PlanningOptions:
     values: dict[str, Any]
     settings: SourceSettings
 
-    def make_planner(self, problem: ProblemMap) -> Planner:
-        """Return a planner for a map; it still has to be prepared."""
+    def make_planner(self, problem: ProblemMap, zones: str = '') -> Planner:
+        """Return a planner for a map with zones, a GeoJSON text; it still has to be prepared.
+
+        Raises ZonesError.
+        """
         barriers = problem if isinstance(problem, BarrierMap) else None
-        return Planner(problem.to_grid(), parameters.costmap_config(self.values), barriers)
+        config, grid_map = parameters.costmap_config(self.values), problem.to_grid()
+        if zones:
+            grid_map = with_zones(grid_map, zones, config)
+        return Planner(grid_map, config, barriers)
 
     def make_interpreter(self) -> readings.Interpreter:
         """Return who understands instructions. Raises ParameterError, TranscriptError."""
@@ -127,6 +133,8 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
     where = parser.add_argument_group('where')
     map_files.add_map_options(where, default=default_map)
     map_files.add_places_option(where)
+    text = 'GeoJSON with zones on the map and rules of the road, or a nav2_route graph'
+    flags.option(where, '--zones FILE', text)
     text = 'start-goal pair of the map, unless start and goal are given (default: 0)'
     flags.option(where, '--pair N', text, default=0)
     first, last = (where.add_mutually_exclusive_group() for _ in range(2))
@@ -151,9 +159,7 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
 
 
 def parameter_values(
-    arguments: argparse.Namespace,
-    items: Iterable[Parameter],
-    file: Mapping[str, Scalar] | None,
+    arguments: argparse.Namespace, items: Iterable[Parameter], file: Mapping[str, Scalar] | None
 ) -> dict[str, Any]:
     """Return every parameter's value: of its flag, else of a file, else its default.
 
@@ -196,7 +202,7 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
     else:
         maps = [problem := parse_query(arguments.query)]
     options = read_planning_options(arguments, problem)
-    planner = options.make_planner(problem)
+    planner = options.make_planner(problem, map_files.zones_text(arguments.zones))
     map_file = arguments.map if arguments.query is None else None
     places = map_files.open_places(options.values['places_file'], map_file)
     map_files.warn_of_places(places, planner.grid_map)
@@ -222,10 +228,7 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
 
 
 def waypoint_source(
-    arguments: argparse.Namespace,
-    options: PlanningOptions,
-    maps: list[ProblemMap],
-    offset: Point,
+    arguments: argparse.Namespace, options: PlanningOptions, maps: list[ProblemMap], offset: Point
 ) -> WaypointSource | None:
     """Return the source of waypoints, or None. Raises what making one raises."""
     if arguments.reply is not None:

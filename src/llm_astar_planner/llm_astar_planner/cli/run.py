@@ -34,8 +34,7 @@ from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import PLACES_FILE, add_places_option
 from llm_astar_planner.nodes.common.process import PARENT_VARIABLE, handling
 from llm_astar_planner.parameter import ParameterError, Scalar
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import NODES, check_names
+from llm_astar_planner.planning.parameters import NODES, check_names, read_parameter_files
 from llm_astar_planner.resources import find_file
 
 POLL_SECONDS = 0.2

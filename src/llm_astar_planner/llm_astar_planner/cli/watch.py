@@ -35,7 +35,7 @@ from llm_astar_planner.cli.flags import add_graph_options, at_least, option
 from llm_astar_planner.nodes.common.process import handling
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.monitor import Monitor, MonitorEvent
+    from llm_astar_planner.nodes.tools.planner_client import Monitor, MonitorEvent
 
 # After how long without a message of the planner the user is advised what to check.
 SILENCE_SECONDS = 3.0
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Watch until Ctrl-C or `--count` plans; return 0. Raises NodeNameError."""
-    from llm_astar_planner.nodes.tools.monitor import monitoring  # noqa: PLC0415
+    from llm_astar_planner.nodes.tools.planner_client import monitoring  # noqa: PLC0415
 
     stopped = threading.Event()
     # Not an exception: raised while the node is made, it would leave half a node, which aborts

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, cover
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
@@ -115,7 +114,17 @@ class Costmap:
             cost=self._graded_cost(),
             cost_multiplier=self.config.cost_travel_multiplier,
             unknown_cost=self.config.unknown_cost,
-        )
+        ).with_rules(self.grid_map.forbidden)
+
+    def reached(self, start: Cell) -> Tiles:
+        """Return `components`, or the like of the cells that rules of the road let a start reach.
+
+        There these are the component of the start.
+        """
+        if not self.grid_map.forbidden.size:
+            return self.components
+        # A diagonal move may have led there, past corners that it must not reach.
+        return Tiles.build(~self.grid_graph.reach(start), corner_cutting=True)
 
     def _graded_cost(self) -> NDArray[np.int8] | None:
         """Return `cost` if it matters to any path, else None."""
@@ -137,7 +146,8 @@ class Costmap:
         self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
-            self.grid_graph = graph.updated(self.blocked, self._graded_cost(), windows)
+            graph = graph.without_rules.updated(self.blocked, self._graded_cost(), windows)
+            self.grid_graph = graph.with_rules(now.forbidden)
         if 'components' in layers:
             self.components = layers['components'].updated(self.blocked, windows)
         self._changes = windows
@@ -148,14 +158,17 @@ class Costmap:
         # Kernels that no search takes.
         from llm_astar_planner.search.coarse import CoarseGraph  # noqa: PLC0415
 
-        return CoarseGraph(self.components, self.grid_graph)
+        return CoarseGraph(self.components, self.grid_graph.without_rules)
 
     @cached_property
     def is_barrier_map(self) -> bool:
         """Whether a few dozen straight barriers block all that is blocked, as in the paper."""
-        if max(self.blocked.shape) > MAX_SIDE:
+        # Readers of files, which no search takes.
+        from llm_astar_msgs_adapter.maps import barrier_decomposition  # noqa: PLC0415
+
+        if max(self.blocked.shape) > barrier_decomposition.MAX_SIDE:
             return False
-        barriers, are_all = cover(self.blocked, MAX_BARRIERS, only_all=True)
+        barriers, are_all = barrier_decomposition.cover(self.blocked, MAX_BARRIERS, only_all=True)
         return are_all and bool(barriers)
 
     @cached_property

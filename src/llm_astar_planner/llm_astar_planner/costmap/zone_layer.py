@@ -21,7 +21,9 @@ from llm_astar_planner.costmap.filter_masks import (
     zone_costs,
 )
 from llm_astar_planner.costmap.raster import Window, cover_window, window_of
-from llm_astar_planner.costmap.zones import KEEPOUT, Zone, ZonesError
+from llm_astar_planner.costmap.zone_file import zones_from_text
+from llm_astar_planner.costmap.zone_rules import forbidden_moves
+from llm_astar_planner.costmap.zones import KEEPOUT, PREFERRED, RULES, Zone, Zones, ZonesError
 
 # Zones of a map that are named in a report.
 MOST_NAMED = 20
@@ -52,18 +54,34 @@ class ZoneLayer:
         self.config = config or CostmapConfig()
         self.rules = self.config, max_speed
         self._layout = layout.layout
-        covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
+        covered = [(zone, window_of(zone.area, layout)) for zone in zones]
         self.zones = [(zone, window) for zone, window in covered if has_cells(window)]
         check_size(window for _, window in self.zones)
         self.masks = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
         shape = Window(0, layout.height, 0, layout.width)
-        self._window = shape if self.masks else union(window for _, window in self.zones)
+        roads = [pair for pair in self.zones if pair[0].kind == PREFERRED]
+        is_whole = self.masks or roads
+        self._window = shape if is_whole else union(window for _, window in self.zones)
         top, bottom, left, right = self._window
         self._costs = np.full((bottom - top, right - left), TRANSPARENT, dtype=np.int8)
         for mask, table in self.masks:
             paint_mask(mask.grid_map, table, layout, self._costs)
         for zone, window in self.zones:
-            self._paint_zone(zone, window, layout)
+            if zone.cost and zone.kind != PREFERRED:
+                self._paint(zone.cost, cover_window(zone.area, layout, window).touched, window)
+        if roads:
+            cost = max(zone.cost for zone, _ in roads)
+            self._paint(cost, off_roads(roads, layout), shape)
+        # Of each rule the zone, its part of the map, and the moves that it forbids there.
+        self.rules_of = [
+            (zone, *forbidden_moves(zone, window, layout))
+            for zone, window in self.zones
+            if zone.kind in RULES
+        ]
+        self.forbidden = np.zeros(layout.cells.shape if self.rules_of else (0, 0), dtype=np.uint8)
+        for _, part, moves in self.rules_of:
+            self.forbidden[part] |= moves
+        self.forbidden.flags.writeable = False
 
     def fits(self, grid_map: GridMap) -> bool:
         """Tell whether the layer lies on this map as on its own."""
@@ -97,15 +115,23 @@ class ZoneLayer:
         if len(self.zones) > MOST_NAMED:
             yield f'and {len(self.zones) - MOST_NAMED} more'
 
-    def _paint_zone(self, zone: Zone, window: Window, layout: GridMap) -> None:
-        """Raise the costs to a zone's, in its window."""
-        touched = cover_window(zone.geometry, layout, window).touched
-        cost = zone_costs(np.array(zone.cost), self.config).astype(np.int8)
+    def _paint(self, cost: int, cells: NDArray[np.bool_], window: Window) -> None:
+        """Raise the costs of cells in a window to those of a zone with this cost."""
+        costs = zone_costs(np.array(cost), self.config).astype(np.int8)
         top, _, left, _ = self._window
         part = self._costs[
             window.top - top : window.bottom - top, window.left - left : window.right - left
         ]
-        np.maximum(part, np.where(touched, cost, TRANSPARENT), out=part)
+        np.maximum(part, np.where(cells, costs, TRANSPARENT), out=part)
+
+
+def off_roads(roads: Iterable[tuple[Zone, Window]], layout: GridMap) -> NDArray[np.bool_]:
+    """Return the cells of a map that no preferred line touches: bool [height, width]."""
+    off = np.ones(layout.cells.shape, dtype=np.bool_)
+    for zone, window in roads:
+        top, bottom, left, right = window
+        off[top:bottom, left:right] &= ~cover_window(zone.area, layout, window).touched
+    return off
 
 
 class ComposedZones(NamedTuple):
@@ -114,18 +140,32 @@ class ComposedZones(NamedTuple):
     base: GridMap
     layer: ZoneLayer
 
+    @property
+    def forbidden(self) -> NDArray[np.uint8]:
+        """What `Composed.forbidden` is."""
+        return self.layer.forbidden
+
     def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
         """Yield what `Composed.closed` does."""
-        for zone, (top, bottom, left, right) in self.layer.zones:
-            if zone.cost == KEEPOUT:
-                window = Window(top, bottom, left, right)
-                touched = cover_window(zone.geometry, self.base, window).touched
+        whole = slice(0, self.base.height), slice(0, self.base.width)
+        roads = [pair for pair in self.layer.zones if pair[0].kind == PREFERRED]
+        strict = [zone.label for zone, _ in roads if zone.cost == KEEPOUT]
+        if strict:
+            yield 'zone', strict[0], whole, off_roads(roads, self.base)
+        for zone, window in self.layer.zones:
+            if zone.cost == KEEPOUT and zone.kind != PREFERRED:
+                top, bottom, left, right = window
+                touched = cover_window(zone.area, self.base, window).touched
                 yield 'zone', zone.label, (slice(top, bottom), slice(left, right)), touched
         for mask, table in self.layer.masks:
             costs = np.full(self.base.cells.shape, TRANSPARENT, dtype=np.int8)
             paint_mask(mask.grid_map, table, self.base, costs)
-            whole = slice(0, self.base.height), slice(0, self.base.width)
             yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
+
+    def rules(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.uint8]]]:
+        """Yield what `Composed.rules` does."""
+        for zone, window, moves in self.layer.rules_of:
+            yield zone.kind, zone.label, window, moves
 
     def without_each(self) -> Iterator[tuple[str, GridMap]]:
         """Yield what `Composed.without_each` does."""
@@ -133,6 +173,14 @@ class ComposedZones(NamedTuple):
         for zone, _ in self.layer.zones:
             left = [other for other, _ in self.layer.zones if other is not zone]
             yield zone.label, ZoneLayer(self.base, left, masks, *rules).compose(self.base)
+
+
+def with_zones(grid_map: GridMap, text: str, config: CostmapConfig) -> GridMap:
+    """Return a map with the zones of a GeoJSON text in its frame. Raises ZonesError."""
+    zones, frame_id = zones_from_text(text)
+    if frame_id not in ('', grid_map.frame_id):
+        raise ZonesError(f'zones: frame_id: {frame_id!r} is not {grid_map.frame_id!r} of the map')
+    return ZoneLayer(grid_map, Zones(zones), config=config).compose(grid_map)
 
 
 def has_cells(window: Window) -> bool:

@@ -1,17 +1,24 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Zones: areas that are closed to the robot, or that cost more, set while the planner runs."""
+"""Zones: areas that are closed to the robot, cost more or have rules, set while it runs.
+
+Rules of the road: against a `one_way` no move is made, in a `keep_right` lane the right half is
+driven along its line and the left half against it, and off the `preferred` lines cells cost more.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FAR
+from llm_astar_msgs_adapter.maps.places import LINES
 from shapely.geometry.base import BaseGeometry
 
 KEEPOUT = 100
@@ -20,6 +27,13 @@ MAX_ZONES = 1000
 MAX_VERTICES = 10_000
 MAX_TOTAL_VERTICES = 50_000
 MAX_ID_CHARS = 80
+MAX_WIDTH = 1000.0
+AREA, ONE_WAY, KEEP_RIGHT, PREFERRED = 'area', 'one_way', 'keep_right', 'preferred'
+# The kinds, with the cost that each has unless another is given; 0: none.
+COSTS = {AREA: KEEPOUT, ONE_WAY: 0, KEEP_RIGHT: 0, PREFERRED: 50}
+RULES = (ONE_WAY, KEEP_RIGHT)
+POLYGONS = ('Polygon', 'MultiPolygon')
+Point2D = tuple[float, float]
 
 
 class ZonesError(LlmAstarError, ValueError):
@@ -28,11 +42,13 @@ class ZonesError(LlmAstarError, ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """An area in metres of the map's frame: a shapely Polygon or MultiPolygon, holes included.
+    """An area in metres of the map's frame: polygons, holes included, or lines with a `width`.
 
-    A `cost` of KEEPOUT (100) closes the cells that the area touches; from 1 to 99 they cost as
-    much as cells of this occupancy, and stay open. The zone ends at `expires`, in seconds of the
-    clock that `Zones.expired` is asked with; None: never. Raises ZonesError.
+    A `cost` of KEEPOUT (100) closes the cells that the area touches, of a PREFERRED one all
+    others; from 1 to 99 they cost as much as cells of this occupancy, and stay open. The zone
+    ends at `expires`, in seconds of the clock that `Zones.expired` is asked with; None: never.
+    `heading` is the way of ONE_WAY polygons, in degrees from the frame's +x towards its +y; lines
+    have their own. Raises ZonesError.
     """
 
     id: str
@@ -40,18 +56,62 @@ class Zone:
     cost: int = KEEPOUT
     name: str = ''
     expires: float | None = None
+    kind: str = AREA
+    heading: float = math.nan
+    width: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the fields."""
         if not 0 < len(self.id) <= MAX_ID_CHARS or not self.id.isprintable():
             raise ZonesError(f'id: {short_repr(self.id)} is not 1 to {MAX_ID_CHARS} characters')
-        if not (isinstance(self.cost, int) and 1 <= self.cost <= KEEPOUT):
-            raise ZonesError(f'zone {self.label}: cost: {self.cost!r} is not in 1 to {KEEPOUT}')
+        least = min(COSTS.get(self.kind, 1), 1)
+        if not (isinstance(self.cost, int) and least <= self.cost <= KEEPOUT):
+            raise ZonesError(
+                f'zone {self.label}: cost: {self.cost!r} is not in {least} to {KEEPOUT}'
+            )
         problem = geometry_problem(self.geometry)
         if problem is not None:
             raise ZonesError(f'zone {self.label}: geometry: {problem}')
+        if self.kind not in COSTS:
+            problem = f'kind: {short_repr(self.kind)} is not one of {", ".join(COSTS)}'
+        elif self.is_line and not 0.0 < self.width <= MAX_WIDTH:
+            problem = f'width: {self.width:g} m is not above 0 and up to {MAX_WIDTH:g}'
+        elif self.kind == KEEP_RIGHT and not self.is_line:
+            problem = f'geometry: {KEEP_RIGHT} is a line with a width, not a polygon'
+        elif self.kind == ONE_WAY and not (self.is_line or math.isfinite(self.heading)):
+            problem = 'heading: degrees from +x towards +y are expected for a one_way polygon'
+        if problem is not None:
+            raise ZonesError(f'zone {self.label}: {problem}')
         if self.expires is not None and not math.isfinite(self.expires):
             raise ZonesError(f'zone {self.label}: expires: {self.expires} is not finite')
+
+    @property
+    def is_line(self) -> bool:
+        """Whether the zone is drawn as lines."""
+        return self.geometry.geom_type in LINES
+
+    @cached_property
+    def area(self) -> BaseGeometry:
+        """The polygons of the zone: of lines all that lies within half of the width."""
+        return self.geometry.buffer(self.width / 2.0) if self.is_line else self.geometry
+
+    @property
+    def rule(self) -> dict[str, object]:
+        """The fields that plain areas do not have, by name."""
+        given = {'kind': self.kind != AREA, 'heading': math.isfinite(self.heading)}
+        given['width'] = self.width > 0.0
+        return {name: getattr(self, name) for name, is_given in given.items() if is_given}
+
+    def arrows(self) -> list[tuple[Point2D, ...]]:
+        """Return pairs of points, from which to which a rule leads, for pictures."""
+        if self.kind not in RULES:
+            return []
+        lines = [list(line.coords) for line in shapely.get_parts(self.geometry) if self.is_line]
+        if not lines:
+            middle, angle = self.geometry.representative_point(), math.radians(self.heading)
+            ahead = middle.x + math.cos(angle), middle.y + math.sin(angle)
+            lines = [[(middle.x, middle.y), ahead]]
+        return [pair for line in lines for pair in pairwise(line)]
 
     @property
     def label(self) -> str:
@@ -66,8 +126,8 @@ class Zone:
 
 def geometry_problem(geometry: BaseGeometry) -> str | None:
     """Say why a geometry cannot be a zone's, None where it can."""
-    if geometry.geom_type not in ('Polygon', 'MultiPolygon'):
-        return f'a {geometry.geom_type} is not a Polygon or MultiPolygon'
+    if geometry.geom_type not in POLYGONS + LINES:
+        return f'a {geometry.geom_type} is not a Polygon or MultiPolygon, or a line'
     count = int(shapely.get_num_coordinates(geometry))
     if count > MAX_VERTICES:
         return f'{count} points are over {MAX_VERTICES}; simplify it'
@@ -76,7 +136,8 @@ def geometry_problem(geometry: BaseGeometry) -> str | None:
         return 'its points must be finite and in metres of the map'
     if not geometry.is_valid:
         return f'{shapely.is_valid_reason(geometry)}; the outline must not cross itself'
-    return None if geometry.area > 0.0 else 'it has no area'
+    is_large = geometry.area if geometry.geom_type in POLYGONS else geometry.length
+    return None if is_large > 0.0 else 'it has no area'
 
 
 class Zones:

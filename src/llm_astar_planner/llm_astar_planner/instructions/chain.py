@@ -3,8 +3,6 @@
 
 """Interpreters in a chain, with a memory of what was understood."""
 
-from __future__ import annotations
-
 import logging
 import math
 import threading
@@ -47,6 +45,7 @@ MAX_WAITING = 8
 MAX_CALLBACKS = 32
 DROPPED = 'dropped, since newer questions came'
 Callback = Callable[[Interpretation], None]
+Waiting = tuple[Interpretation, Places, list[Callback]]
 
 
 class CachedInterpreter:
@@ -91,16 +90,13 @@ class CachedInterpreter:
         except Exception as error:  # noqa: BLE001 - no sentence may ever stop a plan
             _LOG.exception('the interpreter %s failed', self.name)
             answer = not_understood(text, f'{type(error).__name__} in {self.name}')
+        # A missing answer is not remembered for long, an answer for ever.
+        seconds = FAILED_S if answer.status is Understanding.PENDING else math.inf
         with self._lock:
-            self._known[key] = answer, time.monotonic() + remembered_for(answer)
+            self._known[key] = answer, time.monotonic() + seconds
             del self._running[key]
         mine.set_result(answer)
         return answer
-
-
-def remembered_for(answer: Interpretation) -> float:
-    """Return for how many seconds: a missing answer not for long, an answer for ever."""
-    return FAILED_S if answer.status is Understanding.PENDING else math.inf
 
 
 def as_remembered(interpretation: Interpretation) -> Interpretation:
@@ -113,10 +109,8 @@ def wait_for(running: Future[Interpretation], text: str, time_limit: float) -> I
     try:
         return as_remembered(running.result(min(time_limit, threading.TIMEOUT_MAX)))
     except FutureTimeoutError:
-        return replace(
-            not_understood(text, f'no answer within {time_limit:.1f} s'),
-            status=Understanding.PENDING,
-        )
+        detail = f'no answer within {time_limit:.1f} s'
+        return not_understood(text, detail, status=Understanding.PENDING)
 
 
 class ChainInterpreter:
@@ -162,13 +156,12 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
     pending = not best.is_read and any(part.status is Understanding.PENDING for part in readings)
+    cost = ('seconds', 'prompt_tokens', 'output_tokens')
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
         detail='; '.join(filter(None, dict.fromkeys(reasons))),
-        seconds=sum(reading.seconds for reading in readings),
-        prompt_tokens=sum(reading.prompt_tokens for reading in readings),
-        output_tokens=sum(reading.output_tokens for reading in readings),
+        **{name: sum(getattr(one, name) for one in readings) for name in cost},
     )
 
 
@@ -201,12 +194,8 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
     # The form is that of prompts for waypoints.
-    asked = replace(
-        settings,
-        response_format='json_schema',
-        max_output_tokens=tokens,
-        prompt_form=MESSAGE,
-    )
+    asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
+    asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(ChatClient(asked), examples=examples, recorder=recorder)
@@ -222,17 +211,24 @@ class BackgroundInterpreter:
 
     def __init__(self, quick: Interpreter, slow: Interpreter, time_limit: float = 120.0) -> None:
         """Start the worker. `time_limit` is the seconds that the slow one may take."""
-        self.name = slow.name
         self._quick = CachedInterpreter(quick)
-        self._slow = CachedInterpreter(slow)
         self._time_limit = time_limit
         self._changed = threading.Condition()
-        self._waiting: OrderedDict[Key, tuple[Interpretation, Places, list[Callback]]] = (
-            OrderedDict()
-        )
+        self._waiting: OrderedDict[Key, Waiting] = OrderedDict()
         self._closed = False
-        self._worker = threading.Thread(target=self._work, name='instructions', daemon=True)
-        self._worker.start()
+        self.ask(slow)
+
+    def ask(self, slow: Interpreter) -> None:
+        """Ask this slow interpreter from now on, what waits already included.
+
+        What the one before has answered is forgotten; it still answers the question it is asked.
+        """
+        with self._changed:
+            self._slow = asked = CachedInterpreter(slow)
+            self._changed.notify_all()
+        threading.Thread(
+            target=self._work, args=(asked,), name='instructions', daemon=True
+        ).start()
 
     def interpret_now(
         self, text: str, places: Places, on_answer: Callback | None = None
@@ -255,10 +251,8 @@ class BackgroundInterpreter:
             _, _, callbacks = self._waiting.pop(key, (reading, places, []))
             callbacks += [on_answer] if on_answer else []
             dropped = [(reading, callback) for callback in callbacks[:-MAX_CALLBACKS]]
-            del callbacks[:-MAX_CALLBACKS]
-            self._waiting[key] = reading, places, callbacks
-            if len(self._waiting) > MAX_WAITING:
-                dropped += self._drop_oldest()
+            self._waiting[key] = reading, places, callbacks[-MAX_CALLBACKS:]
+            dropped += self._drop_oldest() if len(self._waiting) > MAX_WAITING else []
             self._changed.notify()
         self._tell_dropped(dropped)
         return replace(reading, status=Understanding.PENDING)
@@ -268,7 +262,7 @@ class BackgroundInterpreter:
         with self._changed:
             self._closed = True
             dropped = [one for _ in list(self._waiting) for one in self._drop_oldest()]
-            self._changed.notify()
+            self._changed.notify_all()
         self._tell_dropped(dropped)
 
     def _drop_oldest(self) -> list[tuple[Interpretation, Callback]]:
@@ -277,18 +271,18 @@ class BackgroundInterpreter:
 
     def _tell_dropped(self, dropped: list[tuple[Interpretation, Callback]]) -> None:
         for reading, callback in dropped:
-            status = Understanding.PENDING
-            self._tell(callback, replace(reading, status=status, detail=DROPPED))
+            pending = replace(reading, status=Understanding.PENDING, detail=DROPPED)
+            self._tell(callback, pending)
 
-    def _work(self) -> None:
+    def _work(self, slow: CachedInterpreter) -> None:
         while True:
             with self._changed:
-                while not self._waiting and not self._closed:
+                while not (self._waiting or self._closed or self._slow is not slow):
                     self._changed.wait()
-                if self._closed:
+                if self._closed or self._slow is not slow:
                     return
                 _, (reading, places, callbacks) = self._waiting.popitem(last=True)
-            answer = self._slow.interpret(reading.text, places, self._time_limit)
+            answer = slow.interpret(reading.text, places, self._time_limit)
             for callback in callbacks:
                 self._tell(callback, fullest([reading, answer]))
 

@@ -3,8 +3,6 @@
 
 """Questions about instructions that a person has answered, remembered for each map."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import threading

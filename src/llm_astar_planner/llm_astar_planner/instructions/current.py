@@ -3,8 +3,6 @@
 
 """The instruction that is set: understood once, by the grammar at once and then by a model."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -61,11 +59,9 @@ class InstructionReader:
         self.confirmations = Confirmations() if confirmations is None else confirmations
         self._local = make_interpreter({})
         self._remote = remote
-        self._background = None if remote is None else self.make_background(remote)
-
-    def make_background(self, remote: RemoteInterpreter) -> BackgroundInterpreter:
-        """Return what asks the remote interpreter on a thread of its own."""
-        return BackgroundInterpreter(self._local, remote, LIMIT_S)
+        self._background: BackgroundInterpreter | None = None
+        if remote is not None:
+            self._background = BackgroundInterpreter(self._local, remote, LIMIT_S)
 
     @property
     def ready(self) -> bool:
@@ -82,28 +78,23 @@ class InstructionReader:
 
         PENDING means that `on_answer` is called with the rest, on another thread.
         """
-        background = self._background
+        background, applied = self._background, self.confirmations.applied
+
+        def on_reading(answer: Interpretation) -> None:
+            on_answer(applied(answer, places))
+
         if background is not None and self.ready:
-            return self._confirmed(
-                background.interpret_now(
-                    text, places, lambda answer: on_answer(self._confirmed(answer, places))
-                ),
-                places,
-            )
-        reading = self._confirmed(self._local.interpret(text, places, 0.0), places)
+            return applied(background.interpret_now(text, places, on_reading), places)
+        reading = applied(self._local.interpret(text, places, 0.0), places)
         if background is None or self._remote is None or reading.is_read:
             return reading
         detail = f'{self._remote.name} is not there to be asked'
         return replace(reading, detail='; '.join(filter(None, (reading.detail, detail))))
 
-    def _confirmed(self, reading: Interpretation, places: Places) -> Interpretation:
-        return self.confirmations.applied(reading, places)
-
     def restart(self) -> None:
         """Forget what the remote interpreter answered: it may answer differently from now on."""
         if self._remote is not None and self._background is not None:
-            before, self._background = self._background, self.make_background(self._remote)
-            before.close()
+            self._background.ask(self._remote)
             # Otherwise each change would leave a thread that waits for an answer.
             self._remote.drop_oldest()
 

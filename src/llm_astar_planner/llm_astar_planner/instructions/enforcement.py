@@ -8,20 +8,18 @@ instead, so that the path found violates least: first the `must` clauses, then t
 clauses, and of equal paths the cheapest is taken.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.raster import Cover
-from llm_astar_planner.instructions.asks import Ask, Mask, Zone
-from llm_astar_planner.instructions.clauses.clause import MUST, Clause
-from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.clauses.clause import MUST, Ask, Clause
+from llm_astar_planner.instructions.ground import Ground, Mask, Zone
 from llm_astar_planner.instructions.polygons import RegionError
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
@@ -100,24 +98,18 @@ class Enforcer:
         priced = []
         for demand in self.demands:
             barred, rest = self.barred(demand)
-            if barred is not None:
-                closed |= barred
-            if rest is not None:
-                priced.append((demand.price, rest))
+            closed |= False if barred is None else barred
+            priced += [] if rest is None else [(demand.price, rest)]
         reached = self.reached(~self.route.costmap.blocked & ~closed)
-        if not self.is_end_reached(reached, self.goals) or not all(
-            (zone.cells & reached).any()
-            for demand in self.demands
-            if demand.is_must
-            for zone in self.due(demand.ask)
-        ):
+        # Visited on the way, as far as one can tell, or within reach.
+        visits = [zone for demand in self.demands if demand.is_must for zone in demand.ask.visits]
+        is_due = all(zone.driven.any() or (zone.cells & reached).any() for zone in visits)
+        if not is_due or not self.is_end_reached(reached, self.goals):
             return None
         rules: list[Automaton] = []
         for demand in self.demands:
-            made = [
-                rule.automaton(math.inf if demand.is_must else demand.price)
-                for rule in demand.ask.rules
-            ]
+            price = math.inf if demand.is_must else demand.price
+            made = [rule.automaton(price) for rule in demand.ask.rules]
             rules += made if demand.is_must or owes_wishes else map(without_duties, made)
         product = self.product(reached, self.goals, priced, rules)
         return Enforced(closed if closed.any() else None, product)
@@ -130,17 +122,11 @@ class Enforcer:
         """
         reached = self.reached(~self.route.costmap.blocked)
         goals = self.goals if self.is_end_reached(reached, self.goals) else None
-        priced = [
-            (demand.price, demand.ask.forbidden)
-            for demand in self.demands
-            if demand.ask.forbidden is not None
-        ]
-        rules = [
-            rule.automaton(demand.price) for demand in self.demands for rule in demand.ask.rules
-        ]
-        if not owes:
-            rules = [without_duties(rule) for rule in rules]
-        return Enforced(product=self.product(reached, goals, priced, rules))
+        asks = [(demand.price, demand.ask) for demand in self.demands]
+        priced = [(price, ask.forbidden) for price, ask in asks if ask.forbidden is not None]
+        rules = [rule.automaton(price) for price, ask in asks for rule in ask.rules]
+        owed = rules if owes else [without_duties(rule) for rule in rules]
+        return Enforced(product=self.product(reached, goals, priced, owed))
 
     @cached_property
     def goals(self) -> Mask | None:
@@ -165,9 +151,7 @@ class Enforcer:
         cells = demand.ask.ends_within / self.route.costmap.grid_map.resolution
         height, width = forbidden.touched.shape
         y, x = np.ogrid[:height, :width]
-        near = np.logical_or.reduce(
-            [np.hypot(x - end_x, y - end_y) <= cells for end_x, end_y in inside]
-        )
+        near = np.any([np.hypot(x - ex, y - ey) <= cells for ex, ey in inside], axis=0)
         return forbidden.touched & ~near, Cover(*(part & near for part in forbidden))
 
     def reached(self, free: Mask) -> Mask:
@@ -183,10 +167,6 @@ class Enforcer:
         x, y = self.route.goal
         return bool(reached[y, x] if goals is None else (goals & reached).any())
 
-    def due(self, ask: Ask) -> Iterable[Zone]:
-        """Yield the regions of visits that were not visited on the way, as far as one can tell."""
-        return (zone for zone in ask.visits if not zone.driven.any())
-
     def product(
         self,
         reached: Mask,
@@ -198,11 +178,8 @@ class Enforcer:
         zones: list[Zone] = []
         groups = []
         for demand in self.demands:
-            due = [
-                zone
-                for zone in demand.ask.visits
-                if zone.driven.any() or (zone.cells & reached).any()
-            ]
+            visited = demand.ask.visits
+            due = [one for one in visited if one.driven.any() or (one.cells & reached).any()]
             if due:
                 groups.append(tuple(range(len(zones), len(zones) + len(due))))
                 zones += due
@@ -260,8 +237,7 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
     musts = [demand for demand in demands if demand.is_must and demand.problem is None]
     return tuple(
         (one.clause, other.clause)
-        for number, one in enumerate(musts)
-        for other in musts[number + 1 :]
+        for one, other in combinations(musts, 2)
         if excludes(one.ask, other.ask)
         or excludes(other.ask, one.ask)
         or leaves_nothing(one.ask, other.ask)
@@ -271,11 +247,8 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
 def excludes(one: Ask, other: Ask) -> bool:
     """Tell whether one clause forbids all of a region that the other has to visit or end in."""
     if one.forbidden is None:
-        return (
-            one.goals is not None
-            and other.goals is not None
-            and not (one.goals & other.goals).any()
-        )
+        has_goals = one.goals is not None and other.goals is not None
+        return has_goals and not (one.goals & other.goals).any()  # type: ignore[operator]
     wanted = [zone.cells for zone in other.visits]
     wanted += [] if other.goals is None else [other.goals]
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)

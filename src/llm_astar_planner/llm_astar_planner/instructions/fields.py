@@ -3,8 +3,6 @@
 
 """Fields of specifications in JSON: read with errors that name the clause and the field."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from typing import Any
 

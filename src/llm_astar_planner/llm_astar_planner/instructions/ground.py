@@ -6,9 +6,8 @@
 Verification has its own reading of the same definitions.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -18,24 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
-from llm_astar_planner.instructions.asks import Mask, Zone
-from llm_astar_planner.instructions.polygons import (
-    entered_polygon,
-    grown,
-    map_polygon,
-    ray,
-    region_polygon,
-    visit_polygon,
-)
-from llm_astar_planner.instructions.regions import (
-    AVOID_RADIUS,
-    VISIT_RADIUS,
-    WALLS,
-    Along,
-    Disc,
-    NamedPlace,
-    Region,
-)
+from llm_astar_planner.instructions import polygons, regions
+from llm_astar_planner.instructions.regions import VISIT_RADIUS, Region
 from llm_astar_planner.instructions.route import PlaceGoalError, Route
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.result import Cell
@@ -47,6 +30,19 @@ LEFT, HALF_MOVE = 1.5, 0.75
 # Parts of a cell at which the way driven is looked at.
 SAMPLES = 4
 ROUNDING = 1e-9
+
+
+Mask = NDArray[np.bool_]
+
+
+class Zone(NamedTuple):
+    """A region of the search: its cells, bool [height, width], and which driven points are in it.
+
+    The points are those of `Ground.driven`.
+    """
+
+    cells: Mask
+    driven: Mask
 
 
 class Ground:
@@ -78,31 +74,31 @@ class Ground:
         """Return what a region and a margin around it cover."""
         if is_walls(region):
             return self.near_walls(region.width + margin)  # type: ignore[attr-defined]
-        polygon = region_polygon(region, self.route, AVOID_RADIUS)
+        polygon = polygons.region_polygon(region, self.route, regions.AVOID_RADIUS)
         if margin:
-            polygon = grown(polygon, margin)
+            polygon = polygons.grown(polygon, margin)
         return open_border(cover(polygon, self.grid_map), polygon, self.grid_map)
 
     def outside(self, region: Region) -> Cover:
         """Return what everything but a region covers."""
         if is_walls(region):
             return self.near_walls(region.width).outside()  # type: ignore[attr-defined]
-        polygon = region_polygon(region, self.route, VISIT_RADIUS)
-        others = map_polygon(self.route).difference(polygon)
+        polygon = polygons.region_polygon(region, self.route, VISIT_RADIUS)
+        others = polygons.map_polygon(self.route).difference(polygon)
         return open_border(cover(polygon, self.grid_map).outside(), others, self.grid_map)
 
     def entered(self, region: Region) -> Zone:
         """Return the cells of which part lies in a region, or near an object."""
-        polygon = entered_polygon(region, self.route)
+        polygon = polygons.entered_polygon(region, self.route)
         covered = open_border(cover(polygon, self.grid_map), polygon, self.grid_map)
         return self.zone(covered.touched, polygon)
 
     def visited(self, region: Region) -> Zone:
         """Return the free cells in which a region counts as visited."""
-        polygon = visit_polygon(region, self.route)
+        polygon = polygons.visit_polygon(region, self.route)
         covered = cover(polygon, self.grid_map)
         cells = covered.centres
-        if isinstance(region, Disc):
+        if isinstance(region, regions.Disc):
             column, row = self.grid_map.world_to_cell(region.x, region.y)
             if self.grid_map.contains((column, row)):
                 cells[row, column] = True
@@ -112,13 +108,13 @@ class Ground:
 
     def touching(self, region: Region) -> Zone:
         """Return the cells from which a move may visit a region: no visit is overlooked."""
-        polygon = visit_polygon(region, self.route)
+        polygon = polygons.visit_polygon(region, self.route)
         return self.zone(cover(polygon, self.grid_map).touched, polygon)
 
     def around(self, region: Region) -> Zone:
         """Return the cells in which a path may not have left a region yet."""
         reach = (LEFT + HALF_MOVE) * self.grid_map.resolution
-        polygon = grown(entered_polygon(region, self.route), reach)
+        polygon = polygons.grown(polygons.entered_polygon(region, self.route), reach)
         return self.zone(cover(polygon, self.grid_map).touched, polygon)
 
     def near_walls(self, metres: float) -> Cover:
@@ -150,9 +146,9 @@ class Ground:
     def sides(self, region: Region, side: str) -> tuple[Cover, Zone]:
         """Return an object with the ray to its wrong side, and the ray to the right side."""
         width = RAY_WIDTH * self.grid_map.resolution
-        body = cover(region_polygon(region, self.route, VISIT_RADIUS), self.grid_map)
+        body = cover(polygons.region_polygon(region, self.route, VISIT_RADIUS), self.grid_map)
         wrong, right = (
-            ray(region, side, self.route, opposite=opposite) for opposite in (True, False)
+            polygons.ray(region, side, self.route, opposite=opposite) for opposite in (True, False)
         )
         barred = cover(wrong.buffer(width), self.grid_map).touched
         forbidden = Cover(*(cells | barred for cells in body))
@@ -170,7 +166,7 @@ class Ground:
 
 def is_walls(region: Region) -> bool:
     """Tell whether a region is the strip along all walls, which is no polygon."""
-    return isinstance(region, Along) and region.place == WALLS
+    return isinstance(region, regions.Along) and region.place == regions.WALLS
 
 
 def goal_cell(place: Place, costmap: Costmap) -> Cell:
@@ -180,7 +176,7 @@ def goal_cell(place: Place, costmap: Costmap) -> Cell:
     part of the map that can be driven. Raises PlaceGoalError where no cell is free.
     """
     ground = Ground(Route(costmap, (0, 0), (0, 0), Places([place])))
-    cells = ground.visited(NamedPlace(place.name)).cells
+    cells = ground.visited(regions.NamedPlace(place.name)).cells
     if not cells.any():
         raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
     components = costmap.components[:, :]

@@ -78,11 +78,11 @@ class Interpretation:
     def answered(self, answers: Mapping[str, bool]) -> Interpretation:
         """Return it with some of its questions answered: what was not meant is not understood."""
         clauses: list[Clause] = []
-        for clause in self.specification.clauses:
-            is_meant = answers.get(clause.unsure, True)
-            asked = '' if clause.unsure in answers else clause.unsure
-            unknown = Unknown(text=clause.phrase()[:MAX_NAME_CHARS])
-            clauses.append(replace(clause, unsure=asked) if is_meant else unknown)
+        for one in self.specification.clauses:
+            asked = '' if one.unsure in answers else one.unsure
+            is_meant = answers.get(one.unsure, True)
+            unknown = Unknown(text=one.phrase()[:MAX_NAME_CHARS])
+            clauses.append(replace(one, unsure=asked) if is_meant else unknown)
         specification = Specification(tuple(clauses))
         is_pending = self.status is Understanding.PENDING
         status = self.status if is_pending else status_of(specification)
@@ -103,16 +103,11 @@ class Interpretation:
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""
         return {
-            'text': self.text,
+            **vars(self),
             'status': self.status.value,
-            'sentence': self.sentence,
             'specification': self.specification.to_json(),
-            'understood_by': self.understood_by,
-            'detail': self.detail,
+            'sentence': self.sentence,
             'questions': list(self.questions),
-            'seconds': self.seconds,
-            'prompt_tokens': self.prompt_tokens,
-            'output_tokens': self.output_tokens,
         }
 
 
@@ -172,7 +167,9 @@ def status_of(specification: Specification) -> Understanding:
     return Understanding.WHOLE if clauses else Understanding.IRRELEVANT
 
 
-def not_understood(text: str, detail: str, understood_by: str = '') -> Interpretation:
+def not_understood(
+    text: str, detail: str, understood_by: str = '', status: Understanding = Understanding.NONE
+) -> Interpretation:
     """Return the interpretation of a text of which nothing was understood."""
-    clauses = (Unknown(text=text[:80]),) if text else ()
-    return Interpretation(text, Specification(clauses), understood_by, detail=detail)
+    specification = Specification((Unknown(text=text[:80]),) if text else ())
+    return Interpretation(text, specification, understood_by, status, detail)

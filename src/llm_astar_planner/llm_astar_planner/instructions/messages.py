@@ -6,8 +6,6 @@
 Whatever a peer sends is bounded in size, and never evaluated.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -51,10 +49,9 @@ class Question:
 
     def to_text(self) -> str:
         """Return the question as the text of a message."""
-        fields = {'id': self.id, 'places': self.places}
-        return json.dumps(
-            {'text': self.text} | {name: value for name, value in fields.items() if value}
-        )
+        others = {'id': self.id, 'places': self.places}
+        said = {name: value for name, value in others.items() if value}
+        return json.dumps({'text': self.text, **said})
 
 
 def parse_question(data: str, limit: int = MAX_QUESTION) -> Question:
@@ -142,16 +139,10 @@ def interpretation_from_json(value: object) -> Interpretation:
         raise QuestionError(f'status: is not one of {", ".join(STATUSES)}')
     if status in (Understanding.WHOLE, Understanding.UNSURE, Understanding.IRRELEVANT):
         status = status_of(specification)
-    return Interpretation(
-        as_bounded_text(fields, 'text'),
-        specification,
-        as_bounded_text(fields, 'understood_by'),
-        status,
-        as_bounded_text(fields, 'detail'),
-        as_count(fields, 'seconds'),
-        int(as_count(fields, 'prompt_tokens')),
-        int(as_count(fields, 'output_tokens')),
-    )
+    texts = {one: as_bounded_text(fields, one) for one in ('text', 'understood_by', 'detail')}
+    tokens = {one: int(as_count(fields, one)) for one in ('prompt_tokens', 'output_tokens')}
+    values: dict[str, Any] = {**texts, 'seconds': as_count(fields, 'seconds'), **tokens}
+    return Interpretation(specification=specification, status=status, **values)
 
 
 def as_bounded_text(fields: Mapping[str, Any], name: str) -> str:

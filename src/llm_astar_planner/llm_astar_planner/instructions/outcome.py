@@ -3,8 +3,6 @@
 
 """What became of an instruction on a path, clause by clause."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import Enum
@@ -147,27 +145,22 @@ class InstructionOutcome:
 
     def _facts(self) -> list[str]:
         """Return what is not kept, by status: 'not kept: visit the lab (...)'."""
-        found = {}
-        for kind in WORST_FIRST:
-            of_kind = [one.fact for one in self.clauses if one.status is kind]
-            if of_kind:
-                found[kind] = f'{kind.value}: {"; ".join(of_kind)}'
+        found = {
+            kind: f'{kind.value}: {"; ".join(facts)}'
+            for kind in WORST_FIRST
+            if (facts := [one.fact for one in self.clauses if one.status is kind])
+        }
         is_whole = self.interpretation.status is Understanding.WHOLE
-        if not is_whole and not {ClauseStatus.NOT_UNDERSTOOD, ClauseStatus.UNSUPPORTED} & {*found}:
-            return [*found.values(), self.interpretation.status.value]
-        return [*found.values()]
+        if is_whole or {ClauseStatus.NOT_UNDERSTOOD, ClauseStatus.UNSUPPORTED} & {*found}:
+            return [*found.values()]
+        return [*found.values(), self.interpretation.status.value]
 
     def summary(self) -> str:
         """Return one line for the report: the status of each clause with the measured fact."""
-        status = self.interpretation.status
+        reading = self.interpretation
         parts = [f'{outcome.clause.sentence()}: {outcome.words}' for outcome in self.clauses]
-        if not parts:
-            parts = [status.value]
-            if self.interpretation.detail:
-                parts[0] += f': {self.interpretation.detail}'
-        if self.note:
-            parts.append(self.note)
-        return '; '.join(parts)
+        nothing = ': '.join(filter(None, (reading.status.value, reading.detail)))
+        return '; '.join(filter(None, (*(parts or [nothing]), self.note)))
 
     def to_json(self) -> dict[str, Any]:
         """Return the form of reports and `--json`."""

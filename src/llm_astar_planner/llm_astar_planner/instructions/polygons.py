@@ -6,8 +6,6 @@
 Verification has its own reading of the same definitions.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial, reduce
@@ -19,25 +17,8 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_planner.instructions.regions import (
-    OBJECT_REACH,
-    ROUTE_SIDES,
-    VISIT_DEPTH,
-    VISIT_RADIUS,
-    WALLS,
-    AllOf,
-    Along,
-    AnyOf,
-    Between,
-    Box,
-    Disc,
-    End,
-    Except,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions import regions
+from llm_astar_planner.instructions.regions import VISIT_RADIUS, Region
 from llm_astar_planner.instructions.route import Route
 
 # Directions of the sides in the map's frame, as in REP-103.
@@ -98,26 +79,39 @@ def entered_polygon(region: Region, route: Route) -> BaseGeometry:
 def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list[Part]:
     """Return the parts of a region; a visit takes any one. `radius` is that of bare points."""
     match region:
-        case NamedPlace(name):
+        case regions.NamedPlace(name):
             return [place_part(find_place(name, route))]
-        case Tagged(tag):
-            return [place_part(place) for place in tagged(tag, route)]
-        case AnyOf(regions):
-            return [part for one in regions for part in parts_of(one, route, radius)]
-        case AllOf(regions):
+        case regions.Tagged(tag):
+            places = route.places.with_tag(tag)
+            if not places:
+                raise RegionError(f'no place is tagged {tag!r}')
+            return [place_part(place) for place in places]
+        case regions.AnyOf(members):
+            return [part for one in members for part in parts_of(one, route, radius)]
+        case regions.AllOf(members):
             # An object stays one, whatever it has in common with.
-            found = [parts_of(one, route, radius) for one in regions]
+            found = [parts_of(one, route, radius) for one in members]
             first, *others = sorted(found, key=lambda parts: not all(p.reach for p in parts))
             return reduce(partial(cut, shapely.intersection), others, first)
-        case Except(inside, others):
+        case regions.Except(inside, others):
             found = [parts_of(one, route, radius) for one in others]
             return reduce(partial(cut, shapely.difference), found, parts_of(inside, route, radius))
-        case Disc(x, y, given):
+        case regions.Disc(x, y, given):
             return [disc(shapely.Point(x, y), given or radius)]
-        case End(end):
+        case regions.End(end):
             point = route.begin if end == 'start' else route.position(route.goal)
             return [disc(shapely.Point(point), VISIT_RADIUS)]
-    return [Part(simple_polygon(region, route))]
+        case regions.Box():
+            return [Part(box_polygon(region, route))]
+        case regions.Half(side, of):
+            return [Part(half_polygon(side, of, route))]
+        case regions.Between(first, second):
+            both = shapely.union_all([find_polygon(name, route) for name in (first, second)])
+            return [Part(shapely.convex_hull(both).difference(both))]
+        case regions.Along(place, width) if place != regions.WALLS:
+            polygon = find_polygon(place, route)
+            return [Part(grown(polygon, width).difference(polygon))]
+    raise RegionError('the strip along all walls is no polygon')
 
 
 def disc(point: BaseGeometry, radius: float) -> Part:
@@ -135,28 +129,10 @@ def cut(operation: Cut, parts: list[Part], others: list[Part]) -> list[Part]:
     ]
 
 
-def simple_polygon(region: Region, route: Route) -> BaseGeometry:
-    """Return a box, a half, a gap or a strip."""
-    match region:
-        case Box():
-            return box_polygon(region, route)
-        case Half(side, of):
-            return half_polygon(side, of, route)
-        case Between(first, second):
-            both = shapely.union_all(
-                [place_polygon(find_place(name, route)) for name in (first, second)]
-            )
-            return shapely.convex_hull(both).difference(both)
-        case Along(place, width) if place != WALLS:
-            polygon = place_polygon(find_place(place, route))
-            return grown(polygon, width).difference(polygon)
-    raise RegionError('the strip along all walls is no polygon')
-
-
 def place_part(place: Place) -> Part:
     """Return a place."""
     is_area = place.geometry.geom_type in ('Polygon', 'MultiPolygon')
-    reach = OBJECT_REACH if is_area else OBJECT_REACH - VISIT_RADIUS
+    reach = regions.OBJECT_REACH if is_area else regions.OBJECT_REACH - VISIT_RADIUS
     return Part(place_polygon(place), reach * place.is_object, shallow=not is_area)
 
 
@@ -167,7 +143,7 @@ def inner(polygon: BaseGeometry) -> BaseGeometry:
         return polygon
     corners = shapely.get_coordinates(box)
     width = min(np.hypot(*(corners[1] - corners[0])), np.hypot(*(corners[2] - corners[1])))
-    deep = polygon.buffer(-min(VISIT_DEPTH, width / 4))
+    deep = polygon.buffer(-min(regions.VISIT_DEPTH, width / 4))
     return polygon if deep.is_empty else deep
 
 
@@ -184,12 +160,9 @@ def find_place(name: str, route: Route) -> Place:
     return place
 
 
-def tagged(tag: str, route: Route) -> tuple[Place, ...]:
-    """Return the places with a tag. Raises RegionError where there is none."""
-    places = route.places.with_tag(tag)
-    if not places:
-        raise RegionError(f'no place is tagged {tag!r}')
-    return places
+def find_polygon(name: str, route: Route) -> BaseGeometry:
+    """Return the polygon of the place of a name. Raises RegionError where there is none."""
+    return place_polygon(find_place(name, route))
 
 
 def place_polygon(place: Place) -> BaseGeometry:
@@ -207,29 +180,20 @@ def map_polygon(route: Route) -> BaseGeometry:
     return shapely.Polygon(grid_map.grid_to_world(corners))
 
 
-def box_polygon(box: Box, route: Route) -> BaseGeometry:
+def box_polygon(box: regions.Box, route: Route) -> BaseGeometry:
     """Return a box whose open sides end beyond the map."""
-    x0, y0, x1, y1 = map_polygon(route).bounds
-    bounds = (
-        max(box.x0, x0 - 1.0),
-        max(box.y0, y0 - 1.0),
-        min(box.x1, x1 + 1),
-        min(box.y1, y1 + 1),
-    )
-    if bounds[0] >= bounds[2] or bounds[1] >= bounds[3]:
-        return shapely.Polygon()
-    return shapely.box(*bounds)
+    bounds = np.array(map_polygon(route).bounds)
+    low = np.maximum(box.sides[:2], bounds[:2] - 1.0)
+    high = np.minimum(box.sides[2:], bounds[2:] + 1.0)
+    return shapely.box(*low, *high) if (low < high).all() else shapely.Polygon()
 
 
 def half_polygon(side: str, of: str, route: Route) -> BaseGeometry:
     """Return the half of the map, or of the place `of`, on a side."""
-    whole = place_polygon(find_place(of, route)) if of else map_polygon(route)
-    if side in ROUTE_SIDES:
-        here = route.begin
-        return whole.intersection(half_plane(here, side_direction(side, route), whole))
+    whole = find_polygon(of, route) if of else map_polygon(route)
     x0, y0, x1, y1 = whole.bounds
-    middle = ((x0 + x1) / 2, (y0 + y1) / 2)
-    return whole.intersection(half_plane(middle, DIRECTIONS[side], whole))
+    here = route.begin if side in regions.ROUTE_SIDES else ((x0 + x1) / 2, (y0 + y1) / 2)
+    return whole.intersection(half_plane(here, side_direction(side, route), whole))
 
 
 def half_plane(
@@ -248,7 +212,7 @@ def half_plane(
 
 def side_direction(side: str, route: Route) -> tuple[float, float]:
     """Return the unit vector towards a side; left and right are of the way from start to goal."""
-    if side not in ROUTE_SIDES:
+    if side not in regions.ROUTE_SIDES:
         return DIRECTIONS[side]
     (x0, y0), (x1, y1) = route.begin, route.position(route.goal)
     length = math.dist((x0, y0), (x1, y1))

@@ -3,8 +3,6 @@
 
 """The way that a robot has driven under an instruction, from where it plans again."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import dataclass, replace
 

@@ -7,27 +7,13 @@ Lengths are metres and points lie in the map's frame. Where a region lies is fou
 `polygons` for the search, in `verification/regions` for the check.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
 
-from llm_astar_planner.instructions.fields import (
-    FAR,
-    MAX_METRES,
-    Fields,
-    SpecificationError,
-    as_choice,
-    as_list,
-    as_mapping,
-    as_number,
-    as_numbers,
-    as_text,
-)
+from llm_astar_planner.instructions import fields
 
 COMPASS = ('north', 'south', 'east', 'west')
 # Of the direct way from start to goal; everything that shows them says so.
@@ -47,6 +33,10 @@ OBJECT_REACH = 1.0
 VISIT_DEPTH = 0.5
 # Regions within one another, as in the rooms except the lab, and those that one joins.
 MAX_NESTED, MAX_JOINED = 3, 16
+# The field of the JSON form that tells the form; of those of several regions, looked for first.
+FORMS = ('place', 'tag', 'point', 'box', 'half', 'between', 'along', 'end')
+JOINS = ('any_of', 'all_of', 'except')
+OPEN_SIDES = (-math.inf, -math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -55,7 +45,7 @@ class Region:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON form."""
-        raise NotImplementedError
+        return dict(vars(self))
 
     def phrase(self, any_one: bool = False) -> str:
         """Return the words for it; with `any_one`, one of the places of a tag is meant."""
@@ -72,10 +62,6 @@ class NamedPlace(Region):
 
     place: str
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {'place': self.place}
-
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return its name."""
         return f'the {self.place}'
@@ -89,10 +75,6 @@ class Tagged(Region):
     """All places of a kind or with a tag, together: `{"tag": TAG}`. A visit takes one of them."""
 
     tag: str
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {'tag': self.tag}
 
     def phrase(self, any_one: bool = False) -> str:
         """Return 'all blue places', or one of them."""
@@ -134,10 +116,14 @@ class Box(Region):
     x1: float
     y1: float
 
+    @property
+    def sides(self) -> tuple[float, float, float, float]:
+        """All four."""
+        return self.x0, self.y0, self.x1, self.y1
+
     def to_json(self) -> dict[str, Any]:
         """Return the JSON form."""
-        sides = (self.x0, self.y0, self.x1, self.y1)
-        return {'box': [side if math.isfinite(side) else None for side in sides]}
+        return {'box': [side if math.isfinite(side) else None for side in self.sides]}
 
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return 'the area with x from 2 to 5 and y above 3'."""
@@ -274,10 +260,6 @@ class End(Region):
 
     end: str
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {'end': self.end}
-
     def phrase(self, any_one: bool = False) -> str:  # noqa: ARG002 - as the others
         """Return 'the start'."""
         return f'the {self.end}'
@@ -310,96 +292,71 @@ def region_from_json(value: object, where: str, nested: int = 0) -> Region:
     A text is the name of a place and a list of two numbers a point, as models write them.
     """
     if isinstance(value, str):
-        return NamedPlace(as_text(value, where))
-    fields = {'point': value} if isinstance(value, list) else as_mapping(value, where)
-    form = next((form for form in (*JOINS, *FORMS) if form in fields), None)
-    if form is None:
-        raise SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
-    if form in JOINS:
-        if nested == MAX_NESTED:
-            raise SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
-        return JOINS[form](fields, where, nested + 1)
-    return FORMS[form](fields, where)
+        return NamedPlace(fields.as_text(value, where))
+    values = {'point': value} if isinstance(value, list) else fields.as_mapping(value, where)
+    form = next((form for form in (*JOINS, *FORMS) if form in values), '')
+    if form in JOINS and nested == MAX_NESTED:
+        raise fields.SpecificationError(f'{where}: regions within regions, over {MAX_NESTED} deep')
+    own, here = values.get(form), f'{where}: {form}'
+    match form:
+        case 'any_of':
+            return AnyOf(joined_from_json(own, here, nested + 1))
+        case 'all_of':
+            return AllOf(joined_from_json(own, here, nested + 1))
+        case 'except':
+            inner = region_from_json(values.get('region'), f'{where}: region', nested + 1)
+            return Except(inner, joined_from_json(own, here, nested + 1))
+        case 'place':
+            return NamedPlace(fields.as_text(own, here))
+        case 'tag':
+            return Tagged(fields.as_text(own, here))
+        case 'point':
+            x, y = fields.as_numbers(own, here, 2)
+            return Disc(x, y, metres_in(values, 'radius', 0.0, where))
+        case 'box':
+            return box_from_json(own, here)
+        case 'half':
+            of = fields.as_text(values['of'], f'{where}: of') if values.get('of') else ''
+            return Half(fields.as_choice(own, here, COMPASS if of else SIDES), of)
+        case 'between':
+            if not isinstance(own, list) or len(own) != 2:
+                raise fields.SpecificationError(f'{here}: is not a list of two places')
+            return Between(*(fields.as_text(name, here) for name in own))
+        case 'along':
+            width = metres_in(values, 'width', ALONG_WIDTH, where)
+            return Along(fields.as_text(own, here), width)
+        case 'end':
+            return End(fields.as_choice(own, here, ENDS))
+    raise fields.SpecificationError(f'{where}: has none of {", ".join((*FORMS, *JOINS))}')
+
+
+def metres_in(values: fields.Fields, name: str, default: float, where: str) -> float:
+    """Read a length. Raises SpecificationError."""
+    return fields.as_number(values.get(name, default), f'{where}: {name}', 0.0, fields.MAX_METRES)
 
 
 def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ...]:
     """Read a list of regions. Raises SpecificationError."""
-    parts = as_list(value, where)
+    parts = fields.as_list(value, where)
     if len(parts) > MAX_JOINED:
-        raise SpecificationError(f'{where}: {len(parts)} regions are over {MAX_JOINED}')
+        raise fields.SpecificationError(f'{where}: {len(parts)} regions are over {MAX_JOINED}')
     return tuple(region_from_json(part, where, nested) for part in parts)
-
-
-def except_from_json(fields: Fields, where: str, nested: int) -> Except:
-    """Read a region without others."""
-    inner = region_from_json(fields.get('region'), f'{where}: region', nested)
-    return Except(inner, joined_from_json(fields['except'], f'{where}: except', nested))
-
-
-def disc_from_json(fields: Fields, where: str) -> Disc:
-    """Read a point with a radius."""
-    x, y = as_numbers(fields['point'], f'{where}: point', 2)
-    return Disc(x, y, as_number(fields.get('radius', 0.0), f'{where}: radius', 0.0, MAX_METRES))
-
-
-def half_from_json(fields: Fields, where: str) -> Half:
-    """Read a half of the map, or of a place."""
-    of = as_text(fields['of'], f'{where}: of') if fields.get('of') else ''
-    sides = COMPASS if of else SIDES
-    return Half(as_choice(fields['half'], f'{where}: half', sides), of)
-
-
-def between_from_json(fields: Fields, where: str) -> Between:
-    """Read the gap between two places."""
-    pair = fields['between']
-    if not isinstance(pair, list) or len(pair) != 2:
-        raise SpecificationError(f'{where}: between: is not a list of two places')
-    return Between(*(as_text(name, f'{where}: between') for name in pair))
-
-
-def along_from_json(fields: Fields, where: str) -> Along:
-    """Read a strip along a place or the walls."""
-    width = as_number(fields.get('width', ALONG_WIDTH), f'{where}: width', 0.0, MAX_METRES)
-    return Along(as_text(fields['along'], f'{where}: along'), width)
 
 
 def box_from_json(value: object, where: str) -> Box:
     """Read a box, whose open sides are null. Raises SpecificationError where it is empty."""
     if not isinstance(value, list) or len(value) != 4:
-        raise SpecificationError(f'{where}: is not a list of four numbers')
-    limits = (-math.inf, -math.inf, math.inf, math.inf)
-    x0, y0, x1, y1 = (
-        limit if side is None else as_number(side, where, -FAR, FAR)
-        for side, limit in zip(value, limits)
-    )
-    if not (x0 < x1 and y0 < y1):
-        raise SpecificationError(
-            f'{where}: {short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
+        raise fields.SpecificationError(f'{where}: is not a list of four numbers')
+    box = Box(
+        *(
+            limit if side is None else fields.as_number(side, where, -fields.FAR, fields.FAR)
+            for side, limit in zip(value, OPEN_SIDES)
         )
-    return Box(x0, y0, x1, y1)
-
-
-# What reads a region of several, by the field that gives its form.
-JOINS: dict[str, Callable[[Fields, str, int], Region]] = {
-    'any_of': lambda fields, where, nested: AnyOf(
-        joined_from_json(fields['any_of'], f'{where}: any_of', nested)
-    ),
-    'all_of': lambda fields, where, nested: AllOf(
-        joined_from_json(fields['all_of'], f'{where}: all_of', nested)
-    ),
-    'except': except_from_json,
-}
-# And the others; the first field that is there decides.
-FORMS: dict[str, Callable[[Fields, str], Region]] = {
-    'place': lambda fields, where: NamedPlace(as_text(fields['place'], f'{where}: place')),
-    'tag': lambda fields, where: Tagged(as_text(fields['tag'], f'{where}: tag')),
-    'point': disc_from_json,
-    'box': lambda fields, where: box_from_json(fields['box'], f'{where}: box'),
-    'half': half_from_json,
-    'between': between_from_json,
-    'along': along_from_json,
-    'end': lambda fields, where: End(as_choice(fields['end'], f'{where}: end', ENDS)),
-}
+    )
+    if not (box.x0 < box.x1 and box.y0 < box.y1):
+        empty = f'{short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
+        raise fields.SpecificationError(f'{where}: {empty}')
+    return box
 
 
 def metres(length: float) -> str:

@@ -7,8 +7,6 @@ Lengths are metres and points lie in the map's frame. The JSON form is published
 `route_spec.schema.json`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import groupby

@@ -6,8 +6,6 @@
 Imported with the parameters, so without what takes long to import.
 """
 
-from __future__ import annotations
-
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
 MAX_INSTRUCTION_CHARS = 500

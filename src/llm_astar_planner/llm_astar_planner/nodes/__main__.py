@@ -14,6 +14,32 @@ from functools import partial
 
 ADVICE = 'source ROS 2, or install its wheels with `make install`; `llm-astar doctor` says more'
 
+ABOUT = {
+    'map_node': 'Publishes a barrier map or a map_server map as an occupancy grid.',
+    'llm_client_node': 'Serves waypoints of a model, or of another source, to planner_node.',
+    'planner_node': 'Plans on the newest map, for services, actions and the buttons of RViz.',
+}
+USAGE = """\
+usage: {name} [-h] [--ros-args [-p NAME:=VALUE]... [--params-file FILE]...
+       [-r __ns:=/NAMESPACE] [-r FROM:=TO]... [--log-level LEVEL]]
+
+{about}
+
+example: {name} --ros-args -p {example}
+
+parameters:
+"""
+EXAMPLES = {
+    'map_node': 'map_file:=depot.yaml',
+    'llm_client_node': 'source:=coarse',
+    'planner_node': 'robot_radius:=0.3',
+}
+REFERENCE = """
+docs/reference.md has the whole sentences, topics and services; config/planner.yaml is a parameter
+file with every default. Of a running node: llm-astar param list {name}.
+"""
+WIDEST, SHORTEST = 120, 30
+
 
 def main(name: str, argv: Sequence[str] | None = None) -> int:
     """Run a node with arguments, without a program's name before them; return its exit code."""
@@ -41,8 +67,6 @@ def start(name: str, argv: Sequence[str]) -> int:
     follow_parent()
     own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
     if name in MODULES and {'-h', '--help'} & set(own):
-        from llm_astar_planner.nodes.common.usage import usage  # noqa: PLC0415
-
         sys.stdout.write(usage(name))
         return 0
     if name in MODULES:
@@ -56,6 +80,26 @@ def start(name: str, argv: Sequence[str]) -> int:
             return 2
         run = entry.load()
     return int(run([name, *argv]))
+
+
+def usage(name: str) -> str:
+    """Return the help of a node: how it is started, and a line for each parameter."""
+    import json  # noqa: PLC0415
+    from shutil import get_terminal_size  # noqa: PLC0415
+    from textwrap import shorten  # noqa: PLC0415
+
+    from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER  # noqa: PLC0415
+
+    width = min(get_terminal_size().columns, WIDEST)
+    hidden = SET_BY_PLANNER if name == 'llm_client_node' else ()
+    text = USAGE.format(name=name, about=ABOUT[name], example=EXAMPLES[name])
+    for item in NODES[name]:
+        if item.name not in hidden:
+            unit = f' {item.unit}' if item.unit else ''
+            head = f'  {item.name} ({json.dumps(item.default)}{unit})'.ljust(36)
+            room = max(width - len(head) - 1, SHORTEST)
+            text += f'{head} {shorten(item.sentence.replace("`", ""), room, placeholder=" ...")}\n'
+    return text + REFERENCE.format(name=name)
 
 
 map_node = partial(main, 'map_node')

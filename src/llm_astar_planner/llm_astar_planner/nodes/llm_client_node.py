@@ -193,11 +193,7 @@ class LlmClientNode(Node):
             return costmap
 
     def on_get_waypoints(
-        self,
-        request: GetPlan.Request,
-        response: GetPlan.Response,
-        arrived: float,
-        busy: str = '',
+        self, request: GetPlan.Request, response: GetPlan.Response, arrived: float, busy: str = ''
     ) -> GetPlan.Response:
         """Query the source; publish the exchange, then respond with the same stamp."""
         reply, query = WaypointReply(status=SourceStatus.REFUSED, detail=busy), None

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 import shapely
@@ -30,17 +30,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
-from llm_astar_planner.costmap.zones import Zone
-from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.clauses.before import Before
-from llm_astar_planner.instructions.clauses.clause import SHOULD
-from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.clauses.stay_in import StayIn
-from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
-from llm_astar_planner.instructions.regions import Box, Disc
-from llm_astar_planner.instructions.specification import Specification
+from llm_astar_planner.costmap.zones import ONE_WAY, Zone
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
@@ -235,7 +225,9 @@ def compile_zone_kernels() -> None:
     """Compile what zones and filter masks take, or load it from the cache."""
     grid_map = GridMap(np.zeros((4, 4), dtype=np.int8))
     mask = FilterMask(FilterInfo(FilterKind.KEEPOUT, 'mask'), grid_map)
-    ZoneLayer(grid_map, [Zone('zone', shapely.box(1.0, 1.0, 2.0, 2.0))], [mask]).compose(grid_map)
+    box = shapely.box(1.0, 1.0, 2.0, 2.0)
+    zones = Zone('zone', box), Zone('rule', box, 0, kind=ONE_WAY, heading=0.0)
+    Costmap(ZoneLayer(grid_map, zones, [mask]).compose(grid_map)).reached((0, 0))
 
 
 def compile_instruction_kernels(*, any_angle: bool = True) -> None:
@@ -244,22 +236,28 @@ def compile_instruction_kernels(*, any_angle: bool = True) -> None:
     Takes about half a minute the first time and a tenth of a second after that.
     """
     # Many modules, which other plans do not need.
+    from llm_astar_planner.instructions import interpretation  # noqa: PLC0415
+    from llm_astar_planner.instructions.specification import from_json  # noqa: PLC0415
     from llm_astar_planner.planning.instruction import plan_with_instruction  # noqa: PLC0415
 
-    near, far = Disc(3.0, 3.0, 1.0), Disc(20.0, 3.0, 1.0)
-    band = Box(0.0, 8.0, 128.0, 24.0)
-    for size, *clauses in (
-        (24, Visit(regions=(near, far)), Avoid(region=Box(0.0, 0.0, 24.0, 3.0))),
-        (24, KeepDistance(metres=3.0), Avoid(region=Box(6.0, 0.0, 8.0, 24.0))),
-        (24, Pass(region=Disc(12.5, 14.0, 1.0), side='north')),
-        (24, StayIn(strength=SHOULD, region=band), Before(first=near, second=far)),
+    near, far, away = ({'point': at, 'radius': 1.0} for at in ([3, 3], [20, 3], [20, 100]))
+    band = {'strength': 'should', 'region': {'box': [0.0, 8.0, 128.0, 24.0]}}
+    far_off = {'from': 'walls', 'metres': 3}
+    samples: tuple[tuple[int, dict[str, dict[str, Any]]], ...] = (
+        (24, {'visit': {'regions': [near, far]}, 'avoid': {'region': {'box': [0, 0, 24, 3]}}}),
+        (24, {'keep_distance': far_off, 'avoid': {'region': {'box': [6, 0, 8, 24]}}}),
+        (24, {'pass': {'region': {'point': [12.5, 14], 'radius': 1}, 'side': 'north'}}),
+        (24, {'stay_in': band, 'before': {'first': near, 'second': far}}),
         # So large that the search looks at its time on the way.
-        (128, Visit(regions=(near, Disc(20.0, 100.0, 1.0))), Avoid(strength=SHOULD, region=band)),
-    ):
+        (128, {'visit': {'regions': [near, away]}, 'avoid': band}),
+    )
+    for size, asked in samples:
         cells = np.zeros((size, size), dtype=np.int8)
         cells[4:, 12] = OCCUPIED
         planner = PathPlanner(GridMap(cells)).prepare()
-        instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
+        clauses = [dict(fields, kind=kind) for kind, fields in asked.items()]
+        understood = interpretation.Interpretation('', from_json({'clauses': clauses}))
+        instruction = interpretation.RouteInstruction(understood)
         request = PlanRequest(
             START, GOAL, time_limit=PATIENCE, any_angle=any_angle, instruction=instruction
         )

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ends of a path: between which cells it is searched, and where in them it begins and ends.
+"""Other ends where those of a request cannot be planned between: the nearest cells that can.
 
 An unreachable goal or via point is replaced by the nearest cell that the start reaches, by the
 distance to its own cell's centre. A blocked start is replaced by the nearest free cell that the
@@ -13,80 +13,24 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
 from llm_astar_planner.lazy import ndimage
-from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
-from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
 NAME = 'viapoints'
-# An end this near to the centre of its cell, in cells, is at it.
-AT_CENTRE = 1e-9
-# Ends of a path of one cell that are this near to each other, in cells, are the same place.
-SAME_PLACE = 1e-3
-# Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
-Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
+# Components, and the number of those that are reached.
+Reached = tuple[Tiles, int]
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
-# Points of a smooth path over which its ends are moved to where they have to be.
-EASED = 10
-
-
-class Endpoints(NamedTuple):
-    """The cells to plan between, their distance in metres to those requested, and warnings."""
-
-    start: Cell
-    goal: Cell
-    via: tuple[Cell, ...] = ()
-    start_shift: float = 0.0
-    goal_shift: float = 0.0
-    warnings: tuple[str, ...] = ()
-
-
-def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
-    """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
-    components, start, goal, via = costmap.components, request.start, request.goal, request.via
-    component = components.at(start)
-    if not component:
-        start = moved_start(costmap, request)
-        component = components.at(start)
-    if components.at(goal) != component:
-        goal = moved_goal(costmap, request, goal, component)
-    if via:
-        via = tuple(
-            cell
-            if components.at(cell) == component
-            else moved_goal(costmap, request, cell, component, f'via {number}')
-            for number, cell in enumerate(via, start=1)
-        )
-    if (start, goal, via) == (request.start, request.goal, request.via):
-        return Endpoints(start, goal, via)
-    resolution = costmap.grid_map.resolution
-    start_shift = math.dist(request.start, start) * resolution
-    goal_shift = math.dist(request.goal, goal) * resolution
-    warnings = []
-    if start != request.start:
-        message = blocked_message(costmap, 'start', request.start)
-        begin = costmap.describe_cell(start)
-        warnings.append(f'{message}; the path begins at {begin}, {start_shift:.2f} m off')
-    if via != request.via:
-        warnings.append(moved_via(costmap, request, via))
-    if goal != request.goal:
-        failure, end = goal_failure(costmap, request, request.goal), costmap.describe_cell(goal)
-        warnings.append(f'{failure}; the path ends at {end}, {goal_shift:.2f} m off')
-    return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
 def moved_start(costmap: Costmap, request: PlanRequest) -> Cell:
@@ -105,7 +49,7 @@ def moved_start(costmap: Costmap, request: PlanRequest) -> Cell:
 
 
 def moved_goal(
-    costmap: Costmap, request: PlanRequest, goal: Cell, component: int, name: str = 'goal'
+    costmap: Costmap, request: PlanRequest, goal: Cell, reached: Reached, name: str = 'goal'
 ) -> Cell:
     """Return the cell of a component within the tolerance that is nearest to a goal or via point.
 
@@ -114,7 +58,7 @@ def moved_goal(
     tolerance = request.tolerance
     found = None
     if costmap.grid_map.contains(goal):
-        found = nearest_reached(costmap, goal, component, tolerance)
+        found = nearest_reached(costmap, reached, goal, tolerance)
     if found is None:
         failure = goal_failure(costmap, request, goal, name)
         if tolerance == 0.0 or failure.code is ResultCode.GOAL_OUTSIDE_MAP:
@@ -124,17 +68,20 @@ def moved_goal(
     return found
 
 
-def nearest_reached(costmap: Costmap, cell: Cell, component: int, tolerance: float) -> Cell | None:
+def nearest_reached(
+    costmap: Costmap, reached: Reached, cell: Cell, tolerance: float
+) -> Cell | None:
     """Return the cell if it is of a component, else the nearest that is.
 
     None if there is none within so many metres.
     """
-    if costmap.components.at(cell) == component:
+    components, component = reached
+    if components.at(cell) == component:
         return cell
     if tolerance == 0.0:
         return None
     reach = squared_cells(tolerance, costmap.grid_map.resolution)
-    return nearest_labelled(costmap.components, component, cell, reach)
+    return nearest_labelled(components, component, cell, reach)
 
 
 def goal_failure(
@@ -148,7 +95,10 @@ def goal_failure(
         message = blocked_message(costmap, name, goal)
         return PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
     end, begin = costmap.describe_cell(goal), costmap.describe_cell(request.start)
-    message = f'obstacles cut the {name} {end} off from the start {begin}'
+    components = costmap.components
+    are_joined = components.at(goal) == components.at(request.start) > 0
+    what = 'rules of the road' if are_joined else 'obstacles'
+    message = f'{what} cut the {name} {end} off from the start {begin}'
     return PlanningFailure(ResultCode.NO_VALID_PATH, message)
 
 
@@ -276,12 +226,13 @@ class ViapointSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the via points; the detail says how many were moved and which had to stay."""
         deadline = time.monotonic() + query.time_limit
-        component = query.costmap.components.at(query.start)
+        components = query.costmap.components
+        reached = components, components.at(query.start)
 
         def place(cell: Cell) -> Cell | None:
             # After its time no other cells are looked for.
             tolerance = self.tolerance if time.monotonic() <= deadline else 0.0
-            return nearest_reached(query.costmap, cell, component, tolerance)
+            return nearest_reached(query.costmap, reached, cell, tolerance)
 
         places = list(map(place, self.viapoints))
         lost = [number for number, place in enumerate(places, start=1) if place is None]
@@ -294,108 +245,3 @@ class ViapointSource:
             detail += f'; not within {self.tolerance:g} m: number {shown}'
         kept = tuple(place or cell for place, cell in zip(places, self.viapoints))
         return WaypointReply(kept, NAME, detail=detail)
-
-
-def with_exact_ends(
-    points: NDArray[np.float64],
-    start: NDArray[np.float64] | None,
-    goal: NDArray[np.float64] | None,
-    checker: CollisionChecker,
-) -> NDArray[np.float64]:
-    """Return a path [n, 2] in grid coordinates that begins at `start` and ends at `goal`, [2].
-
-    These lie in the cells of its first and its last point; None leaves an end as it is. A path of
-    one cell leads from `start` straight to `goal`; where they are the same place it stays one
-    point.
-    """
-    if len(points) == 1:
-        ends = [end for end in (start, goal) if end is not None]
-        if len(ends) == 2 and np.abs(ends[1] - ends[0]).max() <= SAME_PLACE:
-            del ends[1]
-        return np.array(ends) if ends else points
-    if start is not None:
-        points = with_exact_goal(points[::-1], start, checker)[::-1]
-    return points if goal is None else with_exact_goal(points, goal, checker)
-
-
-def with_eased_ends(
-    points: NDArray[np.float64],
-    start: NDArray[np.float64] | None,
-    goal: NDArray[np.float64] | None,
-    checker: CollisionChecker,
-) -> NDArray[np.float64]:
-    """Return a smooth path [n, 2] as `with_exact_ends` does, without a kink near its ends.
-
-    The first and the last EASED points, at most a cell apart, are moved, the less the farther on.
-    Where the path does not stay on free cells so, it is as `with_exact_ends` makes it.
-    """
-    eased, count = points.copy(), min(EASED, len(points) // 2)
-    shares = (1.0 - np.arange(count) / max(count, 1))[:, None]
-    if start is not None:
-        eased[:count] += shares * (start - points[0])
-    if goal is not None:
-        eased[len(eased) - count :] += shares[::-1] * (goal - points[-1])
-    eased = interpolate(eased)
-    if count and checker.is_free_curve(eased):
-        return eased
-    return with_exact_ends(points, start, goal, checker)
-
-
-def ends_that_fit(
-    points: NDArray[np.float64],
-    ends: Ends,
-    checker: CollisionChecker,
-    fits: Callable[[NDArray[np.float64]], bool],
-) -> Ends:
-    """Return the ends with which a path [n, 2] `fits`: both if possible, else one of them."""
-    start, goal = ends
-    for kept in (ends, (None, goal), (start, None)):
-        if fits(with_exact_ends(points, *kept, checker)):
-            return kept
-    return None, None
-
-
-def with_exact_goal(
-    points: NDArray[np.float64], goal: NDArray[np.float64], checker: CollisionChecker
-) -> NDArray[np.float64]:
-    """Return a path [n, 2] that ends at `goal`, [2], which lies in the cell of its last point.
-
-    The straight line to `goal` replaces the points in that cell if it passes through free cells
-    alone. Else it leads on from the last point, which never leaves the cell.
-    """
-    if np.abs(points[-1] - goal).max() <= AT_CENTRE:
-        return points
-    last = len(points) - 1
-    cell = cell_of(points[-1])
-    while last > 0 and cell_of(points[last]) == cell:
-        last -= 1
-    if not checker.is_free(crossed_cells(points[last], goal)):
-        last = len(points) - 1
-    return np.concatenate((points[: last + 1], goal[None]))
-
-
-def cell_of(point: NDArray[np.float64]) -> tuple[int, int]:
-    """Return the cell (x, y) of a point [2] in grid coordinates."""
-    x, y = point.tolist()
-    shift = 0.5 + BORDER_TOLERANCE
-    return math.floor(x + shift), math.floor(y + shift)
-
-
-def crossed_cells(begin: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the cells (x, y) that a straight line passes through, int64 [n, 2]: all of them.
-
-    `begin` and `end` [2] are points in grid coordinates.
-    """
-    (left, low), (right, high) = sorted((begin.tolist(), end.tolist()))
-    shift = 0.5 + BORDER_TOLERANCE
-    cells = []
-    for column in range(math.floor(left + shift), math.floor(right + shift) + 1):
-        # Where the line enters and leaves the column.
-        enters, leaves = low, high
-        if left < column - 0.5:
-            enters += (column - 0.5 - left) / (right - left) * (high - low)
-        if right > column + 0.5:
-            leaves += (column + 0.5 - right) / (right - left) * (high - low)
-        rows = sorted((math.floor(enters + shift), math.floor(leaves + shift)))
-        cells += [(column, row) for row in range(rows[0], rows[1] + 1)]
-    return np.array(cells, dtype=np.int64)

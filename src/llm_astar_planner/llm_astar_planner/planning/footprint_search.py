@@ -20,10 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning._kernels import footprint as kernels
-from llm_astar_planner.planning.endpoints import Endpoints, window_around
+from llm_astar_planner.planning.endpoints import window_around
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.segment import SegmentPlanner
-from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.planning.types import Endpoints, PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.headings import (
     EVERY_HEADING,
     HEADINGS,

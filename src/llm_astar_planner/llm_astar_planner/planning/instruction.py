@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
-from llm_astar_planner.instructions.asks import Ask, Zone
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause
 from llm_astar_planner.instructions.enforcement import (
     Demand,
     Enforced,
@@ -26,22 +25,18 @@ from llm_astar_planner.instructions.enforcement import (
     demand_of,
     demands_of,
 )
-from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.ground import Ground, Zone
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
-from llm_astar_planner.instructions.outcome import (
-    ClauseOutcome,
-    ClauseStatus,
-    InstructionOutcome,
-)
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification import verify
-from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
-from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_planner import PathPlanner, resolve_endpoints
 from llm_astar_planner.planning.path_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (
+    Endpoints,
     Plan,
     PlanningFailure,
     PlanRequest,

@@ -1,10 +1,11 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Keeps the way of the last plan to a goal while a new path would gain too little.
+"""What of an earlier plan still holds on a changed map: its way, its path, its waypoints.
 
-The rest of that way, from the robot on, is held against the newest map by the check of every
-path, priced on it exactly, and compared with the path of the new search.
+The way of the last plan to a goal is kept while a new path would gain too little. The rest of it,
+from the robot on, is held against the newest map by the check of every path, priced on it exactly,
+and compared with the path of the new search.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import math
 import threading
 import time
 from collections.abc import Hashable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -25,20 +26,24 @@ from numpy.typing import NDArray
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.planning.endpoints import Endpoints
+from llm_astar_planner.planning._kernels.path_checks import nearest_places
+from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
-from llm_astar_planner.planning.path_validator import via_problem
+from llm_astar_planner.planning.path_validator import passed_cells, via_problem
 from llm_astar_planner.planning.segment import length_text
 from llm_astar_planner.planning.types import (
+    Endpoints,
     Plan,
     PlanRequest,
     ResultCode,
     Way,
+    WaypointStatus,
     describe_expansions,
 )
 from llm_astar_planner.search.grid_graph import path_cost, path_length
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
@@ -50,6 +55,10 @@ REMEMBERED_GOALS = 64
 OFF_CELLS, OFF_METRES = 3.0, 0.5
 # The part of a request's time that a path at any angle along the kept way may take.
 PULL_SHARE = 0.1
+# How many cells a robot may be off an earlier path and still count as following it.
+MAX_DEVIATION = 3.0
+# Goals whose waypoints are cached.
+CACHED_GOALS = 64
 # Costs that differ by less, in cells, are the same.
 SAME_COST = 1e-6
 
@@ -333,15 +342,7 @@ def line_cells(
     begin: NDArray[np.int64], end: NDArray[np.int64], blocked: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
     """Return the cells [n, 2] from one to another, as `cells_along` does."""
-    counts, signs = np.abs(end - begin), np.sign(end - begin)
-    # The line meets its border number i in x after the part (2 i + 1) / (2 counts[0]) of it, and
-    # those in y likewise: both times twice the product of the counts, these are whole numbers.
-    crossings = [(2 * np.arange(counts[axis]) + 1) * counts[1 - axis] for axis in (0, 1)]
-    if not counts.all():
-        crossings = [np.arange(count) for count in counts]
-    passed = np.unique(np.concatenate(crossings))
-    steps = [np.searchsorted(borders, passed, side='right') for borders in crossings]
-    cells = np.concatenate((begin[None], begin + np.column_stack(steps) * signs))
+    cells, counts = passed_cells(begin, end), np.abs(end - begin)
     # Each move along the shorter side follows one along the longer: both are one if they may be.
     short = int(counts[1] <= counts[0])
     moves = np.diff(cells, axis=0)
@@ -350,3 +351,121 @@ def line_cells(
     x, y = (cells[turns - 1] + moves[turns]).T
     beside = blocked[y.clip(0, height - 1), x.clip(0, width - 1)]
     return np.delete(cells, turns[~beside], axis=0)
+
+
+def reuse_problem(
+    plan: Plan, grid_map: GridMap, planner: PathPlanner, footprint: Footprint | None = None
+) -> str | None:
+    """Say why a plan made on `grid_map` cannot be kept on the planner's map, or None.
+
+    It can be kept if both maps have their cells at the same places and its path, the any-angle
+    one too, is still valid, also for the `footprint`.
+    """
+    if not grid_map.is_laid_out_as(planner.grid_map):
+        return 'the map has another size, resolution, origin or frame'
+    problem = planner.checker.path_problem(plan.path, plan.start, plan.goal)
+    if problem is None and plan.any_angle is not None:
+        problem = planner.checker.segments_problem(plan.any_angle.points)
+    if problem is None and footprint is not None:
+        # Kernels that plans without a footprint do not take.
+        from llm_astar_planner.planning.footprint_search import FootprintChecker  # noqa: PLC0415
+
+        points = plan.path if plan.any_angle is None else plan.any_angle.points
+        if FootprintChecker(planner.costmap, footprint).path_collides(points):
+            return f'the footprint ({footprint}) meets an obstacle on it'
+    return problem
+
+
+@dataclass(frozen=True)
+class CachedWaypoints:
+    """The waypoints as the source gave them, the map they were for, and the path they led to.
+
+    Of the map only its digest and where its cells lie is kept, without the cells themselves.
+    """
+
+    digest: str
+    layout: tuple[object, ...]
+    reply: WaypointReply
+    path: NDArray[np.int32]
+
+    def ahead_of(self, start: Cell) -> tuple[Waypoint, ...] | None:
+        """Return the waypoints not passed by a robot at `start`; None if it is off the path."""
+        place, distance = nearest_on_path(self.path, start)
+        if distance > MAX_DEVIATION:
+            return None
+        if place == 0:
+            return self.reply.waypoints
+        return tuple(
+            point for point in self.reply.waypoints if nearest_on_path(self.path, point)[0] > place
+        )
+
+    def can_reach(self, waypoints: tuple[Waypoint, ...], query: WaypointQuery) -> bool:
+        """Tell whether every waypoint is still free and reachable from the query's start."""
+        components = query.costmap.components
+        here = components.at(query.start)
+        return (
+            self.layout == query.grid_map.layout
+            and here > 0
+            and all(components.at((round(x), round(y))) == here for x, y in waypoints)
+        )
+
+
+class WaypointCache:
+    """The last good waypoints of goals from one source, while they hold. Thread-safe.
+
+    They hold if all were accepted, all are still free and reachable on the current map, and the
+    start lies along the path they led to; those that the robot has passed are left out. The very
+    same query on the very same map is left to the source.
+    """
+
+    def __init__(self, source: str) -> None:
+        """Start empty; `source` is the name of the source."""
+        self._source = source
+        self._lock = threading.Lock()
+        self._cached: Recent[Cell, CachedWaypoints] = Recent(CACHED_GOALS)
+        self._cleared = -math.inf
+
+    def find(self, query: WaypointQuery) -> WaypointReply | None:
+        """Return the reply with the waypoints that hold, None where the source is to be asked."""
+        with self._lock:
+            cached = self._cached.get(query.goal)
+        waypoints = None if cached is None else cached.ahead_of(query.start)
+        if cached is None or waypoints is None:
+            return None
+        is_same_map = cached.digest == query.grid_map.digest
+        is_same_query = is_same_map and waypoints == cached.reply.waypoints
+        if is_same_query or not cached.can_reach(waypoints, query):
+            return None
+        detail = f'kept from the plan on map {cached.digest}'
+        return replace(
+            cached.reply, waypoints=waypoints, detail=detail, prompt_tokens=0,
+            completion_tokens=0, seconds=0.0,
+        )  # fmt: skip
+
+    def clear(self) -> None:
+        """Drop everything: the source may answer differently from now on."""
+        with self._lock:
+            self._cleared = time.monotonic()
+            self._cached.clear()
+
+    def remember(self, plan: Plan, grid_map: GridMap, started: float) -> None:
+        """Cache the waypoints of a plan if every one of them was accepted.
+
+        Results that started (monotonic seconds) before the cache was cleared are discarded.
+        """
+        good = plan.code is ResultCode.NONE and plan.source_status is SourceStatus.OK
+        if plan.source != self._source:
+            return  # the request's own via points
+        accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
+        if not (good and plan.checked_waypoints and accepted):
+            return
+        cached = CachedWaypoints(grid_map.digest, grid_map.layout, plan.reply, plan.path)
+        with self._lock:
+            if started > self._cleared:
+                self._cached[plan.goal] = cached
+
+
+def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:
+    """Return the index of a path's cell [n, 2] nearest to a point, and the distance in cells."""
+    place = int(nearest_places(path, np.array([point], dtype=np.float64))[0])
+    return place, math.dist(path[place], point)

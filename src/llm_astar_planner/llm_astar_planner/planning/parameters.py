@@ -4,16 +4,19 @@
 """The one table of parameters: nodes, command line, config/ and docs/reference.md are made of it.
 
 `docs/make_reference.py` prints the tables of docs/reference.md and the file config/planner.yaml.
+ROS parameter files are read without ROS and checked against the table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import nearest_name
+from llm_astar_msgs_adapter.errors import nearest_name, short_repr
+from llm_astar_msgs_adapter.files import read_yaml
 
 from llm_astar_planner.costmap import config as costmap
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -24,17 +27,10 @@ from llm_astar_planner.instructions.text import (
     InstructionError,
     clean_instruction,
 )
-from llm_astar_planner.parameter import (
-    Parameter,
-    ParameterError,
-)
+from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.footprint import Footprint, footprint_problem
-from llm_astar_planner.search.methods import (
-    GUIDED,
-    HEURISTIC_NAMES,
-    METHODS,
-    SEARCH_METHODS,
-)
+from llm_astar_planner.plugins import PluginError
+from llm_astar_planner.search.methods import GUIDED, HEURISTIC_NAMES, METHODS, SEARCH_METHODS
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
 
@@ -191,9 +187,7 @@ BODY = (
 WAYPOINTS = (
     Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
     StartParameter(
-        'llm_client',
-        'llm_client_node',
-        'Node that provides waypoints; empty: plan without one',
+        'llm_client', 'llm_client_node', 'Node that provides waypoints; empty: plan without one'
     ),
     Parameter(
         'source_timeout',
@@ -218,9 +212,7 @@ WAYPOINTS = (
         choices=POLICIES,
     ),
     Parameter(
-        'places_file',
-        '',
-        'GeoJSON file with the named places of the map, in metres of its frame',
+        'places_file', '', 'GeoJSON file with the named places of the map, in metres of its frame'
     ),
 )
 NODE = (
@@ -319,8 +311,8 @@ NODES: dict[str, tuple[Parameter, ...]] = {
 OTHERS: dict[str, dict[str, str]] = {'planner_node': {'autostart_node': 'autostart'}}
 # Parameters of every ROS node, and the group `qos_overrides.TOPIC...`.
 ROS_NAMES = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
-
-
+# Sections of parameter files for any node.
+WILDCARDS = ('*', '**')
 # How alike (0 to 1) two names are if one is a misspelling of the other.
 MISSPELT = 0.8
 
@@ -393,3 +385,92 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'switch_margin': values.get('switch_margin', 0.0),
         'footprint': Footprint.parse(values['footprint']),
     }
+
+
+def read_parameter_files(
+    paths: Sequence[str | Path], nodes: Sequence[str] = ('planner_node', 'llm_client_node')
+) -> dict[str, dict[str, Scalar]]:
+    """Return what parameter files set, checked, by node and parameter name.
+
+    A later file overrides an earlier one.
+
+    Sections of a node, in any namespace, and of wildcards count; those of other nodes do not.
+    Plug-ins that they name as `package.module:name` are imported, so only the user may name files.
+    Raises ParameterError naming the file and the parameter.
+    """
+    found: dict[str, dict[str, Scalar]] = {node: {} for node in nodes}
+    for path in paths:
+        sections = read_sections(path)
+        if not any(name in (*nodes, *WILDCARDS) for name, _ in sections):
+            raise ParameterError(f'{path}: has no ros__parameters for {" or ".join(nodes)}')
+        try:
+            check_sections(sections, {node: node for node in NODES})
+            for node in nodes:
+                found[node].update(_collected(node, sections))
+        except (ParameterError, PluginError) as error:
+            raise ParameterError(f'{path}: {error}') from None
+    return found
+
+
+def read_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the sections of a parameter file, wildcards first: node name and parameters.
+
+    Raises ParameterError if it is not a parameter file.
+    """
+    content = read_yaml(path, ParameterError)
+    if not isinstance(content, dict):
+        raise ParameterError(
+            f'{path}: a ROS parameter file is expected: planner_node: ros__parameters: ...'
+        )
+    sections = list(_sections(content))
+    for node, parameters in sections:
+        for name in parameters:
+            if not isinstance(name, str):
+                raise ParameterError(
+                    f'{path}: {node}: {short_repr(name)} is not the name of a parameter'
+                )
+    return sorted(sections, key=lambda section: section[0] not in WILDCARDS)
+
+
+def _sections(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    for name, inner in content.items():
+        if not isinstance(inner, dict):
+            continue
+        parameters = inner.get('ros__parameters')
+        if isinstance(parameters, dict):
+            yield str(name).rsplit('/', 1)[-1], parameters
+        elif parameters is None:
+            yield from _sections(inner)
+
+
+def check_sections(
+    sections: Sequence[tuple[str, Mapping[str, Any]]], tables: Mapping[str, str]
+) -> None:
+    """Raise ParameterError for a name in a section of `tables`' nodes that does not exist.
+
+    In a wildcard section only misspellings are refused: others may be of another package. `tables`
+    names, for each node as sections call it, its entry in NODES.
+    """
+    for name, parameters in sections:
+        if name in tables:
+            check_names(tables[name], parameters)
+        elif name in WILDCARDS:
+            check_names('planner_node', parameters, wildcard=True)
+
+
+def _collected(
+    node: str, sections: Sequence[tuple[str, Mapping[str, Any]]]
+) -> Iterator[tuple[str, Scalar]]:
+    """Yield what sections set of a node; the names of OTHERS give way."""
+    given: dict[str, Any] = {}
+    for name, parameters in sections:
+        if name in (node, *WILDCARDS):
+            given.update(parameters)
+    for other, ours in OTHERS.get(node, {}).items():
+        if other in given:
+            given = {ours: given[other]} | given
+    for item in NODES[node]:
+        if item.name in given:
+            if item.plugins is not None:
+                item.plugins.admit(given[item.name])
+            yield item.name, item.read(given[item.name])

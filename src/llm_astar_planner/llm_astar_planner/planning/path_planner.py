@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,13 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
+from llm_astar_planner.planning.endpoints import (
+    blocked_message,
+    goal_failure,
+    moved_goal,
+    moved_start,
+    moved_via,
+)
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     curve_cells,
@@ -36,25 +43,25 @@ from llm_astar_planner.planning.segment import (
     success_message,
 )
 from llm_astar_planner.planning.types import (
+    COMPILED,
+    EXPLAINED,
     NOT_ASKED,
+    PLANNED_ON,
+    Endpoints,
     Plan,
     PlanningFailure,
     PlanRequest,
     ResultCode,
     check_request,
+    kind_of_plan,
 )
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
-from llm_astar_planner.search.result import (
-    BoundedResult,
-    SearchResult,
-    SearchStatus,
-    empty_path,
-)
-from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus, empty_path
+from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.async_query import name_of
 
 if TYPE_CHECKING:
@@ -125,15 +132,62 @@ class PathPlanner:
             self.landmarks.wait()
         return self
 
+    def plan(self, request: PlanRequest, stop: StopFlag | None = None) -> Plan:
+        """Answer a request. Never raises for what a request, a source or a map may hold.
+
+        Another thread cancels by setting `stop[0] = 1`: the answer is then the best path so far,
+        or TIMEOUT.
+        """
+        *_, plan = self.plans(request, stop, anytime=False)
+        # So that a notebook can draw it. Those of `plans`, which nodes keep, hold no map.
+        places = None if request.instruction is None else request.instruction.places
+        PLANNED_ON[plan] = self.costmap, places
+        return plan
+
+    def plans(
+        self, request: PlanRequest, stop: StopFlag | None = None, *, anytime: bool = True
+    ) -> Iterator[Plan]:
+        """Compile what a request takes, and return its plans: each better one, then the answer.
+
+        Each is validated, and made when it is asked for; the time of the request begins with the
+        first. Only `guided` and plug-ins that are generators find several, and only without via
+        points and instruction. `anytime` False yields the answer alone. Otherwise as `plan`.
+        """
+        stop = no_stop() if stop is None else stop
+        asks_more = request.viapoints or request.alternatives
+        asks_more = asks_more or request.instruction is not None or request.last_way is not None
+        is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
+        has_landmarks = self.landmarks.current is not None
+        kind = kind_of_plan(self.config, request, is_graded, has_landmarks)
+        if asks_more or kind not in COMPILED:
+            return self.more_plans(request, stop, anytime=anytime)
+        return self.direct_plans(request, stop, anytime=anytime, explains=True)
+
+    def more_plans(self, request: PlanRequest, stop: StopFlag, *, anytime: bool) -> Iterator[Plan]:
+        """Return the plans of a request that is not compiled yet, or asks for more than a path."""
+        raise NotImplementedError
+
+    def explained(self, request: PlanRequest, plan: Plan, stop: StopFlag, deadline: float) -> Plan:
+        """Return a plan that says why if it has no path, or leads as near as possible if it may.
+
+        The latter until the `deadline`, in monotonic seconds.
+        """
+        if plan.code not in EXPLAINED or stop[0]:
+            return plan
+        # Only after a failure: other plans do not need it.
+        from llm_astar_planner.planning.why import explained  # noqa: PLC0415
+
+        return explained(self.costmap, request, plan, partial(self.plan, stop=stop), deadline)
+
     def direct_plan(self, request: PlanRequest, stop: StopFlag) -> Plan:
         """Answer a request without an instruction."""
         *_, plan = self.direct_plans(request, stop, anytime=False)
         return plan
 
     def direct_plans(
-        self, request: PlanRequest, stop: StopFlag, *, anytime: bool
+        self, request: PlanRequest, stop: StopFlag, *, anytime: bool, explains: bool = False
     ) -> Iterator[Plan]:
-        """Yield each better plan of a request without an instruction."""
+        """Yield each better plan of a request without an instruction; `explains` a failure."""
         begin = time.monotonic()
         deadline = begin + request.time_limit
         share = SEARCH_SHARE if request.any_angle else 1.0
@@ -147,10 +201,7 @@ class PathPlanner:
             if request.footprint is not None:
                 search_deadline -= FIT_SHARE * request.time_limit
                 # Kernels and shapely, which plans without a footprint do not take.
-                from llm_astar_planner.planning.footprint_search import (  # noqa: PLC0415
-                    collides,
-                    fit_footprint,
-                )
+                from llm_astar_planner.planning.footprint_search import collides, fit_footprint  # noqa: PLC0415
             # 2. Search the segments between the via points, with the source's waypoints.
             for segment in self.segments(request, endpoints, search_deadline, stop):
                 segments.append(segment)
@@ -178,14 +229,12 @@ class PathPlanner:
             plan = self.build_plan(request, endpoints, segments, result, deadline=deadline)
         except (PlanningFailure, PathTooLongError, PluginError) as failure:
             plan = self.build_plan(request, endpoints, segments, failure=failure)
+            if explains:
+                plan = self.explained(request, plan, stop, deadline)
         yield plan
 
     def segments(
-        self,
-        request: PlanRequest,
-        endpoints: Endpoints,
-        deadline: float,
-        stop: StopFlag,
+        self, request: PlanRequest, endpoints: Endpoints, deadline: float, stop: StopFlag
     ) -> Iterator[SegmentPlanner]:
         """Yield a planner for each segment between start, via points and goal, in order.
 
@@ -340,11 +389,16 @@ class PathPlanner:
         # Kernels that only these plans take.
         from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
             AnyAnglePath,
+            lawful_parts,
             string_pull,
         )
 
         try:
-            parts = [string_pull(graph, part, deadline=deadline) for graph, part in stretches]
+            parts = [
+                string_pull(*piece, deadline=deadline)
+                for graph, part in stretches
+                for piece in lawful_parts(graph, part, self.grid_map.forbidden)
+            ]
         except TimeoutError as error:
             return None, str(error)
         if not parts:
@@ -406,6 +460,42 @@ class PathPlanner:
         if collides(self.costmap, request, points):
             return 'the footprint would meet an obstacle'
         return footprint_problem(interpolate(points), self.costmap, request)
+
+
+def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
+    """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
+    components, start, goal, via = costmap.components, request.start, request.goal, request.via
+    if not components.at(start):
+        start = moved_start(costmap, request)
+    # Where rules of the road cut a stretch between many via points off, its search finds out.
+    if costmap.grid_map.forbidden.size and not via:
+        components = costmap.reached(start)
+    component = components.at(start)
+    if components.at(goal) != component:
+        goal = moved_goal(costmap, request, goal, (components, component))
+    if via:
+        via = tuple(
+            cell
+            if components.at(cell) == component
+            else moved_goal(costmap, request, cell, (components, component), f'via {number}')
+            for number, cell in enumerate(via, start=1)
+        )
+    if (start, goal, via) == (request.start, request.goal, request.via):
+        return Endpoints(start, goal, via)
+    resolution = costmap.grid_map.resolution
+    start_shift = math.dist(request.start, start) * resolution
+    goal_shift = math.dist(request.goal, goal) * resolution
+    warnings = []
+    if start != request.start:
+        message = blocked_message(costmap, 'start', request.start)
+        begin = costmap.describe_cell(start)
+        warnings.append(f'{message}; the path begins at {begin}, {start_shift:.2f} m off')
+    if via != request.via:
+        warnings.append(moved_via(costmap, request, via))
+    if goal != request.goal:
+        failure, end = goal_failure(costmap, request, request.goal), costmap.describe_cell(goal)
+        warnings.append(f'{failure}; the path ends at {end}, {goal_shift:.2f} m off')
+    return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
 def curve_measures(costmap: Costmap, curve: NDArray[np.float64]) -> tuple[float, float]:

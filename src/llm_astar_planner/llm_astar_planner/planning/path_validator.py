@@ -39,6 +39,9 @@ FAULTS = {
     kernels.JUMP: 'it jumps after',
     kernels.CORNER: 'it cuts a corner after',
 }
+AGAINST = 'it goes against a rule of the road at'
+# The bits of a move by one row or column back, none or on, in `GridMap.forbidden`: rows first.
+BITS = np.array([[64, 8, 128], [4, 0, 1], [32, 2, 16]], dtype=np.uint8)
 # A map's cells, what is known of its tiles, the threshold, `allow_unknown`, the squared radius.
 Rules = tuple[NDArray[np.int8], NDArray[np.uint8], int, bool, int]
 
@@ -72,10 +75,24 @@ class CollisionChecker:
         self.rules: Rules = (
             grid_map.cells, tiles, config.occupied_threshold, config.allow_unknown, reach
         )  # fmt: skip
+        self.forbidden = grid_map.forbidden
+
+    def first_against(self, path: NDArray[np.integer[Any]]) -> int:
+        """Return the index of the cell of a path [n, 2] that a forbidden move leaves, or -1."""
+        if not self.forbidden.size:
+            return -1
+        (x, y), steps = path[:-1].T, np.diff(path, axis=0) + 1
+        against = self.forbidden[y, x] & BITS[steps[:, 1], steps[:, 0]] != 0
+        return int(against.argmax()) if against.any() else -1
 
     def is_free(self, cells: NDArray[np.int64]) -> bool:
-        """Tell whether the robot may be in each of the cells [n, 2] of the map."""
-        return bool(kernels.first_blocked(*self.rules, cells) < 0)
+        """Tell whether the robot may be in each of the cells [n, 2] of the map, on its way to any.
+
+        So there must be no rules of the road in them.
+        """
+        x, y = cells.T
+        has_rules = self.forbidden.size and self.forbidden[y, x].any()
+        return not has_rules and bool(kernels.first_blocked(*self.rules, cells) < 0)
 
     def is_free_curve(self, points: NDArray[np.float64]) -> bool:
         """Tell whether a line through points [n, 2], at most a cell apart, stays on free cells."""
@@ -86,7 +103,8 @@ class CollisionChecker:
         """Say what is wrong with a path of cells [n, 2], or None.
 
         It must run from start to goal, on the map, over free cells, by steps to one of the eight
-        neighbours, and past no blocked corner unless corners may be cut.
+        neighbours, past no blocked corner unless corners may be cut, and against no rule of the
+        road.
         """
         if len(path) == 0:
             return 'it is empty'
@@ -94,7 +112,8 @@ class CollisionChecker:
         cells = np.ascontiguousarray(path, np.int64)
         fault, n = kernels.path_fault(*self.rules, cells, ends, self._cuts_corners)
         if fault == kernels.FINE:
-            return None
+            n = self.first_against(cells)
+            return None if n < 0 else f'{AGAINST} {cell_text(path[n])}'
         if fault == kernels.ENDS:
             return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'
         return f'{FAULTS[fault]} {cell_text(path[n])}'
@@ -104,7 +123,8 @@ class CollisionChecker:
 
         Every cell that a segment passes through must be free. Where it passes exactly over a
         corner of cells, both cells at the corner's sides must be free too, unless corners may be
-        cut. (The search has its own line of sight; this one is written apart from it on purpose.)
+        cut. From cell to cell it must make no move against a rule of the road. (The search has
+        its own line of sight; this one is written apart from it on purpose.)
         """
         cells = np.ascontiguousarray(points, np.int64)
         for begin, end in pairwise(cells):
@@ -113,6 +133,8 @@ class CollisionChecker:
                 return f'the segment from {cell_text(begin)} cuts a corner'
             if fault != kernels.FINE:
                 return f'the segment from {cell_text(begin)} {FAULTS[fault][3:]} ({x}, {y})'
+            if self.first_against(passed_cells(begin, end)) >= 0:
+                return f'the segment from {cell_text(begin)} goes against a rule of the road'
         return None
 
     def measure(self, path: NDArray[np.int32]) -> PathMetrics:
@@ -137,6 +159,22 @@ def curve_cells(points: NDArray[np.float64]) -> NDArray[np.int32]:
     cells = np.insert(cells, aside + 1, third, axis=0).astype(np.int32)
     moves: NDArray[np.bool_] = (np.diff(cells, axis=0) != 0).any(axis=1)
     return np.asarray(cells[np.concatenate([[True], moves])])
+
+
+def passed_cells(begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the cells [n, 2] that a straight line between two cells passes, in turn.
+
+    A move between them is diagonal where the line meets a corner of cells exactly.
+    """
+    counts, signs = np.abs(end - begin), np.sign(end - begin)
+    # The line meets its border number i in x after the part (2 i + 1) / (2 counts[0]) of it, and
+    # those in y likewise: both times twice the product of the counts, these are whole numbers.
+    crossings = [(2 * np.arange(counts[axis]) + 1) * counts[1 - axis] for axis in (0, 1)]
+    if not counts.all():
+        crossings = [np.arange(count) for count in counts]
+    passed = np.unique(np.concatenate(crossings))
+    steps = [np.searchsorted(borders, passed, side='right') for borders in crossings]
+    return np.concatenate((begin[None], begin + np.column_stack(steps) * signs))
 
 
 def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:
@@ -170,8 +208,8 @@ def invalid_poses(
     `cells` is [n, 2], the cell (x, y) of each pose; poses may be any distance apart. A pose is
     invalid if it is off the map, if the robot collides there or the cell's occupancy is
     `cost_limit` or more, or if the straight segment that leads to it is blocked. Unknown cells
-    are blocked unless both `allow_unknown` and the checker's rules allow them. The path may come
-    from any planner.
+    are blocked unless both `allow_unknown` and the checker's rules allow them. Nor may the segment
+    go against a rule of the road. The path may come from any planner.
     """
     if len(cells) == 0:
         return np.zeros(0, dtype=np.bool_)
@@ -181,6 +219,9 @@ def invalid_poses(
     invalid: NDArray[np.bool_] = kernels.invalid_poses(
         grid_cells, tiles, threshold, is_allowed, reach, path, cost_limit
     )
+    for n in range(1, len(path) if checker.forbidden.size else 0):
+        if not (invalid[n - 1] or invalid[n]):
+            invalid[n] = checker.first_against(passed_cells(*path[n - 1 : n + 1])) >= 0
     return invalid
 
 

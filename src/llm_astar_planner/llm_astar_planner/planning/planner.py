@@ -9,18 +9,13 @@ import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from llm_astar_msgs_adapter.maps.places import NO_PLACES
-
-from llm_astar_planner.planning.endpoints import Endpoints, ViapointSource
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.types import (
     COMPILED,
-    EXPLAINED,
-    PLANNED_ON,
+    Endpoints,
     Plan,
     PlanningFailure,
     PlanRequest,
@@ -28,7 +23,7 @@ from llm_astar_planner.planning.types import (
     finite_or_none,
     kind_of_plan,
 )
-from llm_astar_planner.search.stop import StopFlag, no_stop
+from llm_astar_planner.search.stop import StopFlag
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
@@ -40,29 +35,12 @@ NOT_COMPILED = 'cancelled while the searches were compiled'
 class Planner(PathPlanner):
     """Plans on one costmap. Immutable, so safe to share between threads."""
 
-    def plan(self, request: PlanRequest, stop: StopFlag | None = None) -> Plan:
-        """Answer a request. Never raises for what a request, a source or a map may hold.
-
-        Another thread cancels by setting `stop[0] = 1`: the answer is then the best path so far,
-        or TIMEOUT.
-        """
-        *_, plan = self.plans(request, stop, anytime=False)
-        # So that a notebook can draw it. Those of `plans`, which nodes keep, hold no map.
-        places = NO_PLACES if request.instruction is None else request.instruction.places
-        PLANNED_ON[plan] = self.costmap, places
-        return plan
-
-    def plans(
-        self, request: PlanRequest, stop: StopFlag | None = None, *, anytime: bool = True
-    ) -> Iterator[Plan]:
-        """Compile what a request takes, and return its plans: each better one, then the answer.
-
-        Each is validated, and made when it is asked for; the time of the request begins with the
-        first. Only `guided` and plug-ins that are generators find several, and only without via
-        points and instruction. `anytime` False yields the answer alone. Otherwise as `plan`.
-        """
-        stop = no_stop() if stop is None else stop
+    def more_plans(self, request: PlanRequest, stop: StopFlag, *, anytime: bool) -> Iterator[Plan]:
+        """Return the plans of a request that is not compiled yet, or asks for more than a path."""
+        # Each of these imports takes a while, and most plans need none of them.
         if request.viapoints:
+            from llm_astar_planner.planning.endpoints import ViapointSource  # noqa: PLC0415
+
             source = ViapointSource(request.viapoints, request.tolerance)
             request = replace(request, source=source)
         if not self.compile(request, stop):
@@ -76,25 +54,26 @@ class Planner(PathPlanner):
             from llm_astar_planner.planning.kept_way import kept_plans  # noqa: PLC0415
 
             plans = kept_plans(self, request, request.last_way, plans, stop)
-        return self.explained_plans(request, plans, stop)
+        return self.told_plans(request, plans, stop)
 
-    def explained_plans(
+    def instructed_plans(
+        self, request: PlanRequest, instruction: RouteInstruction, stop: StopFlag
+    ) -> Iterator[Plan]:
+        """Yield the plan of a request with an instruction."""
+        from llm_astar_planner.planning.instruction import plan_with_instruction  # noqa: PLC0415
+
+        yield plan_with_instruction(self, request, instruction, stop)
+
+    def told_plans(
         self, request: PlanRequest, plans: Iterator[Plan], stop: StopFlag
     ) -> Iterator[Plan]:
-        """Yield plans; one without a path says why, or leads as near as possible if it may."""
+        """Yield plans: one without a path says why, one with a path has other ways if asked."""
         deadline = time.monotonic() + request.time_limit
         for plan in plans:
             if plan.is_final and request.alternatives and plan.code is ResultCode.NONE:
                 yield self.with_alternatives(plan, request, stop, deadline)
-                continue
-            if plan.code not in EXPLAINED or stop[0]:
-                yield plan
-                continue
-            # Only after a failure: other plans do not need it.
-            from llm_astar_planner.planning.why import explained  # noqa: PLC0415
-
-            again = partial(self.plan, stop=stop)
-            yield explained(self.costmap, request, plan, again, deadline)
+            else:
+                yield self.explained(request, plan, stop, deadline)
 
     def with_alternatives(
         self, plan: Plan, request: PlanRequest, stop: StopFlag, deadline: float
@@ -123,20 +102,9 @@ class Planner(PathPlanner):
         kind = self.config, request, is_graded, self.landmarks.current is not None
         if kind_of_plan(*kind) in COMPILED:
             return True
-        # Importing it takes a while, and a process whose plans are compiled needs it no more.
+        # A process whose plans are compiled needs it no more.
         from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415
 
         with suppress(Exception):  # where it does not compile, the plan says why
             return compile_for(*kind, stop)
         return True
-
-    def instructed_plans(
-        self, request: PlanRequest, instruction: RouteInstruction, stop: StopFlag
-    ) -> Iterator[Plan]:
-        """Yield the plan of a request with an instruction."""
-        # What instructions take is many modules, which other plans do not need.
-        from llm_astar_planner.planning.instruction import (  # noqa: PLC0415
-            plan_with_instruction,
-        )
-
-        yield plan_with_instruction(self, request, instruction, stop)

@@ -15,7 +15,7 @@ import time
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TYPE_CHECKING
 
@@ -35,15 +35,17 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
-from llm_astar_planner.search.methods import (
-    SEARCH_METHODS,
-    PluginMethod,
-    uses_waypoints,
-)
+from llm_astar_planner.search.methods import SEARCH_METHODS, PluginMethod, uses_waypoints
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.waypoints.async_query import QueryTask, name_of, query_source, start_query
+from llm_astar_planner.waypoints.async_query import (
+    QueryTask,
+    helps_on,
+    name_of,
+    query_source,
+    start_query,
+)
 from llm_astar_planner.waypoints.source import (
     SAVES_NOTHING,
     SourceStatus,
@@ -51,7 +53,6 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
     WaypointSource,
-    helps_on,
 )
 
 if TYPE_CHECKING:
@@ -76,44 +77,39 @@ NO_FAILURE = frozenset({
 NOT_SEARCHED = SearchResult(SearchStatus.STOPPED, 0, 0, np.zeros((0, 0), dtype=np.bool_))
 
 
+@dataclass(eq=False)
 class SegmentPlanner:
     """Plans from the start of a request to its goal, both free and connected.
 
-    `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
-    `reply`, `checked_waypoints`, `guiding_waypoints` and the seconds of both;
-    `search_product` instead `result`, `product`, `changes` and `seconds_search`.
-    `is_asked` says that the source was asked, `by_heading` that another search replaced its path.
+    Until `deadline` (monotonic seconds), or until `stop[0]` is raised; `via` of the request is
+    ignored. `search` fills in `result` (NOT_SEARCHED before its end), `reply`,
+    `checked_waypoints`, of which a path can be at `accepted` many and the search uses the
+    `guiding_waypoints`, and the seconds of both; `search_product` instead `result`, `product`,
+    `changes` and `seconds_search`. `is_asked` says that the source was asked, `by_heading` that
+    another search replaced its path.
     """
 
-    def __init__(
-        self,
-        costmap: Costmap,
-        request: PlanRequest,
-        deadline: float,
-        stop: NDArray[np.uint8],
-        landmarks: Landmarks | None = None,
-    ) -> None:
-        """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
+    costmap: Costmap
+    request: PlanRequest
+    deadline: float
+    stop: NDArray[np.uint8]
+    landmarks: Landmarks | None = None
+    result: SearchResult = NOT_SEARCHED
+    product: ProductProblem | None = None
+    changes: Sequence[int] = ()
+    reply: WaypointReply = NOT_ASKED
+    checked_waypoints: tuple[CheckedWaypoint, ...] = ()
+    guiding_waypoints: Sequence[CheckedWaypoint] = ()
+    accepted: int = 0
+    is_asked: bool = False
+    by_heading: bool = False
+    seconds_source: float = 0.0
+    seconds_search: float = 0.0
 
-        Raises PluginError where the method's plug-in cannot be loaded.
-        """
-        self.costmap = costmap
-        self.request = request
-        method = SEARCH_METHODS.loaded.get(request.method)
-        self.method: SearchMethod = method or SEARCH_METHODS.load(request.method)
-        self.deadline = deadline
-        self.stop = stop
-        self.landmarks = landmarks
-        self.result = NOT_SEARCHED
-        self.product: ProductProblem | None = None
-        self.changes: list[int] = []
-        self.reply: WaypointReply = NOT_ASKED
-        self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
-        # Of the checked ones those that the search uses.
-        self.guiding_waypoints: Sequence[CheckedWaypoint] = ()
-        self.is_asked = self.by_heading = False
-        self.seconds_source = 0.0
-        self.seconds_search = 0.0
+    def __post_init__(self) -> None:
+        """Find the method. Raises PluginError where its plug-in cannot be loaded."""
+        method = SEARCH_METHODS.loaded.get(self.request.method)
+        self.method: SearchMethod = method or SEARCH_METHODS.load(self.request.method)
 
     def search(self) -> Iterator[SearchResult]:
         """Query and search; yield each better path of a method that finds several, not validated.
@@ -127,20 +123,11 @@ class SegmentPlanner:
         if source is not None and request.start != request.goal and helps_on(source, self.costmap):
             task = self.query(source, waypoints, arrivals)
         problem = SearchProblem(
-            self.costmap.grid_graph,
-            request.start,
-            request.goal,
-            waypoints,
-            self.stop,
-            self.deadline,
-            request.want_expanded,
-            request.max_suboptimality,
-            request.heuristic,
-            request.weight,
-            self.landmarks,
-            arrivals,
+            self.costmap.grid_graph, request.start, request.goal, waypoints, self.stop,
+            self.deadline, request.want_expanded, request.max_suboptimality, request.heuristic,
+            request.weight, self.landmarks, arrivals,
             time.monotonic() + request.first_path_time_limit,
-        )
+        )  # fmt: skip
         begin = time.monotonic()
         answer = self.method(problem)
         result = answer if isinstance(answer, SearchResult) else (yield from answer)
@@ -162,15 +149,10 @@ class SegmentPlanner:
         begin = time.monotonic()
         self.product = problem
         self.result = result = product_search(
-            self.costmap.grid_graph,
-            self.request.start,
-            self.request.goal,
-            problem,
-            landmarks=self.landmarks,
-            stop=self.stop,
-            deadline=self.deadline,
+            self.costmap.grid_graph, self.request.start, self.request.goal, problem,
+            landmarks=self.landmarks, stop=self.stop, deadline=self.deadline,
             want_expanded=self.request.want_expanded,
-        )
+        )  # fmt: skip
         changed = np.diff(result.trace, axis=0).any(axis=1)
         self.changes = (np.flatnonzero(changed) + 1).tolist()
         self.seconds_search = time.monotonic() - begin
@@ -271,6 +253,7 @@ class SegmentPlanner:
         checked = check_waypoints(reply.waypoints, occupied, costmap.components, start, edge)
         usable = KEPT_BY_PAPER if is_published else GUIDING
         self.guiding_waypoints = [point for point in checked if point.status in usable]
+        self.accepted = sum(point.status in GUIDING for point in checked)
         self.checked_waypoints = checked
         return target_list(checked, start, goal)[1:] if is_published else guiding_points(checked)
 
@@ -334,7 +317,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
         least = 'cheapest' if is_priced else 'shortest'
         message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
     if first.checked_waypoints:
-        accepted = sum(point.status in GUIDING for point in first.checked_waypoints)
+        accepted = first.accepted
         message += f', {accepted} of {len(first.checked_waypoints)} waypoints accepted'
         # The search beside them was done before it came to them.
         message += ', none needed' if accepted and not first.guiding_waypoints else ''

@@ -6,14 +6,10 @@
 from __future__ import annotations
 
 import math
-from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
-from html import escape
 from operator import index
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -22,7 +18,6 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
-from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
@@ -101,6 +96,17 @@ class CheckedWaypoint:
     x: float
     y: float
     status: WaypointStatus
+
+
+class Endpoints(NamedTuple):
+    """The cells to plan between, their distance in metres to those requested, and warnings."""
+
+    start: Cell
+    goal: Cell
+    via: tuple[Cell, ...] = ()
+    start_shift: float = 0.0
+    goal_shift: float = 0.0
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,6 +293,13 @@ class Why(NamedTuple):
         """Return the form of reports and `--json`."""
         return dict(zip(self._fields[:5], self))
 
+    def places(self) -> Iterator[tuple[str, list[Point]]]:
+        """Yield the name of each cause that lies somewhere, and its points in metres."""
+        for cause in self.causes:
+            points = [cause[end] for end in ('from', 'to', 'at') if end in cause]
+            if points:
+                yield cause.get('name') or cause['kind'], points
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -364,6 +377,10 @@ class Plan:
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the outcome, and the picture or why there is none."""
+        # What only a notebook takes.
+        from base64 import b64encode  # noqa: PLC0415
+        from html import escape  # noqa: PLC0415
+
         picture, problem = picture_of(self)
         text = f'{self.message} [{self.code.name}]' if self.code else self.message
         clauses = [] if self.instruction is None else [self.instruction.summary()]
@@ -418,11 +435,17 @@ class Plan:
 
 
 # What `Planner.plan` planned on, while its plan lives.
-PLANNED_ON: WeakKeyDictionary[Plan, tuple[Costmap, Places]] = WeakKeyDictionary()
+PLANNED_ON: WeakKeyDictionary[Plan, tuple[Costmap, Places | None]] = WeakKeyDictionary()
 
 
 def picture_of(plan: Plan) -> tuple[bytes | None, str]:
     """Return the picture of a plan as PNG, or None and why there is none."""
+    from pathlib import Path  # noqa: PLC0415
+    from tempfile import TemporaryDirectory  # noqa: PLC0415
+
+    from llm_astar_msgs_adapter.maps.places import NO_PLACES  # noqa: PLC0415
+
+    from llm_astar_planner.extensions import find_drawing  # noqa: PLC0415
     from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
 
     if plan not in PLANNED_ON:
@@ -434,7 +457,8 @@ def picture_of(plan: Plan) -> tuple[bytes | None, str]:
         return None, f'There is no picture: {error}'
     with TemporaryDirectory() as folder:
         path = Path(folder, 'plan.png')
-        draw(plan, Route(costmap, plan.start, plan.goal, places), (0, 0), str(path))
+        route = Route(costmap, plan.start, plan.goal, places or NO_PLACES)
+        draw(plan, route, (0, 0), str(path))
         return path.read_bytes(), ''
 
 

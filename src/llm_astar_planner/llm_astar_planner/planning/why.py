@@ -7,7 +7,8 @@ What closes cells is parted into causes: each clause, zone and mask, unknown cel
 radius. Cells closed by the same causes are one group; a best-first search over sets of causes
 floods what each set opens from where the smaller set ended, so the first set that reaches the
 goal is a smallest one. Where all together do not, walls do it. How wide a robot passes is found
-by a widest path search.
+by a widest path search. Rules of the road are causes too; where there are some, floods follow the
+moves that these leave.
 """
 
 from __future__ import annotations
@@ -28,17 +29,12 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import inflate, squared_cells
+from llm_astar_planner.costmap.zone_rules import STEPS
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
-from llm_astar_planner.planning.endpoints import moved_start, nearest_reached
-from llm_astar_planner.planning.types import (
-    Plan,
-    PlanningFailure,
-    PlanRequest,
-    Point,
-    Why,
-)
+from llm_astar_planner.planning.endpoints import moved_start, nearest_reached, window_around
+from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, Point, Why
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
 from llm_astar_planner.search.jump import jump_search
@@ -51,19 +47,25 @@ Window = tuple[slice, slice]
 WHOLE: Window = slice(None), slice(None)
 NOTHING: Items = frozenset()
 # Of sets with equally many causes, what a person changes most easily is named: this order.
-CLAUSE, ZONE, MASK, UNKNOWN, RADIUS = ORDER = ('clause', 'zone', 'mask', 'unknown', 'radius')
+CLAUSE, ZONE, ONE_WAY, KEEP_RIGHT, MASK, UNKNOWN, RADIUS = ORDER = (
+    'clause', 'zone', 'one_way', 'keep_right', 'mask', 'unknown', 'radius'
+)  # fmt: skip
 WALLS = 'walls'
 # How much one place in this order counts: less than one cause more.
 PLACE = 1e-4
 # Sets tried before it is looked at whether all causes together close the way, and before a set
 # will do that cannot spare any of its causes.
 SOON, MOST_SETS = 8, 256
+# Via points up to which rules of the road are followed from one to the next.
+MOST_STOPS = 20
 # Metres, to which the widest way is measured of a robot whose size is not known.
 WIDEST = 10.0
 ROUNDING = 1e-6
 NAMED = {
     CLAUSE: 'the instruction "{name}"',
     ZONE: 'zone {name}',
+    ONE_WAY: 'the one-way {name}',
+    KEEP_RIGHT: 'the keep-right lane {name}',
     MASK: 'the filter mask {name}',
     UNKNOWN: 'unknown cells between {from} and {to}',
     RADIUS: "the robot's radius of {radius:g} m",
@@ -78,8 +80,10 @@ class Layers:
 
     def __init__(self, walls: Mask) -> None:
         """Start with walls, bool [height, width], and nothing else closed."""
-        self.groups = np.pad(~walls, 1).astype(np.int32)
+        height, width = walls.shape
+        self.groups = np.zeros((height + 2, width + 2), dtype=np.int32)
         self.cells = self.groups[1:-1, 1:-1]
+        self.cells[:] = ~walls
         self.sets: list[Items | None] = [None, NOTHING]
         self._numbers: dict[Items, int] = {NOTHING: 1}
 
@@ -102,11 +106,15 @@ class Layers:
 
 
 class Flood(NamedTuple):
-    """What is reached: `target` is a flat cell or -1, `edges` the closed cells that were met."""
+    """What is reached: `target` is a flat cell or -1, `edges` the closed cells that were met.
+
+    `rules` are causes that forbid moves from there to cells that are not reached.
+    """
 
     target: int
     seen: NDArray[np.uint8]
     edges: NDArray[np.int32]
+    rules: tuple[int, ...] = ()
 
 
 class Goals(NamedTuple):
@@ -121,17 +129,20 @@ class Goals(NamedTuple):
         """Ask for a cell at most `tolerance` metres from `goal`."""
         height, width = costmap.blocked.shape
         across, reach = width + 2, squared_cells(tolerance, costmap.grid_map.resolution)
-        x, y = np.arange(-1, width + 1) - goal[0], np.arange(-1, height + 1) - goal[1]
-        targets = np.add.outer(y * y, x * x) <= reach
-        steps = [1, -1, across, -across]
+        targets = np.zeros((height + 2, width + 2), dtype=np.bool_)
+        rows, columns = window_around(targets.shape, (goal[0] + 1, goal[1] + 1), math.isqrt(reach))
+        y, x = np.ogrid[rows, columns]
+        targets[rows, columns] = (x - goal[0] - 1) ** 2 + (y - goal[1] - 1) ** 2 <= reach
+        # The last is followed first: along rows, as they lie in memory.
+        steps = [across, -across, 1, -1]
         if costmap.config.corner_cutting:
-            steps += [across + 1, across - 1, 1 - across, -1 - across]
+            steps = [across + 1, across - 1, 1 - across, -1 - across, *steps]
         first = (start[1] + 1) * across + start[0] + 1
         return cls(np.array(steps, dtype=np.int32), first, targets.reshape(-1))
 
     def cell(self, number: int) -> Cell:
         """Return the cell (x, y) of the map that has a number here."""
-        y, x = divmod(number, int(self.steps[2]))
+        y, x = divmod(number, int(self.steps[-4]))
         return x - 1, y - 1
 
     def flood(self, layers: Layers, removed: Items, before: Flood | None = None) -> Flood:
@@ -163,7 +174,7 @@ class Causes:
         self.lethal = self.base.cells >= threshold
         self.names: list[tuple[str, str]] = []
         self.radius = -1
-        is_plain = composed is None and config.allow_unknown
+        is_plain = composed is None and (config.allow_unknown or not (self.base.cells < 0).any())
         walls = costmap.blocked if is_plain else inflate(self.base, self.config)[0]
         self.layers = [Layers(walls)]
         # Without the robot's radius, also that with which a costmap was inflated.
@@ -178,6 +189,10 @@ class Causes:
             self.zones[self.add(kind, name, closed, window)] = window, closed
         if not config.allow_unknown:
             self.add(UNKNOWN, '', self.base.cells < 0)
+        # Each forbids moves in a window.
+        self.rules: dict[int, tuple[Window, NDArray[np.uint8]]] = {}
+        for kind, name, window, moves in () if composed is None else composed.rules():
+            self.rules[self.add(kind, name)] = window, moves
 
     def add(
         self, kind: str, name: str = '', closed: Mask | None = None, window: Window = WHOLE
@@ -203,7 +218,46 @@ class Causes:
 
     def flood(self, goals: Goals, removed: Items, before: Flood | None = None) -> Flood:
         """Reach what is open without some causes."""
+        if self.rules:
+            return self.drive(goals, removed)
         return goals.flood(self.layers_of(removed), removed, before)
+
+    def forbidden(self, removed: Items) -> NDArray[np.uint8]:
+        """Return the moves that rules of the road forbid without some of them, empty for none."""
+        forbidden = np.zeros(self.lethal.shape if self.rules else (0, 0), dtype=np.uint8)
+        for item in self.rules.keys() - removed:
+            window, moves = self.rules[item]
+            forbidden[window] |= moves
+        return forbidden
+
+    def graph(self, blocked: Mask, removed: Items) -> GridGraph:
+        """Return the graph of the moves that are left without some causes."""
+        grid = GridGraph(blocked, corner_cutting=self.config.corner_cutting)
+        return grid.with_rules(self.forbidden(removed))
+
+    def drive(self, goals: Goals, removed: Items) -> Flood:
+        """Reach what the moves that are left without some causes lead to."""
+        layers = self.layers_of(removed)
+        blocked = ~layers.is_open(removed)[layers.cells]
+        grid = self.graph(blocked, removed)
+        reached = np.pad(grid.reach(goals.cell(goals.start)), 1)
+        around = np.zeros_like(reached)
+        lost = np.zeros(blocked.shape, dtype=np.uint8)
+        left_out = (grid.without_rules.moves & ~grid.moves).reshape(blocked.shape)
+        for bit, (x, y) in enumerate(STEPS):
+            around |= np.roll(reached, (y, x), (0, 1))
+            leads_on = ~np.roll(reached, (-y, -x), (0, 1)) & reached
+            lost |= left_out & leads_on[1:-1, 1:-1].astype(np.uint8) << bit
+        edges = np.flatnonzero(around & ~reached & np.pad(blocked, 1)).astype(np.int32)
+        seen = reached.astype(np.uint8).reshape(-1)
+        seen[edges] = kernels.EDGE
+        hits = np.flatnonzero(reached.reshape(-1) & goals.targets)
+        rules = [
+            item
+            for item, (window, moves) in self.rules.items()
+            if item not in removed and (lost[window] & moves).any()
+        ]
+        return Flood(int(hits[0]) if len(hits) else -1, seen, edges, tuple(rules))
 
     def least(self, goals: Goals, reached: Flood) -> tuple[Items, int] | None:
         """Return a smallest set of causes without which a way leads to the goal, None for none.
@@ -230,8 +284,9 @@ class Causes:
                 return removed, found.target
             layers = self.layers_of(removed)
             met = np.bincount(layers.groups.reshape(-1)[found.edges], minlength=1)
-            for number in np.flatnonzero(met[1:]).tolist():
-                more = removed | (layers.sets[number + 1] or NOTHING)
+            closing = [layers.sets[number + 1] for number in np.flatnonzero(met[1:]).tolist()]
+            for causes in [*closing, *(frozenset({rule}) for rule in found.rules)]:
+                more = removed | (causes or NOTHING)
                 heapq.heappush(queue, (self.price(more), next(numbers), more, found))
         return None
 
@@ -254,9 +309,11 @@ class Causes:
         metres = self.config.robot_radius or WIDEST
         reach = min(math.isqrt(squared_cells(metres, self.resolution)) + 1, max(lethal.shape))
         # Where the robot passes there is room enough, which is not measured.
-        is_open, is_wide = (one.is_open(removed)[one.cells] for one in (layers, self.layers[0]))
+        groups = (
+            part for one in (layers, self.layers[0]) for part in (one.cells, one.is_open(removed))
+        )
         room = np.zeros(layers.groups.shape, dtype=np.int32)
-        kernels.fill_room(lethal, reach, is_open, is_wide, room[1:-1, 1:-1])
+        kernels.fill_room(lethal, reach, *groups, room[1:-1, 1:-1])
         return room
 
 
@@ -281,13 +338,18 @@ class Explainer:
     def __init__(self, costmap: Costmap, request: PlanRequest) -> None:
         """Take a request: of its via points and its goal, the first that cannot be reached."""
         self.costmap, self.start = costmap, request.start
-        components, tolerance = costmap.components, request.tolerance
-        if not components.at(self.start):
+        tolerance, stops = request.tolerance, [*request.via, request.goal]
+        if not costmap.components.at(self.start):
             with suppress(PlanningFailure):
                 self.start = moved_start(costmap, request)
-        here, stops = components.at(self.start), [*request.via, request.goal]
-        cut = [nearest_reached(costmap, stop, here, tolerance) is None for stop in stops]
-        self.reached = cut.index(True) if any(cut) else len(stops) - 1
+        for self.reached, stop in enumerate(stops):
+            few = len(stops) <= MOST_STOPS
+            components = costmap.reached(self.start) if few else costmap.components
+            here = components, components.at(self.start)
+            if nearest_reached(costmap, here, stop, tolerance) is None:
+                break
+            if costmap.grid_graph.has_rules and stop != request.goal:
+                self.start = stop
         self.goal, is_via = stops[self.reached], self.reached < len(request.via)
         self.name = f'via {self.reached + 1}' if is_via else 'goal'
         self.causes = Causes(costmap, closing_clauses(costmap, request, self.start))
@@ -313,7 +375,10 @@ class Explainer:
         if causes.radius in removed:
             cells, widest = self.widest_path(removed)
         else:
-            cells = self.path(~layers.is_open(removed)[layers.cells], self.goals.cell(target))
+            cells = np.zeros((0, 2), dtype=np.int32)
+        if not len(cells):
+            blocked, widest = ~layers.is_open(removed)[layers.cells], {}
+            cells = self.path(blocked, self.goals.cell(target), removed)
         on_path = layers.cells[cells[:, 1], cells[:, 0]]
         for item in sorted(removed):
             kind, name = causes.names[item]
@@ -321,25 +386,35 @@ class Explainer:
             if kind == RADIUS:
                 entry = {'kind': kind, 'radius': causes.config.robot_radius, **widest}
             closes = np.array([item in (items or NOTHING) for items in layers.sets])
-            met = cells[closes[on_path]].tolist()
+            is_met = closes[on_path]
+            if item in causes.rules:
+                others = frozenset(causes.rules) - {item}
+                is_met = causes.forbidden(others)[cells[:, 1], cells[:, 0]] > 0
+            met = cells[is_met].tolist()
             ends = {'from': self.metres(met[0]), 'to': self.metres(met[-1])} if met else {}
             entries.append(entry | ends)
         return entries, round(path_length(cells) * causes.resolution, 3)
 
-    def path(self, blocked: Mask, goal: Cell) -> NDArray[np.int32]:
-        """Return the shortest path on cells that would be open."""
-        grid = GridGraph(blocked, corner_cutting=self.costmap.config.corner_cutting)
-        if not grid.corner_cutting:
+    def path(self, blocked: Mask, goal: Cell, removed: Items) -> NDArray[np.int32]:
+        """Return the shortest path on cells and by moves that would be open."""
+        grid = self.causes.graph(blocked, removed)
+        if not (grid.corner_cutting or grid.has_rules):
             return jump_search(grid, self.start, goal, stop=no_stop()).path
         return exact_astar(grid, self.start, goal, want_expanded=False).path
 
     def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
         """Return the shortest of the widest ways, which robots pass it, and where it is narrow."""
         room, (steps, _, targets) = self.causes.room(removed), self.goals
+        layers, ends = self.causes.layers[0], np.flatnonzero(targets)
+        # From where the robot reaches an end as wide as it is, the way gets no narrower.
+        for end in ends[layers.groups.reshape(-1)[ends] == 1][:1]:
+            there = Goals(steps, int(end), np.zeros_like(targets)).flood(layers, NOTHING)
+            targets = targets | (there.seen == kernels.REACHED)
         target, least, where = kernels.widest(
             room.reshape(-1), steps, targets, self.here.seen.copy(), self.here.edges
         )
-        cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target))
+        target = target if self.goals.targets[target] else int(end)
+        cells = self.path(room[1:-1, 1:-1] < least, self.goals.cell(target), removed)
         passes = below(math.sqrt(least) * self.causes.resolution)
         return cells, {'passes': passes, 'at': self.metres(self.goals.cell(where))}
 

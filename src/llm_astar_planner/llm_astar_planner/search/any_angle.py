@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -19,6 +21,10 @@ from llm_astar_planner.search.result import Cell
 
 # Cells that lines pass between two looks at the deadline: a few milliseconds.
 SLICE = 1 << 20
+# The bits, as in `GridGraph.moves`, of all moves and of those of each quadrant; and the number of
+# the move by one row or column back, none or on: rows first.
+LINE_KINDS = (255, 1 | 2 | 16, 2 | 4 | 32, 4 | 8 | 64, 1 | 8 | 128)
+STEP_NUMBERS = np.array([[6, 3, 7], [2, 8, 0], [5, 1, 4]])
 
 
 class AnyAnglePath(NamedTuple):
@@ -83,6 +89,40 @@ def string_pull(
     points = points[: counts[kernels.POINTS]].copy()
     cost, length, _, _ = kernels.path_cost(rules, points)
     return AnyAnglePath(points, length, cost)
+
+
+def lawful_parts(
+    grid: GridGraph, path: NDArray[np.int32], forbidden: NDArray[np.uint8]
+) -> Iterator[tuple[GridGraph, NDArray[np.int32]]]:
+    """Cut a path [n, 2] into parts, each with the graph on which it may be pulled.
+
+    Lines between points of a part make moves from cell to cell that rules of the road, `forbidden`
+    as in `GridGraph.with_rules`, allow: where these forbid nothing, or moves of one quadrant in
+    cells where they forbid none of it. Other moves stay as they are.
+    """
+    if not forbidden.size or len(path) < 2:
+        yield grid, path
+        return
+    (x, y), steps = path.T, np.diff(path, axis=0) + 1
+    moves = 1 << STEP_NUMBERS[steps[:, 1], steps[:, 0]]
+    # Of both ends, and the cells beside a diagonal move.
+    bits = forbidden[y[:-1], x[:-1]] | forbidden[y[1:], x[1:]]
+    bits |= forbidden[y[:-1], x[1:]] | forbidden[y[1:], x[:-1]]
+    fits = [(moves & kind != 0) & (bits & kind == 0) for kind in LINE_KINDS]
+    graphs = dict[int, GridGraph]()
+    first = 0
+    while first < len(path) - 1:
+        # False, so that each has an end.
+        runs = [int(np.append(part[first:], False).argmin()) for part in fits]
+        last, number = first + max(runs), runs.index(max(runs))
+        if last == first:
+            yield grid, path[first : first + 2]
+        elif number not in graphs:
+            graphs[number] = copy.copy(grid)
+            graphs[number].blocked = grid.blocked | (forbidden & LINE_KINDS[number] != 0)
+        if last > first:
+            yield graphs[number], path[first : last + 1]
+        first = max(last, first + 1)
 
 
 def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -76,7 +76,8 @@ class Crossing:
     """The ways between two cells that are two tiles apart, over borders."""
 
     def __init__(self, borders: Borders, grid: GridGraph, start: Cell, goal: Cell) -> None:
-        """Measure from both cells to the borders of their tiles."""
+        """Measure from both cells to the borders of their tiles, without rules of the road."""
+        grid = grid.without_rules
         self._borders, self._grid = borders, grid
         self._cells = grid.index(start), grid.index(goal)
         self._ends = np.empty((2, 4, kernels.PARTS), dtype=np.int64)

@@ -15,7 +15,7 @@ import copy
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,6 +143,8 @@ class GridGraph:
         self.ring = self._ring()
         self._spare: list[Workspace] = []
         self._coarse: GridGraph | None = None
+        # Whether rules of the road forbid moves, and the graph without them, None for this one.
+        self.has_rules, self._free = False, cast('GridGraph | None', None)
 
     def updated(
         self, blocked: NDArray[np.bool_], cost: NDArray[np.int8] | None, windows: NDArray[np.int64]
@@ -176,6 +178,29 @@ class GridGraph:
         if 'packed' in vars(self):
             grid.packed = self.packed.updated(blocked, windows)
         return grid
+
+    def with_rules(self, forbidden: NDArray[np.uint8]) -> GridGraph:
+        """Return the graph without the moves that rules of the road forbid.
+
+        `forbidden` is uint8 [height, width], bits as in `moves`, or empty for no rules.
+        """
+        if not forbidden.size:
+            return self
+        grid = copy.copy(self)
+        grid.has_rules, grid._free, grid._coarse = True, self, None
+        grid.moves = self.moves & ~forbidden.reshape(-1)
+        grid.set_units(self.straight, self.diagonal)
+        return grid
+
+    @property
+    def without_rules(self) -> GridGraph:
+        """The graph in which each move can be made back too; no path costs less than here."""
+        return self._free or self
+
+    def reach(self, cell: Cell) -> NDArray[np.bool_]:
+        """Return the cells that moves lead to from a cell (x, y): bool [height, width]."""
+        reached: NDArray[np.bool_] = kernels.reach(self.moves, self.width, self.index(cell))
+        return reached.reshape(self.blocked.shape)
 
     def set_units(self, straight: int, diagonal: int) -> None:
         """Set the units of length, and what searches take that depends on them."""

@@ -27,6 +27,7 @@ from llm_astar_planner.search.astar import (
     PathTooLongError,
     PlainSearch,
     SlicedSearch,
+    successors_of,
 )
 from llm_astar_planner.search.borders import Borders, Crossing, is_far
 from llm_astar_planner.search.grid_graph import GridGraph
@@ -201,10 +202,11 @@ class GuidedSearch:
     def _begin(self, grid: GridGraph, landmarks: Landmarks | None) -> None:
         """Begin on one grid: an exact search and, when there are waypoints, theirs."""
         # Jump points pay for far goals, on uniform costs without corner cutting, unless the map
-        # is full of them.
+        # is full of them. They know no rules of the road.
         (x, y), (goal_x, goal_y) = self.start, self.goal
         self._fewest_moves = max(abs(x - goal_x), abs(y - goal_y))
         jumps = self._fewest_moves >= FAR and not (grid.cell_surcharge.size or grid.corner_cutting)
+        jumps = jumps and not grid.has_rules
         jumps = jumps and grid.packed.jump_points <= MOST_JUMP_POINTS * grid.moves.size
         exact_search = JumpSearch if jumps else PlainSearch
         self._plain = exact_search(grid, self.start, self.goal, landmarks)
@@ -402,7 +404,8 @@ class WaypointSearch(SlicedSearch):
         self._plain = plain
         self._control = np.array([
             self.start, self.goal, self.generation, round(query.weight * kernels.ONE),
-            round(PASSING_RADIUS * plain.grid.straight), *[0] * (kernels.G_SIZE - kernels.G_FREE),
+            round(PASSING_RADIUS * plain.grid.straight), successors_of(plain.grid),
+            *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)

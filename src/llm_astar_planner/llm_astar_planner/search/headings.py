@@ -108,7 +108,8 @@ class HeadingSearch:
         self._costs = np.zeros(states, dtype=np.int32)
         self._came = np.zeros(states, dtype=np.uint8)
         self._control[:] = 0
-        rows = DistanceRows(FreestMap(grid), self._to_goal)
+        # Distances are measured from the goal, so without rules: they are never more then.
+        rows = DistanceRows(FreestMap(grid.without_rules), self._to_goal)
         if not rows.fill(0, self.goal, stop, deadline):
             return self.status
         keys, heap = (np.empty(1 << 12, dtype=np.int64) for _ in range(2))

@@ -5,8 +5,9 @@
 
 For a landmark l the triangle inequality gives d(n, goal) >= |d(l, n) - d(l, goal)|, since a
 path costs the same in both directions (ALT: Goldberg and Harrelson, SODA 2005). It holds on the
-map that they are measured on and on every map that only blocks more cells or raises costs. So on
-a map that changes only what becomes freer or cheaper has to be repaired.
+map that they are measured on and on every map that only blocks more cells or moves or raises
+costs: they are measured without rules of the road. So on a map that changes only what becomes
+freer or cheaper has to be repaired.
 """
 
 from __future__ import annotations
@@ -250,6 +251,7 @@ class LandmarkManager:
 
         Waits a few milliseconds at most for searches that use the landmarks.
         """
+        grid = grid.without_rules
         with self._changed:
             self._newest = grid
             if self._building is not None and not is_alike(self._building, grid):
@@ -268,6 +270,7 @@ class LandmarkManager:
 
         They do not change until the block ends.
         """
+        grid = grid.without_rules
         with self._changed:
             landmarks = None if self._repair is not None else self.current
             if landmarks is not None and grid not in self._admitted:

@@ -159,7 +159,7 @@ class ProductSearch:
             joined([rows.accepting for rows in automata], np.bool_),
         )  # fmt: skip
         self._priced = bool(price.size or tables.rates.any())
-        self._every_move = bool(price.size or graph.cell_surcharge.size)
+        self._every_move = bool(price.size or graph.cell_surcharge.size or graph.has_rules)
         guide = make_guide(graph, start, reading, automata, landmarks)
         self._search = make_search(tables, guide, reading.sets.size)
 

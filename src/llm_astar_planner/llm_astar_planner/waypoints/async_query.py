@@ -15,6 +15,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import InitVar, dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
+
+if TYPE_CHECKING:
+    from llm_astar_planner.costmap.costmap import Costmap
 
 _LOG = logging.getLogger(__name__)
 # A source that keeps its time limit replies at that time, and with a more exact reason than ours:
@@ -232,6 +236,15 @@ def start_query(
         return source.waypoints(replace(query, stop=stop))
 
     return QueryTask(name_of(source), ask, query.time_limit, on_reply, queue)
+
+
+def helps_on(source: sources.WaypointSource, costmap: Costmap) -> bool:
+    """Tell whether a source is worth asking on a costmap: not where it says that it is not."""
+    try:
+        asked = getattr(source, 'helps_on', None)
+        return asked is None or bool(asked(costmap))
+    except Exception:  # noqa: BLE001 - of foreign code, which is asked and fails within its limits
+        return True
 
 
 def name_of(source: object) -> str:

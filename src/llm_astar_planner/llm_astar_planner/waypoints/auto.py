@@ -27,6 +27,11 @@ def best_source(costmap: Costmap) -> str:
     return 'embedded' if costmap.is_barrier_map else 'none'
 
 
+def helps_on(costmap: Costmap) -> bool:
+    """Tell whether any source helps on a costmap."""
+    return best_source(costmap) != 'none'
+
+
 class AutoSource:
     """Asks the best source for each query's map; its replies say which that was. Thread-safe."""
 
@@ -36,10 +41,7 @@ class AutoSource:
         """Take what sources are made from; they are made when they are first asked."""
         self._context = context
         self._made: dict[str, WaypointSource] = {}
-
-    def helps_on(self, costmap: Costmap) -> bool:
-        """Tell whether any source helps on a costmap."""
-        return best_source(costmap) != 'none'
+        self.helps_on = helps_on
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the reply of the best source, or one with status NONE."""

@@ -101,6 +101,11 @@ class SourceSettings:
     temperature: float = parameter(
         0.0, 'Sampling temperature sent to the endpoint', between=(0.0, 2.0)
     )
+    sampling_seed: int = parameter(
+        -1,
+        'Seed sent to the endpoint, where it draws words at random; -1: none is sent',
+        between=(-1, 2**31 - 1),
+    )
     max_output_tokens: int = parameter(
         1000, 'Longest reply to request', unit='tokens', between=(1, 100000)
     )

@@ -181,15 +181,6 @@ class WaypointSource(Protocol):
         """Return waypoints for a query. Thread-safe."""
 
 
-def helps_on(source: WaypointSource, costmap: Costmap) -> bool:
-    """Tell whether a source is worth asking on a costmap: not where it says that it is not."""
-    try:
-        asked = getattr(source, 'helps_on', None)
-        return asked is None or bool(asked(costmap))
-    except Exception:  # noqa: BLE001 - of foreign code, which is asked and fails within its limits
-        return True
-
-
 GROUP = 'llm_astar.waypoint_sources'
 # Characters of a plug-in's texts that are kept.
 MAX_TEXT, MAX_DETAIL = 100_000, 500

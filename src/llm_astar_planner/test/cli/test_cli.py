@@ -325,6 +325,26 @@ def test_bad_usage_is_one_line_and_exit_code_2(capsys, arguments, words):
         assert word in err
 
 
+def test_plan_keeps_to_the_zones_of_a_file(capsys, tmp_path):
+    ring = [[3, -1], [8, -1], [8, 30], [3, 30], [3, -1]]
+    rule = {'kind': 'one_way', 'heading': 180}
+    feature = {'type': 'Feature', 'id': 'west', 'properties': rule}
+    feature['geometry'] = {'type': 'Polygon', 'coordinates': [ring]}
+    zones = tmp_path / 'rules.geojson'
+    zones.write_text(json.dumps({'type': 'FeatureCollection', 'features': [feature]}))
+    code, out, _ = run(capsys, 'plan', *HOUSE, '--zones', str(zones))
+    assert code == 1
+    assert 'the one-way west closes the way' in out
+    rule['heading'] = 0
+    zones.write_text(json.dumps({'type': 'FeatureCollection', 'features': [feature]}))
+    assert run(capsys, 'plan', *HOUSE, '--zones', str(zones))[0] == 0
+    rule['kind'] = 'oneway'
+    zones.write_text(json.dumps({'type': 'FeatureCollection', 'features': [feature]}))
+    code, _, err = run(capsys, 'plan', *HOUSE, '--zones', str(zones))
+    assert code == 2
+    assert "rules.geojson: zones: feature 0: zone west: kind: 'oneway' is not one of" in err
+
+
 def test_a_broken_map_names_file_map_and_field(capsys, tmp_path):
     path = tmp_path / 'broken.json'
     path.write_text('[{"id": 5, "range_x": [0, 51], "range_y": "wide"}]')

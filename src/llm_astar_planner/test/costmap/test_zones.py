@@ -193,6 +193,46 @@ def test_geojson_is_read_and_written():
     assert frame == 'odom'
 
 
+LINE = [[0, 0], [4, 0], [4, 4]]
+
+
+def test_rules_of_the_road_are_read_and_written():
+    rules = {'kind': 'one_way', 'heading': 90, 'id': 'a'}, {'kind': 'keep_right', 'width': 2}
+    text = text_of(
+        feature(properties=rules[0]),
+        feature(LINE, 'LineString', properties=rules[1]),
+        feature([LINE], 'MultiLineString', properties={'kind': 'preferred', 'width': 0.5}),
+        feature(LINE, 'LineString', properties={'width': 1, 'cost': 30}),
+    )
+    zones, _ = zones_from_text(text, 0.0)
+    assert [zone.cost for zone in zones] == [0, 0, 50, 30]
+    assert [zone.rule for zone in zones] == [
+        {'kind': 'one_way', 'heading': 90.0},
+        {'kind': 'keep_right', 'width': 2.0},
+        {'kind': 'preferred', 'width': 0.5},
+        {'width': 1.0},
+    ]
+    again, _ = zones_from_text(json.dumps(zones_to_geojson(Zones(zones), 0.0, 'map')), 0.0)
+    assert [zone.rule for zone in again] == [zone.rule for zone in zones]
+    assert [len(zone.arrows()) for zone in again] == [1, 2, 0, 0]
+    assert again[1].area.area == pytest.approx(16.0 + math.pi - 1.0 + math.pi / 4.0, rel=0.02)
+
+
+def test_the_edges_of_a_nav2_route_graph_are_preferred_lines():
+    nodes = [feature([x, 0], 'Point', properties={'id': x, 'frame': 'map'}) for x in (0, 4)]
+    edges = [
+        feature([[0, 0], [4, 0]], 'LineString', properties={'id': 5, 'startid': 0, 'endid': 4}),
+        feature([[[4, 0], [4, 4]]], 'MultiLineString',
+                properties={'id': 6, 'startid': 4, 'endid': 0, 'cost': 3.5}),
+    ]  # fmt: skip
+    zones, _ = zones_from_text(text_of(*nodes, *edges, feature(id='spill')), 0.0)
+    assert [(zone.id, zone.cost) for zone in zones] == [('spill', 100), ('route graph', 50)]
+    assert zones[1].rule == {'kind': 'preferred', 'width': 1.0}
+    assert zones[1].geometry.length == 8.0
+    (graph,), _ = zones_from_text(text_of(*nodes, *edges, width=2, cost=80), 0.0)
+    assert (graph.width, graph.cost) == (2.0, 80)
+
+
 def circle(count):
     angles = np.linspace(0, 2 * np.pi, count - 1, endpoint=False)
     points = np.stack([np.cos(angles), np.sin(angles)], axis=1).tolist()
@@ -237,6 +277,23 @@ BAD = {
     'id': (text_of(feature(id={'a': 1})), 'id: a text is expected'),
     'long id': (text_of(feature(id='x' * 1000)), 'id: 1000 characters'),
     'frame': (text_of(feature(), frame_id=3), 'frame_id: a text is expected'),
+    'kind': (text_of(feature(properties={'kind': 'oneway'})), "feature 0: .*kind: 'oneway' is"),
+    'no heading': (text_of(feature(properties={'kind': 'one_way'})), 'heading: degrees'),
+    'heading': (text_of(feature(properties={'heading': 'east'})), 'heading: a number'),
+    'a wide line': (text_of(feature(LINE, 'LineString', properties={'width': 1e6})), 'width'),
+    'no width': (text_of(feature(LINE, 'LineString')), 'width: 0 m is not above 0'),
+    'a lane': (text_of(feature(properties={'kind': 'keep_right'})), 'is a line with a width'),
+    'a short line': (
+        text_of(feature([[1, 1], [1, 1]], 'LineString', properties={'width': 1})),
+        'Too few points',
+    ),
+    'an edge': (
+        text_of(
+            feature(properties={'startid': 1, 'endid': 2})
+            | {'geometry': {'type': 'MultiLineString', 'coordinates': 3}}
+        ),
+        'edge: coordinates: a list',
+    ),
     'degrees': (text_of(feature(), crs={'name': 'EPSG:4326'}), 'degrees'),
     'size': (' ' * 5_000_000, 'over 4 MB'),
 }

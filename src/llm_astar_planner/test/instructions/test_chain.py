@@ -254,6 +254,34 @@ def test_a_callback_that_fails_does_not_end_the_worker(background):
     assert done.wait(LONG)
 
 
+def test_another_slow_one_is_asked_what_waits_and_what_is_being_read(background):
+    slow, other = Scripted('model'), Scripted('other')
+    slow.gate.clear()
+    quick = partial()
+    interpreter = background(quick, slow)
+    answers, done = [], threading.Semaphore(0)
+
+    def on_answer(interpretation):
+        answers.append((interpretation.text, interpretation.understood_by))
+        done.release()
+
+    interpreter.interpret_now('busy', NO_PLACES, on_answer)
+    assert slow.began.acquire(timeout=LONG)
+    interpreter.interpret_now('waits', NO_PLACES, on_answer)
+    quick.gate.clear()
+    reads = threading.Thread(
+        target=interpreter.interpret_now, args=('is read', NO_PLACES, on_answer)
+    )
+    reads.start()
+    assert all(quick.began.acquire(timeout=LONG) for _ in range(3))
+    interpreter.ask(other)
+    quick.gate.set()
+    slow.gate.set()
+    assert all(done.acquire(timeout=LONG) for _ in range(3))
+    reads.join()
+    assert sorted(answers) == [('busy', 'model'), ('is read', 'other'), ('waits', 'other')]
+
+
 def test_a_closed_one_answers_by_the_quick_one_alone(background):
     interpreter = background(partial(), Scripted('model'))
     interpreter.close()

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_planner.instructions.grammar.lexer import corrections
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
-from llm_astar_planner.instructions.spelling import errors_between
+from llm_astar_planner.instructions.grammar.words import errors_between
 
 WORDS = st.text('abc', max_size=7)
 

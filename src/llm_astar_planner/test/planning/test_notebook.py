@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
 from llm_astar_msgs_adapter.maps.map_server import MapServerError, load_map
-from llm_astar_planner.planning import types
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 from PIL import Image
+
+from llm_astar_planner import extensions
 
 WALLS = np.zeros((20, 30), dtype=bool)
 WALLS[5:, 15] = True
@@ -72,7 +73,7 @@ def test_what_cannot_be_drawn_is_said(monkeypatch):
     def absent(name):
         raise ImportError('No module named <matplotlib>')
 
-    monkeypatch.setattr(types, 'find_drawing', absent)
+    monkeypatch.setattr(extensions, 'find_drawing', absent)
     assert plan._repr_png_() is None
     assert 'There is no picture: No module named &lt;matplotlib&gt;' in plan._repr_html_()
 

@@ -7,12 +7,12 @@ import pytest
 import yaml
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import (
     NODES,
     OTHERS,
     costmap_config,
     defaults,
+    read_parameter_files,
     request_fields,
 )
 from llm_astar_planner.planning.types import PlanRequest

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import plan_reuse
-from llm_astar_planner.planning.plan_reuse import CachedWaypointSource, reuse_problem
+from llm_astar_planner.planning import kept_way
+from llm_astar_planner.planning.kept_way import WaypointCache, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -31,6 +31,16 @@ class Source:
     def waypoints(self, query):
         self.asked += 1
         return self.reply
+
+
+class Cached:
+    """Asks a source only where what it said before does not hold, as the planner node does."""
+
+    def __init__(self, source):
+        self.name, self.source, self.cache = source.name, source, WaypointCache(source.name)
+
+    def waypoints(self, query):
+        return self.cache.find(query) or self.source.waypoints(query)
 
 
 def changed(*cells):
@@ -94,18 +104,18 @@ def test_a_path_is_not_kept_on_a_map_with_another_size_or_origin(plan, other):
 
 def asked(source, *steps):
     """Plan step by step with one cache; return how often the source was asked after each."""
-    cache, counts, plans = CachedWaypointSource(source), [], []
+    cached, counts, plans = Cached(source), [], []
     for planner, changes in steps:
-        plans.append(plan_with(cache, planner, replace(REQUEST, **changes)))
+        plans.append(plan_with(cached, planner, replace(REQUEST, **changes)))
         counts.append(source.asked)
     return counts, plans
 
 
-def plan_with(cache, planner, request):
+def plan_with(cached, planner, request):
     """Plan with a cache, as the planner node does."""
     started = time.monotonic()
-    plan = planner.plan(replace(request, source=cache))
-    cache.remember(plan, planner.grid_map, started)
+    plan = planner.plan(replace(request, source=cached))
+    cached.cache.remember(plan, planner.grid_map, started)
     return plan
 
 
@@ -169,7 +179,7 @@ def test_a_robot_off_the_map_gets_that_code():
 
 
 def test_the_goals_that_are_kept_are_bounded(monkeypatch):
-    monkeypatch.setattr(plan_reuse, 'CACHED_GOALS', 1)
+    monkeypatch.setattr(kept_way, 'CACHED_GOALS', 1)
     other, source = {'goal': (34, 6)}, Source(*CORNER)
     counts, _ = asked(source, (BEFORE, {}), (BEFORE, other), (changed((2, 28)), {}))
     assert counts == [1, 2, 3]
@@ -184,23 +194,23 @@ def test_a_robot_that_has_passed_them_all_asks_for_no_more():
 
 def test_waypoints_asked_for_before_the_cache_was_cleared_are_asked_for_again():
     source = Source(*CORNER)
-    cache = CachedWaypointSource(source)
+    cached = Cached(source)
     answer = source.waypoints
 
     def answer_at_last(query):
-        cache.clear()
+        cached.cache.clear()
         return answer(query)
 
     source.waypoints = answer_at_last
     for planner in (BEFORE, changed((2, 28))):
-        plan_with(cache, planner, REQUEST)
+        plan_with(cached, planner, REQUEST)
     assert source.asked == 2
 
 
 def test_a_cleared_cache_asks_again():
     source = Source(*CORNER)
-    cache = CachedWaypointSource(source)
-    plan_with(cache, BEFORE, REQUEST)
-    cache.clear()
-    plan_with(cache, changed((2, 28)), REQUEST)
+    cached = Cached(source)
+    plan_with(cached, BEFORE, REQUEST)
+    cached.cache.clear()
+    plan_with(cached, changed((2, 28)), REQUEST)
     assert source.asked == 2

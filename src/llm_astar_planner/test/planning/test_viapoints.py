@@ -10,7 +10,7 @@ from llm_astar_planner.instructions.interpretation import Interpretation, RouteI
 from llm_astar_planner.instructions.regions import Box
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.endpoints import ViapointSource
-from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
+from llm_astar_planner.planning.kept_way import WaypointCache
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
@@ -106,13 +106,12 @@ def test_cells_to_pass_exactly_come_before_cells_that_guide():
 
 
 def test_they_are_not_kept_for_requests_without():
-    cache = CachedWaypointSource(Forbidden())
-    plan = MAZE.plan(PlanRequest(START, GOAL, source=cache, viapoints=GAPS))
+    cache = WaypointCache(Forbidden.name)
+    plan = MAZE.plan(PlanRequest(START, GOAL, source=Forbidden(), viapoints=GAPS))
     assert all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
     cache.remember(plan, MAZE.grid_map, 0.0)
     query = WaypointQuery(MAZE.costmap, (4, 4), GOAL)
-    with pytest.raises(AssertionError, match='asked'):
-        cache.waypoints(query)
+    assert cache.find(query) is None
 
 
 def test_too_many_and_what_is_no_cell_are_refused():

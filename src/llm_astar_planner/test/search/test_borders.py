@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.borders import Borders, Crossing
 from llm_astar_planner.search.distances import DistanceRows, FreestMap
@@ -10,7 +11,7 @@ from llm_astar_planner.search.guided import GuidedSearch, guided
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.stop import no_stop
-from scipy import ndimage
+from scipy import ndimage, sparse
 
 SIZES = (63, 64, 65, 127, 128, 129, 130, 193)
 
@@ -139,6 +140,41 @@ def test_waypoints_that_are_there_lead_instead_of_borders():
     search.guide([(200.0, 200.0)])
     list(search.solutions())
     assert search.result().plain_expansions > 0
+
+
+def distances_by_moves(grid, cell):
+    """Return the units from a cell to all others over the moves of a grid, by scipy."""
+    numbers, prices = np.arange(grid.moves.size), grid.cell_surcharge.astype(np.int64)
+    parts = []
+    for move in range(8):
+        begin = numbers[grid.moves >> move & 1 == 1]
+        end = begin + STEP_Y[move] * grid.width + STEP_X[move]
+        length = grid.straight if move < 4 else grid.diagonal
+        parts.append((begin, end, length + (length * (prices[begin] + prices[end]) >> 9)))
+    begins, ends, costs = (np.concatenate(part) for part in zip(*parts))
+    graph = sparse.csr_array((costs, (begins, ends)), shape=(numbers.size,) * 2)
+    return sparse.csgraph.dijkstra(graph, indices=grid.index(cell))
+
+
+def test_one_way_moves_are_kept_to_and_the_proofs_hold_with_them():
+    for seed in range(6):
+        free = graded_grid(seed, (140, 200))
+        random = np.random.default_rng(seed)
+        forbidden = random.integers(0, 256, free.blocked.shape).astype(np.uint8)
+        forbidden[random.random(forbidden.shape) < 0.8] = 0
+        grid, landmarks = free.with_rules(forbidden), Landmarks.build(free, max_bytes=0)
+        distances = distances_by_moves(grid, (0, 0))
+        for y, x in random.permutation(np.argwhere(~grid.blocked))[:6].tolist():
+            best = distances[grid.index((x, y))] / grid.straight
+            assert exact_astar(grid, (0, 0), (x, y)).cost == pytest.approx(best, rel=5e-3)
+            for points in ([], [(100.0, 70.0)]):
+                result = guided(
+                    grid, (0, 0), (x, y), points, max_suboptimality=1.1, landmarks=landmarks
+                )
+                assert np.isfinite(best) == (result.status is SearchStatus.FOUND)
+                if np.isfinite(best):
+                    assert result.lower_bound <= best * 1.005
+                    assert best * 0.999 <= result.cost <= 1.106 * best
 
 
 def test_a_manager_measures_borders_where_costs_are_graded_and_no_landmarks_fit():

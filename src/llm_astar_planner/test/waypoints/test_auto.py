@@ -6,7 +6,6 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search import landmarks
@@ -54,7 +53,7 @@ def test_the_embedded_model_is_asked_on_maps_of_the_papers_kind(auto):
 )
 def test_on_other_maps_nobody_is_asked_and_the_plan_says_why(grid_map, auto):
     goal = (grid_map.cells.shape[1] - 2, grid_map.cells.shape[0] - 1)
-    request = PlanRequest((0, 0), goal, source=CachedWaypointSource(auto))
+    request = PlanRequest((0, 0), goal, source=auto)
     plan = Planner(grid_map).plan(request)
     alone = Planner(grid_map).plan(PlanRequest((0, 0), goal))
     assert (plan.source_status, plan.seconds_source) == ('NONE', 0.0)

@@ -3,23 +3,12 @@
 
 """avoid: no part of the path lies in a region."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
 from llm_astar_planner.instructions.fields import MAX_METRES, Fields, as_number
-from llm_astar_planner.instructions.regions import (
-    NOWHERE,
-    Region,
-    metres,
-    region_from_json,
-)
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.regions import NOWHERE, Region, metres
 
 
 @dataclass(frozen=True)
@@ -37,13 +26,10 @@ class Avoid(Clause):
         return {'region': self.region.to_json(), **margin}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        margin = as_number(fields.get('margin', 0.0), f'{where}: margin', 0.0, MAX_METRES)
-        return {
-            'margin': margin,
-            'region': region_from_json(fields.get('region'), f'{where}: region'),
-        }
+        margin = as_number(values.get('margin', 0.0), f'{where}: margin', 0.0, MAX_METRES)
+        return {'margin': margin, **super().read(values, where)}
 
     def phrase(self) -> str:
         """Return 'avoid the lab by 2 m'."""

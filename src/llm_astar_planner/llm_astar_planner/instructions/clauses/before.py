@@ -3,25 +3,13 @@
 
 """before: one region is entered only after another one was visited."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
-from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.fields import Fields
-from llm_astar_planner.instructions.regions import (
-    NOWHERE,
-    Region,
-    refused_phrase,
-    region_from_json,
-)
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
+from llm_astar_planner.instructions.regions import NOWHERE, Region, refused_phrase
 from llm_astar_planner.search import automata
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)
@@ -30,23 +18,6 @@ class OfTwo(Clause):
 
     first: Region = NOWHERE
     second: Region = NOWHERE
-
-    @property
-    def regions(self) -> tuple[Region, ...]:
-        """Both."""
-        return self.first, self.second
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'first': self.first.to_json(), 'second': self.second.to_json()}
-
-    @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
-        """Read the fields of its own."""
-        return {
-            name: region_from_json(fields.get(name), f'{where}: {name}')
-            for name in ('first', 'second')
-        }
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,56 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all clauses have."""
+"""What all clauses have, and what they ask of the search."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from llm_astar_planner.instructions.asks import Ask
 from llm_astar_planner.instructions.fields import Fields
-from llm_astar_planner.instructions.regions import Region
+from llm_astar_planner.instructions.regions import Region, region_from_json
 
 if TYPE_CHECKING:  # clauses are read where no search is
-    from llm_astar_planner.instructions.ground import Ground
+    from llm_astar_planner.costmap.raster import Cover
+    from llm_astar_planner.instructions import ground
+    from llm_astar_planner.instructions.ground import Mask, Zone
+    from llm_astar_planner.search.automata import Automaton
+
+    Ground = ground.Ground
+else:
+    Ground = object
 
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)
+COMMON = ('strength', 'unsure')
+
+
+class Rule(NamedTuple):
+    """An automaton over zones, made for the price per cell of what it forbids; inf forbids it."""
+
+    zones: tuple[Zone, ...]
+    automaton: Callable[[float], Automaton]
+
+
+@dataclass(frozen=True, eq=False)
+class Ask:
+    """What one clause asks of the cells of a path.
+
+    - `forbidden`: cells that no move may begin or end in; None for none.
+    - `visits`: regions to visit, after those of the clauses before, in any order.
+    - `rules`: automata.
+    - `goals`: cells to end in, bool [height, width].
+    - `ends_within`: metres around start and goal in which nothing is forbidden to a path that
+      begins or ends in what is; 0: it is nowhere forbidden to that.
+    """
+
+    forbidden: Cover | None = None
+    visits: tuple[Zone, ...] = ()
+    rules: tuple[Rule, ...] = ()
+    goals: Mask | None = None
+    ends_within: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -37,12 +71,17 @@ class Clause:
 
     def to_json(self) -> dict[str, Any]:
         """Return the fields of its own in JSON."""
-        raise NotImplementedError
+        own = {name: value for name, value in vars(self).items() if name not in COMMON}
+        return {name: in_json(value) for name, value in own.items()}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
-        """Read the fields of its own; `where` names it in errors. Raises SpecificationError."""
-        raise NotImplementedError
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
+        """Read the fields of its own, here its regions; `where` names it in errors.
+
+        Raises SpecificationError.
+        """
+        names = (field.name for field in fields(cls) if isinstance(field.default, Region))
+        return {name: region_from_json(values.get(name), f'{where}: {name}') for name in names}
 
     def phrase(self) -> str:
         """Return what it asks for, without its strength."""
@@ -59,5 +98,12 @@ class Clause:
     @property
     def regions(self) -> tuple[Region, ...]:
         """The regions it is about."""
-        region: Region | None = getattr(self, 'region', None)
-        return () if region is None else (region,)
+        return tuple(value for value in vars(self).values() if isinstance(value, Region))
+
+
+def in_json(value: Any) -> Any:  # noqa: ANN401 - JSON
+    """Return the JSON form of what a field holds."""
+    return value.to_json() if isinstance(value, Region) else value
+
+
+Clauses = tuple[Clause, ...]

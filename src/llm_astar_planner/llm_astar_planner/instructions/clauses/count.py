@@ -3,19 +3,13 @@
 
 """count: a region is entered at least or at most so many times."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
 from llm_astar_planner.instructions.fields import Fields, SpecificationError, as_count
-from llm_astar_planner.instructions.regions import NOWHERE, Region, region_from_json
+from llm_astar_planner.instructions.regions import NOWHERE, Region
 from llm_astar_planner.search import automata
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 MAX_ENTRIES = 8
 NUMERALS = {1: 'once', 2: 'twice'}
@@ -34,21 +28,15 @@ class Count(Clause):
     at_least: int = 0
     at_most: int | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        limits = {'at_least': self.at_least, 'at_most': self.at_most}
-        return {'region': self.region.to_json(), **limits}
-
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        most = fields.get('at_most')
+        most = values.get('at_most')
         most = None if most is None else as_count(most, f'{where}: at_most', MAX_ENTRIES)
-        least = as_count(fields.get('at_least', 0), f'{where}: at_least', MAX_ENTRIES)
+        least = as_count(values.get('at_least', 0), f'{where}: at_least', MAX_ENTRIES)
         if most is not None and most < least:
             raise SpecificationError(f'{where}: at_most: {most} is below at_least')
-        region = region_from_json(fields.get('region'), f'{where}: region')
-        return {'region': region, 'at_least': least, 'at_most': most}
+        return {'at_least': least, 'at_most': most, **super().read(values, where)}
 
     def phrase(self) -> str:
         """Return 'enter the lab at most twice'."""

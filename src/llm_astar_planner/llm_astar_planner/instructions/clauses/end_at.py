@@ -3,23 +3,19 @@
 
 """end_at: the path ends in a region."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.stay_in import OfOne
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.regions import NOWHERE, Region
 
 
 @dataclass(frozen=True)
-class EndAt(OfOne):
+class EndAt(Clause):
     """The path ends in the region, at the cell that suits the other clauses best."""
 
     kind: ClassVar[str] = 'end_at'
+    region: Region = NOWHERE
 
     def phrase(self) -> str:
         """Return 'end in the dock'."""

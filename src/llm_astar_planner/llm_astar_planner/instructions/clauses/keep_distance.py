@@ -3,23 +3,12 @@
 
 """keep_distance: the path keeps away from a region, or from all walls."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.fields import (
-    MAX_METRES,
-    Fields,
-    SpecificationError,
-    as_number,
-)
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.fields import MAX_METRES, Fields, SpecificationError, as_number
 from llm_astar_planner.instructions.regions import WALLS, Region, metres, region_from_json
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)
@@ -38,12 +27,12 @@ class KeepDistance(Clause):
         return {'from': other, 'metres': self.metres}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        length = as_number(fields.get('metres'), f'{where}: metres', 0.0, MAX_METRES)
+        length = as_number(values.get('metres'), f'{where}: metres', 0.0, MAX_METRES)
         if length == 0.0:
             raise SpecificationError(f'{where}: metres: must be above 0')
-        other = fields.get('from')
+        other = values.get('from')
         region = None if other == WALLS else region_from_json(other, f'{where}: from')
         return {'metres': length, 'region': region}
 

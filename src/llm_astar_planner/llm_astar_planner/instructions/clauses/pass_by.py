@@ -3,28 +3,13 @@
 
 """pass: an object is passed on a side."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions import regions
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
 from llm_astar_planner.instructions.fields import Fields, as_choice
-from llm_astar_planner.instructions.regions import (
-    NOWHERE,
-    ROUTE_SIDES,
-    SIDES,
-    Along,
-    Region,
-    Tagged,
-    bracketed,
-    region_from_json,
-)
 from llm_astar_planner.search import automata
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)
@@ -35,27 +20,23 @@ class Pass(Clause):
     """
 
     kind: ClassVar[str] = 'pass'
-    region: Region = NOWHERE
+    region: regions.Region = regions.NOWHERE
     side: str = 'north'
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'region': self.region.to_json(), 'side': self.side}
-
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        side = as_choice(fields.get('side'), f'{where}: side', SIDES)
-        region = fields.get('region', fields.get('object'))
-        return {'side': side, 'region': region_from_json(region, f'{where}: region')}
+        side = as_choice(values.get('side'), f'{where}: side', regions.SIDES)
+        region = values.get('region', values.get('object'))
+        return {'side': side, **super().read({'region': region}, where)}
 
     def phrase(self) -> str:
         """Return 'pass the rack on the north side'."""
-        of_way = self.side in ROUTE_SIDES
+        of_way = self.side in regions.ROUTE_SIDES
         where = f'{self.side} of the direct way' if of_way else f'{self.side} side'
         # 'all blue places on the north side' would be those that lie there, walls likewise.
-        how = 'by' if isinstance(self.region, (Tagged, Along)) else 'on'
-        return f'pass {bracketed(self.region)} {how} the {where}'
+        how = 'by' if isinstance(self.region, (regions.Tagged, regions.Along)) else 'on'
+        return f'pass {regions.bracketed(self.region)} {how} the {where}'
 
     def ask(self, ground: Ground) -> Ask:
         """Forbid the object and the ray to the wrong side; cross the ray to the right side."""

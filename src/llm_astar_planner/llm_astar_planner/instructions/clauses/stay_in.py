@@ -3,41 +3,19 @@
 
 """stay_in: the path lies in a region."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.fields import Fields
-from llm_astar_planner.instructions.regions import NOWHERE, Region, region_from_json
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.regions import NOWHERE, Region
 
 
 @dataclass(frozen=True)
-class OfOne(Clause):
-    """A clause about one `region`."""
-
-    region: Region = NOWHERE
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'region': self.region.to_json()}
-
-    @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
-        """Read the fields of its own."""
-        return {'region': region_from_json(fields.get('region'), f'{where}: region')}
-
-
-@dataclass(frozen=True)
-class StayIn(OfOne):
+class StayIn(Clause):
     """The path lies in the region, as much of it as is possible."""
 
     kind: ClassVar[str] = 'stay_in'
+    region: Region = NOWHERE
 
     def phrase(self) -> str:
         """Return 'stay in the hall'."""

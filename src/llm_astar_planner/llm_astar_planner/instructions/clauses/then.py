@@ -3,17 +3,12 @@
 
 """then: who enters one region visits another one later."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
-from llm_astar_planner.instructions.asks import Ask, Rule
 from llm_astar_planner.instructions.clauses.before import OfTwo
+from llm_astar_planner.instructions.clauses.clause import Ask, Ground, Rule
 from llm_astar_planner.search import automata
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,11 @@
 
 """unknown: words that were not understood."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Clause, Ground
 from llm_astar_planner.instructions.fields import Fields, as_text
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)
@@ -22,14 +17,10 @@ class Unknown(Clause):
     kind: ClassVar[str] = 'unknown'
     text: str = ''
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'text': self.text}
-
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        return {'text': as_text(fields.get('text'), f'{where}: text')}
+        return {'text': as_text(values.get('text'), f'{where}: text')}
 
     def phrase(self) -> str:
         """Return 'not understood: "hm"'."""

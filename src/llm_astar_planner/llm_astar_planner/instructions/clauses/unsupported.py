@@ -3,8 +3,6 @@
 
 """unsupported: something that a path does not have, as a speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -24,15 +22,11 @@ class Unsupported(Unknown):
     kind: ClassVar[str] = 'unsupported'
     about: str = 'manner'
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the fields of its own in JSON."""
-        return {'text': self.text, 'about': self.about}
-
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        about = as_choice(fields.get('about'), f'{where}: about', ABOUT)
-        return {**super().read(fields, where), 'about': about}
+        about = as_choice(values.get('about'), f'{where}: about', ABOUT)
+        return {**super().read(values, where), 'about': about}
 
     def phrase(self) -> str:
         """Return '"slowly" is about speed, which a path does not have'."""

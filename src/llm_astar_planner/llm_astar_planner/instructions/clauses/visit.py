@@ -3,18 +3,12 @@
 
 """visit: the path enters regions, in any order; visits follow each other."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.asks import Ask
-from llm_astar_planner.instructions.clauses.clause import Clause
+from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
 from llm_astar_planner.instructions.fields import Fields, as_list
 from llm_astar_planner.instructions.regions import Region, bracketed, region_from_json
-
-if TYPE_CHECKING:
-    from llm_astar_planner.instructions.ground import Ground
 
 
 @dataclass(frozen=True)
@@ -32,9 +26,9 @@ class Visit(Clause):
         return {'regions': [region.to_json() for region in self.regions]}
 
     @classmethod
-    def read(cls, fields: Fields, where: str) -> dict[str, Any]:
+    def read(cls, values: Fields, where: str) -> dict[str, Any]:
         """Read the fields of its own."""
-        regions = as_list(fields.get('regions', [fields.get('region')]), f'{where}: regions')
+        regions = as_list(values.get('regions', [values.get('region')]), f'{where}: regions')
         return {'regions': tuple(region_from_json(item, f'{where}: regions') for item in regions)}
 
     def phrase(self) -> str:

@@ -3,20 +3,19 @@
 
 """Understands route instructions by a grammar, without a model, in a millisecond."""
 
-from __future__ import annotations
-
 import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise, takewhile
+from itertools import dropwhile, groupby, pairwise, takewhile
+from operator import attrgetter
 
-from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Clauses
 from llm_astar_planner.instructions.clauses.count import Count
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
@@ -28,41 +27,14 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
-from llm_astar_planner.instructions.grammar.lexemes import (
-    AND,
-    COMMA,
-    TIMES,
-    UNKNOWN,
-    UNSUPPORTED,
-    Lexeme,
-)
-from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG, Lexer
-from llm_astar_planner.instructions.grammar.lexicon import Group, lexicon
-from llm_astar_planner.instructions.grammar.meaning import ParsedClause, Things, visit_of
-from llm_astar_planner.instructions.grammar.parser import parse_clause
-from llm_astar_planner.instructions.grammar.pieces import (
-    ALL,
-    ANYORDER,
-    BUT,
-    COLON,
-    DOUBT,
-    EXCEPTNOT,
-    GOVERNING,
-    HARD,
-    INORDER,
-    NEAR,
-    NEG,
-    ONCE,
-    OR,
-    ORDER_WORDS,
-    STOP,
-    THEN,
-    Piece,
-    Splitter,
-)
+from llm_astar_planner.instructions.grammar import meaning
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
+from llm_astar_planner.instructions.grammar.lexer import Lexer
+from llm_astar_planner.instructions.grammar.lexicon import lexicon
+from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
-from llm_astar_planner.instructions.grammar.selection import Unclear
-from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
+from llm_astar_planner.instructions.grammar.selection import Unclear, unclear_if
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, LANGUAGES, SAID, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -97,7 +69,7 @@ class ReadPiece:
     """
 
     piece: Piece
-    clauses: tuple[Clause, ...]
+    clauses: Clauses
     segment: int
     at: float
     is_said: bool = False
@@ -128,9 +100,7 @@ class ReadPiece:
             self.drop()
 
 
-def asked(
-    clauses: tuple[Clause, ...], question: str, about: Collection[Clause] | None = None
-) -> tuple[Clause, ...]:
+def asked(clauses: Clauses, question: str, about: Collection[Clause] | None = None) -> Clauses:
     """Return clauses with a question about them, but for those that claim nothing anyway.
 
     Raises Unclear where a clause has more questions than can be asked.
@@ -151,8 +121,7 @@ def both_asked(first: str, second: str) -> str:
     """Return two questions as one. Raises Unclear where it is too long."""
     if not first or not second or second in first:
         return first or second
-    if len(first) + len(second) >= MAX_QUESTION_CHARS:
-        raise Unclear('too many doubts')
+    unclear_if(len(first) + len(second) >= MAX_QUESTION_CHARS, 'too many doubts')
     return f'{first} {second}'
 
 
@@ -173,16 +142,17 @@ class Assembler:
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
         is_broken = any(
-            piece.is_broken or (piece.lexemes and piece.kinds <= GOVERNING) for piece in segment
+            piece.is_broken or (piece.lexemes and piece.kinds <= KINDS.governing)
+            for piece in segment
         )
         self.previous, self.is_preference_open, self.is_refusal_open = None, False, False
         is_conditional = False
         for piece in segment:
             if not self.is_irrelevant(piece):
                 is_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
-                if piece.is_instead and is_visit:
+                if 'INSTEAD' in piece.said and is_visit:
                     piece.is_broken = piece.takes_back = is_broken = True
-                is_conditional = is_conditional and piece.link != BUT
+                is_conditional = is_conditional and piece.link != 'BUT'
                 clauses = () if is_broken or is_conditional else self.read(piece)
                 self.previous = clauses[-1] if clauses else None
                 part = ReadPiece(piece, clauses, self.segments, piece.start)
@@ -202,7 +172,7 @@ class Assembler:
             f'"{lexeme.value}" is not known'
             for part in self.parts
             for lexeme in part.piece.lexemes
-            if lexeme.kind == UNKNOWN and lexeme.value and not part.is_read
+            if lexeme.kind == 'UNKNOWN' and lexeme.value and not part.is_read
         ]
 
     def question(self, name: str, said: str = '', meant: str = '') -> str:
@@ -215,9 +185,9 @@ class Assembler:
         piece = part.piece
         for lexeme, named in named_by(piece):
             for said, meant in lexeme.doubts:
-                name = 'word' if meant else 'name'
-                about = self.clauses_about(part, lexeme, named)
-                part.ask(self.question(name, said, meant or places_in(lexeme)), about)
+                found = meant or some_of(lexeme.names or [str(lexeme.value)])
+                question = self.question('word' if meant else 'name', said, found)
+                part.ask(question, self.clauses_about(part, lexeme, named))
         objects = self.driven_through(piece)
         for clause in part.clauses if objects else ():
             entered = entered_in(clause, self.lexer.lexicon.places)
@@ -226,34 +196,32 @@ class Assembler:
                 part.ask(self.question('through', some_of(names)), [clause])
         for start, end in piece.remarks:
             part.ask(self.question('remark', self.text[start:end]))
-        if any(lexeme.kind == 'END' and lexeme.value == STOP for lexeme in piece.lexemes):
+        if any(lexeme.kind == 'END' and lexeme.value == 'STOP' for lexeme in piece.lexemes):
             part.ask(self.question('stop'))
 
     def driven_through(self, piece: Piece) -> list[str]:
         """Return the objects, which nobody enters, that a piece says to go through or into."""
-        named = [one for one in piece.lexemes if one.kind in (PLACE, NOUN)]
+        named = [one for one in piece.lexemes if one.kind in ('PLACE', 'NOUN')]
         found: list[Lexeme] = []
-        for match in ENTERING.finditer(self.text, piece.start, piece.end):
+        for match in SAID['entering'].finditer(self.text, piece.start, piece.end):
             # Canonical sentences say 'enter' of limits: 'enter the lathe at most 2 times'.
-            is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {TIMES, NEG})
+            is_limit = match[0].lower() == 'enter' and bool(piece.kinds & {'TIMES', 'NEG'})
             if is_limit or any(one.start <= match.start() < one.end for one in named):
                 continue
-            behind = sorted(
-                (one for one in piece.lexemes if one.start >= match.start()),
-                key=lambda one: one.start,
-            )
-            first = next((n for n, one in enumerate(behind) if one in named), len(behind))
-            run = takewhile(lambda one: one.kind in LISTED, behind[first:])
+            behind = (one for one in piece.lexemes if one.start >= match.start())
+            rest = dropwhile(lambda one: one not in named, sorted(behind, key=attrgetter('start')))
+            run = takewhile(lambda one: one.kind in KINDS.listed, rest)
             found += [one for one in run if one in named] or named
-        meant = [place for one in found for place in places_of(one)]
+        meant = [place for one in found for place in one.places]
         return list(dict.fromkeys(place.name for place in meant if place.is_object))
 
     def clauses_about(self, part: ReadPiece, lexeme: Lexeme, named: Lexeme) -> list[Clause]:
         """Return the clauses of a part that a word concerns: of a place those that name it."""
-        if lexeme.kind == UNSUPPORTED:
+        if lexeme.kind == 'UNSUPPORTED':
             return [one for one in part.clauses if isinstance(one, Unsupported)]
         places = self.lexer.lexicon.places
-        names = names_in(named, places)
+        tagged = places.with_tag(str(named.value)) if named.kind == 'TAG' else named.places
+        names = {place.name for place in tagged}
         found = [one for one in part.clauses if names & names_of(one.to_json(), places)]
         return found or list(part.clauses)
 
@@ -264,19 +232,15 @@ class Assembler:
         """
         for part in self.parts:
             others = [one for one in self.parts if one is not part]
-            if len(part.visits) == 2 and part.piece.kinds & REPEATING:
+            if len(part.visits) == 2 and part.piece.kinds & KINDS.repeating:
                 order_again(part, others)
-            elif part.visits and part.piece.is_first and part.piece.link == BUT:
+            elif part.visits and part.piece.is_first and part.piece.link == 'BUT':
                 part.at = min([one.at for one in others if one.visits], default=part.at) - 0.5
-            before = self.parts[max(0, self.parts.index(part) - 1)]
-            if (
-                part.visits
-                and before.visits
-                and before is not part
-                and self.may_lead(before, part)
-            ):
+            at = self.parts.index(part)
+            before = self.parts[at - 1] if at else None
+            if part.visits and before and before.visits and self.may_lead(before, part):
                 part.ask(self.question('order', meant=f'{before.clauses[0].phrase()}, {{meant}}'))
-            if part.piece.is_last and part.visits:
+            if 'LAST' in part.piece.said and part.visits:
                 if any(one.visits and one.at > part.at for one in others):
                     part.drop()
                 elif not any(one.visits for one in others) and len(part.visits) == 1:
@@ -284,35 +248,31 @@ class Assembler:
 
     def may_lead(self, before: ReadPiece, part: ReadPiece) -> bool:
         """Whether a place may be on the way to the one before: 'go to A and go through B'."""
-        leads = bool(THROUGH_WORDS.search(self.words_of(part.piece)))
-        goes_to = not THROUGH_WORDS.search(self.words_of(before.piece))
-        is_ending = bool(TO_WORDS.search(self.words_of(before.piece)))
-        is_added = part.piece.link in (AND, BUT) and before.segment == part.segment
-        return is_added and leads and goes_to and is_ending
+        words, first = self.words_of(part.piece), self.words_of(before.piece)
+        is_added = part.piece.link in ('AND', 'BUT') and before.segment == part.segment
+        is_end = bool(SAID['to'].search(first)) and not SAID['through'].search(first)
+        return is_added and is_end and bool(SAID['through'].search(words))
 
     def weigh_unread(self) -> None:
         """Drop what an unread piece may change the meaning of, and ask about what it perhaps does.
 
         Also of the clause before 'and visit B if you enter A' nobody knows whether it hangs on A.
         """
-        unread = [(n, part) for n, part in enumerate(self.parts) if not part.is_read]
-        for n, part in unread:
-            near = self.parts[max(0, n - 1) : n] + self.parts[n + 1 : n + 2]
-            after = self.parts[n + 1 : n + 2]
-            reach = part.piece.reach
-            said = self.text[part.piece.start : part.piece.end]
-            for other in self.parts if reach == ALL else near:
-                if other.segment != part.segment:
+        around = zip([None, *self.parts], self.parts, [*self.parts[1:], None])
+        unread = [one for one in around if not one[1].is_read]
+        for before, part, after in unread:
+            reach, said = part.piece.reach, self.said(part.piece)
+            for other in self.parts if reach == ALL else (before, after):
+                if other is None or other.segment != part.segment:
                     continue
-                if reach in (ALL, NEAR) or (other in after and other.piece.link == COLON):
+                if reach in (ALL, NEAR) or (other is after and other.piece.link == 'COLON'):
                     other.drop()
                 elif reach == DOUBT:
                     other.ask(self.question('rest', said))
         for part, other in pairwise(self.parts):
-            is_trailing = ONCE in other.piece.kinds and not other.piece.leads_a_condition
+            is_trailing = 'ONCE' in other.piece.kinds and not other.piece.leads_a_condition
             if is_trailing and part.segment == other.segment:
-                said = self.text[other.piece.start : other.piece.end]
-                part.ask(self.question('rest', said))
+                part.ask(self.question('rest', self.said(other.piece)))
 
     @property
     def clauses(self) -> list[tuple[float, Clause]]:
@@ -322,15 +282,9 @@ class Assembler:
     @property
     def unknown(self) -> list[tuple[int, int]]:
         """Where the parts stand that were not understood; neighbours are one."""
-        found: list[tuple[int, int]] = []
-        last: ReadPiece | None = None
-        for part in self.parts:
-            if not part.is_read:
-                is_same = last and not last.is_read and last.segment == part.segment
-                start = found.pop()[0] if is_same else part.piece.start
-                found.append((start, part.piece.end))
-            last = part
-        return found
+        runs = groupby(self.parts, lambda part: (part.is_read, part.segment))
+        unread = [list(run) for (is_read, _), run in runs if not is_read]
+        return [(run[0].piece.start, run[-1].piece.end) for run in unread]
 
     def is_irrelevant(self, piece: Piece) -> bool:
         """Whether all words of a piece are of phrases that say nothing about the route."""
@@ -350,9 +304,9 @@ class Assembler:
             at += count
         return found
 
-    def read(self, piece: Piece) -> tuple[Clause, ...]:
+    def read(self, piece: Piece) -> Clauses:
         """Return the clauses of a piece, none where it was not read wholly."""
-        if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
+        if (piece.is_paced or piece.is_question) and 'NEG' in piece.kinds:
             return ()
         try:
             clauses = self.clauses_of(piece)
@@ -361,16 +315,22 @@ class Assembler:
             return ()
         return clauses if self.has_room_for(clauses) else ()
 
-    def clauses_of(self, piece: Piece) -> tuple[Clause, ...]:
+    def clauses_of(self, piece: Piece) -> Clauses:
         """Return the clauses of a piece. Raises Unclear where it was not read wholly."""
         unsupported = self.unsupported(piece)
-        if unsupported and piece.kinds <= BARE:
+        if unsupported and piece.kinds <= KINDS.bare:
             return (Unsupported(text=self.words_of(piece), about=unsupported[0].about),)
-        parsed = parse_clause(piece.lexemes)
+        parsed = meaning.parse_clause(piece.lexemes)
         clauses = self.in_flow(piece, parsed)
         self.refuse_times(piece, clauses)
-        refuse_but_not(piece, clauses)
-        if 'AFTERYOU' in piece.kinds and PERFECT.search(self.words_of(piece)):
+        # Of visits 'but not' is to avoid it; of what is avoided it is an exception.
+        if 'EXCEPTNOT' in piece.kinds and not {*map(type, clauses)} <= {
+            Visit,
+            Avoid,
+            KeepDistance,
+        }:
+            raise Unclear('but not what')
+        if 'AFTERYOU' in piece.kinds and SAID['perfect'].search(self.words_of(piece)):
             visits = [clause for clause in clauses if isinstance(clause, Visit)]
             clauses += befores_of(*visits) if len(visits) == 2 else ()
         if piece.soon is not None:
@@ -378,7 +338,7 @@ class Assembler:
             unsupported += more
         if parsed.question:
             clauses = asked(clauses, self.question(parsed.question))
-        goes_on = piece.link in (AND, THEN)
+        goes_on = piece.link in ('AND', 'THEN')
         self.is_refusal_open = (piece.preference_leads and piece.is_refusal) or (
             self.is_refusal_open and goes_on and not piece.preference_leads
         )
@@ -390,9 +350,13 @@ class Assembler:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
         return clauses + tuple(unsupported)
 
-    def words_of(self, piece: Piece) -> str:
+    def said(self, one: Piece | Lexeme) -> str:
         """Return the words of a piece as they were said."""
-        return self.text[piece.start : piece.end][:MAX_NAME_CHARS]
+        return self.text[one.start : one.end]
+
+    def words_of(self, one: Piece | Lexeme) -> str:
+        """Return the words of a piece, as many as a clause holds."""
+        return self.said(one)[:MAX_NAME_CHARS]
 
     def unsupported(self, piece: Piece) -> list[Unsupported]:
         """Return what a piece asks that a path does not have, also what is fetched or done."""
@@ -400,90 +364,80 @@ class Assembler:
         names = self.lexer.lexicon.names.words
         for one in errands:
             said = {word.text for word in self.words if one.start <= word.start < one.end}
-            if any(len(word) > 2 for word in said & names):
-                raise Unclear('a thing or a place')
+            unclear_if(any(len(word) > 2 for word in said & names), 'a thing or a place')
         found = [(lexeme, lexeme.value) for lexeme in piece.unsupported]
         found += [(lexeme, 'action') for lexeme in errands]
-        return [
-            Unsupported(text=self.text[one.start : one.end][:MAX_NAME_CHARS], about=about)
-            for one, about in found
-        ]
+        return [Unsupported(text=self.words_of(one), about=about) for one, about in found]
 
     def refuse_times(self, piece: Piece, clauses: Sequence[Clause]) -> None:
         """Raise Unclear for a time at what is not only visited: 'avoid the lab before noon'."""
         is_timed = any(one.value in ('time', 'waiting') for one in piece.unsupported)
         only_visits = all(isinstance(clause, (Visit, EndAt, Before)) for clause in clauses)
-        if is_timed and not only_visits:
-            raise Unclear('at a time, or always')
-        if piece.unsupported and NEG in piece.kinds:
-            raise Unclear('not so, or not at all')
+        unclear_if(is_timed and not only_visits, 'at a time, or always')
+        unclear_if(piece.unsupported and 'NEG' in piece.kinds, 'not so, or not at all')
 
     def at_once(
-        self, piece: Piece, soon: Lexeme, clauses: tuple[Clause, ...]
-    ) -> tuple[tuple[Clause, ...], list[Unsupported]]:
+        self, piece: Piece, soon: Lexeme, clauses: Clauses
+    ) -> tuple[Clauses, list[Unsupported]]:
         """Return clauses with 'immediately': of an order a question, else it is about time."""
-        said = self.text[soon.start : soon.end]
-        is_order = piece.link == THEN or bool(piece.kinds & (ORDER_WORDS | {'AFTERYOU'}))
+        said = self.said(soon)
+        is_order = piece.link == 'THEN' or bool(piece.kinds & (KINDS.order_words | {'AFTERYOU'}))
         if not is_order and soon.value != STRAIGHT:
             return clauses, [Unsupported(text=said, about='time')]
         return asked(clauses, self.question('soon', said)), []
 
-    def in_flow(self, piece: Piece, reading: ParsedClause) -> tuple[Clause, ...]:
+    def in_flow(self, piece: Piece, reading: meaning.ParsedClause) -> Clauses:
         """Return the clauses of a reading by what stands before it. Raises Unclear.
 
         'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
         """
         clauses = reading.clauses
-        in_turn = piece.link == THEN or piece.is_first
+        in_turn = piece.link == 'THEN' or piece.is_first
         before = next((one for _, one in self.clauses[::-1] if isinstance(one, Visit)), None)
-        if self.is_through_after_other(piece):
+        is_other = self.previous is not None and not isinstance(self.previous, Visit)
+        is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
+        if is_bare and is_other and piece.link in ('AND', 'COMMA'):
+            # The end of 'avoid A and through B'.
             raise Unclear('not through it, or through it')
         if reading.things:
             clauses = self.bare_visits(piece, reading.things)
         elif reading.is_negative and not (
-            isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
+            isinstance(self.previous, Visit) and piece.link in ('BUT', 'COMMA', 'AND')
         ):
             raise Unclear('a place without a verb')
         is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
-        if piece.order != ANYORDER and any(map(has_repetition, clauses)):
+        visited = [one.regions for one in clauses if isinstance(one, Visit)]
+        if piece.order != 'ANYORDER' and any(len(set(one)) < len(one) for one in visited):
             raise Unclear('the same place twice')
         is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
         is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
         is_then = all(isinstance(clause, (Then, NeverAfter)) for clause in clauses)
         if piece.is_later and not is_then and not (is_one and is_after_visit):
             raise Unclear('which of them afterwards')
-        if piece.is_first and is_after_visit and piece.link != BUT:
+        if piece.is_first and is_after_visit and piece.link != 'BUT':
             raise Unclear('first, after another visit')
-        if piece.link == THEN and piece.goes_on and not self.parts:
-            raise Unclear('to go on with what')
+        unclear_if(piece.link == 'THEN' and piece.goes_on and not self.parts, 'to go on with what')
         if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
             clauses += befores_of(*clauses)  # type: ignore[arg-type]
-        if piece.is_last:
+        if 'LAST' in piece.said:
             clauses = last_of(piece, clauses)
         if piece.is_strict and before is not None and isinstance(clauses[0], Visit):
             clauses += befores_of(before, clauses[0])
         ends = (EndAt, Visit)
-        is_end = piece.link == THEN and all(isinstance(clause, ends) for clause in clauses)
+        is_end = piece.link == 'THEN' and all(isinstance(clause, ends) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
 
-    def bare_visits(self, piece: Piece, things: Things) -> tuple[Clause, ...]:
+    def bare_visits(self, piece: Piece, things: meaning.Things) -> Clauses:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
-        is_led = isinstance(self.previous, (Visit, Before))
-        in_turn = piece.link == THEN or piece.is_last
-        if not (piece.is_first or (in_turn and is_led)):
+        in_turn = piece.link == 'THEN' or 'LAST' in piece.said
+        if not (piece.is_first or (in_turn and isinstance(self.previous, (Visit, Before)))):
             raise Unclear('a place without a verb')
-        visit = visit_of(things)
-        if piece.is_last and set(visit.regions) & known_visits(self.parts):
+        visit = meaning.visit_of(things)
+        if 'LAST' in piece.said and set(visit.regions) & known_visits(self.parts):
             raise Unclear('the same place twice')
         return (visit,)
-
-    def is_through_after_other(self, piece: Piece) -> bool:
-        """Whether it is the end of 'avoid A and through B'."""
-        is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
-        is_other = self.previous is not None and not isinstance(self.previous, Visit)
-        return is_bare and is_other and piece.link in (AND, COMMA)
 
     def has_room_for(self, clauses: Sequence[Clause]) -> bool:
         """Whether a specification may hold so many clauses and visits."""
@@ -496,68 +450,22 @@ class Assembler:
         return False
 
 
-# A piece with one of these may name again what was named before.
-REPEATING = frozenset({'BEFORE', 'AFTER', 'ONLYAFTER', 'AFTERYOU'})
-# What says that a place is on the way, and that one is where the way leads.
-THROUGH_WORDS = re.compile(r'\b(through|thru|via|durch|über|par|por)\b')
-# That one is to drive through or into something; what it is follows, or stands before a verb.
-ENTERING = re.compile(
-    r'\b(through|thru|into|inside|across|over|enter|enters|entering|cross|crosses|crossing|'
-    r'traverse|traversing|durch|hinein|durchquere\w*|durchfahre?\w*|betritt|betrete\w*|'
-    r'überquere\w*|à travers|dans|traverse[rz]?|entre[rz]? (dans|en)|a través|atravie[sz]\w*|'
-    r'atravesar|cruz\w+)\b',
-    re.IGNORECASE,
-)
-LISTED = frozenset({PLACE, NOUN, AND, OR}) | ADJECTIVES
-TO_WORDS = re.compile(r'\b(to|into|zu|zur|zum|ins|à|au|al|a)\b')
-# 'After you have visited A' is not before.
-PERFECT = re.compile(r"\b(have|has|'ve|hast|haben|as|aies|avez|hayas)\b")
-# What is left of 'drive slowly': nothing but how.
-BARE = frozenset({'MOVE', NEG, 'FETCH', 'THING', 'PERSON'})
 STRAIGHT = 'straight'
 
 
-def refuse_but_not(piece: Piece, clauses: Sequence[Clause]) -> None:
-    """Raise Unclear for 'but not' where nobody knows what it refuses: 'after all rooms but not A'.
-
-    Of visits it is to avoid it; of what is avoided it is an exception.
-    """
-    if EXCEPTNOT in piece.kinds:
-        kinds = {type(clause) for clause in clauses}
-        if not kinds <= {Visit, Avoid, KeepDistance}:
-            raise Unclear('but not what')
-
-
-def last_of(piece: Piece, clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
+def last_of(piece: Piece, clauses: Clauses) -> Clauses:
     """Return visits with the last of 'A, B last' as one of its own. Raises Unclear for others."""
-    if not all(isinstance(clause, Visit) for clause in clauses):
-        raise Unclear('the last of what')
-    regions = [
-        region for clause in clauses if isinstance(clause, Visit) for region in clause.regions
-    ]
-    joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
-    if len(clauses) == 1 and len(regions) > 1 and joints[-1:] == [COMMA]:
-        return Visit(regions=tuple(regions[:-1])), Visit(regions=(regions[-1],))
+    unclear_if(not all(isinstance(clause, Visit) for clause in clauses), 'the last of what')
+    *others, last = (region for clause in clauses for region in clause.regions)
+    joints = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == 'AND']
+    if len(clauses) == 1 and others and joints[-1:] == ['COMMA']:
+        return Visit(regions=tuple(others)), Visit(regions=(last,))
     return clauses
 
 
 def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
     """Return the regions that parts ask to visit."""
     return {region for part in parts for visit in part.visits for region in visit.regions}
-
-
-def places_of(lexeme: Lexeme) -> tuple[Place, ...]:
-    """Return the places that a lexeme means."""
-    if isinstance(lexeme.value, Group):
-        return lexeme.value.places
-    return (lexeme.value,) if isinstance(lexeme.value, Place) else ()
-
-
-def places_in(lexeme: Lexeme) -> str:
-    """Return the names of the places that a lexeme means, some of them where they are many."""
-    found = lexeme.value.places if isinstance(lexeme.value, Group) else (lexeme.value,)
-    names = [place.name if isinstance(place, Place) else str(place) for place in found]
-    return some_of(names)
 
 
 def some_of(names: Sequence[str]) -> str:
@@ -580,16 +488,10 @@ def named_by(piece: Piece) -> Iterator[tuple[Lexeme, Lexeme]]:
     lexemes = [*piece.lexemes, *piece.unsupported]
     for at, lexeme in enumerate(lexemes):
         noun = lexeme
-        if lexeme.kind in ADJECTIVES:
-            after = (one for one in lexemes[at:] if one.kind not in ADJECTIVES)
+        if lexeme.kind in KINDS.adjectives:
+            after = (one for one in lexemes[at:] if one.kind not in KINDS.adjectives)
             noun = next(after, lexeme)
-        yield lexeme, noun if noun.kind in (PLACE, NOUN) else lexeme
-
-
-def names_in(lexeme: Lexeme, places: Places) -> set[str]:
-    """Return the names of the places that a word means, none for other words."""
-    found = places.with_tag(str(lexeme.value)) if lexeme.kind == TAG else places_of(lexeme)
-    return {place.name for place in found}
+        yield lexeme, noun if noun.kind in ('PLACE', 'NOUN') else lexeme
 
 
 def names_of(value: object, places: Places) -> set[str]:
@@ -603,7 +505,7 @@ def names_of(value: object, places: Places) -> set[str]:
     return set().union(*(names_of(one, places) for one in inner))
 
 
-def befores_of(first: Visit, second: Visit) -> tuple[Clause, ...]:
+def befores_of(first: Visit, second: Visit) -> Clauses:
     """Return that none of the second regions is entered before all of the first. Raises Unclear.
 
     What is asked about one of them is asked about the order.
@@ -636,30 +538,24 @@ def order_again(part: ReadPiece, others: Sequence[ReadPiece]) -> None:
     # What is left out here takes its questions to where it is said.
     for one in (early, late):
         for visit in known:
-            if one and visit.unsure and (not part.clauses or visit.regions in at_of(one)):
+            if (
+                one
+                and visit.unsure
+                and (not part.clauses or visit.regions in [other.regions for other in one.visits])
+            ):
                 one.ask(visit.unsure)
 
 
-def at_of(part: ReadPiece) -> set[tuple[Region, ...]]:
-    """Return the regions that each visit of a part asks for."""
-    return {visit.regions for visit in part.visits}
-
-
-def has_repetition(clause: Clause) -> bool:
-    """Whether it is a visit of the same region twice."""
-    return isinstance(clause, Visit) and len(set(clause.regions)) < len(clause.regions)
-
-
-def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
+def ordered(clauses: Clauses, order: str) -> Clauses:
     """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
-    if order == INORDER:
+    if order == 'INORDER':
         return tuple(
             replace(clause, regions=(region,))
             for clause in clauses
             if isinstance(clause, Visit)
             for region in clause.regions
         )
-    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):
+    if order == 'ANYORDER' and any(len(clause.regions) < 2 for clause in clauses):
         raise Unclear('one place in any order')
     return clauses
 
@@ -667,54 +563,49 @@ def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
 def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
     """Drop 'visit all rooms, not the lab': a set, and one of it that is treated otherwise."""
     for kind, other in ((Visit, Avoid), (Avoid, Visit)):
+        sets = [part for part in parts if 'NOUN' in part.piece.kinds]
         singles = {
             name: part
             for part in parts
-            if 'NOUN' not in part.piece.kinds
+            if part not in sets
             for name in place_names(part, other, places)
         }
-        for part in parts:
-            if 'NOUN' in part.piece.kinds:
-                for name in place_names(part, kind, places) & set(singles):
-                    singles[name].drop()
-                    part.drop()
+        for part in sets:
+            for name in place_names(part, kind, places) & set(singles):
+                singles[name].drop()
+                part.drop()
 
 
 def place_names(part: ReadPiece, kind: type[Clause], places: Places) -> set[str]:
-    """Return the places that clauses of a kind, avoid or visit, name."""
-    found: set[str] = set()
-    for clause in part.clauses:
-        if isinstance(clause, Visit) and kind is Visit:
-            found |= {region.place for region in clause.regions if isinstance(region, NamedPlace)}
-        elif isinstance(clause, Avoid) and kind is Avoid:
-            if isinstance(clause.region, NamedPlace):
-                found.add(clause.region.place)
-            elif isinstance(clause.region, Tagged):
-                found |= {place.name for place in places.with_tag(clause.region.tag)}
+    """Return the places that clauses of a kind, avoid or visit, name; of avoid those of tags."""
+    regions = [one for clause in part.clauses if type(clause) is kind for one in clause.regions]
+    found = {region.place for region in regions if isinstance(region, NamedPlace)}
+    if kind is Avoid:
+        tags = [region.tag for region in regions if isinstance(region, Tagged)]
+        found |= {place.name for tag in tags for place in places.with_tag(tag)}
     return found
 
 
 def drop_withdrawn(parts: Sequence[ReadPiece]) -> None:
     """Drop the sentence before 'no, wait', and before 'Not the lab', which is an exception."""
+    withdrawn = set()
+    for piece, segment in ((one.piece, one.segment) for one in parts if not one.is_read):
+        is_bare_not = 'NEG' in piece.kinds and not piece.kinds & KINDS.verbs
+        withdrawn |= {segment - 1} if piece.takes_back or is_bare_not else set()
     for part in parts:
-        if not part.is_read and part.piece.withdraws:
-            for other in parts:
-                if other.segment == part.segment - 1:
-                    other.drop()
+        if part.segment in withdrawn:
+            part.drop()
 
 
 def drop_timed(parts: Sequence[ReadPiece]) -> None:
     """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
+    ended, goes_on = (StayIn, EndAt), (Visit, Before, Then, Unsupported)
     for part, after in pairwise(parts):
-        ended = (StayIn, EndAt)
-        goes_on = (Visit, Before, Then, Unsupported)
         is_ended = any(
-            isinstance(clause, ended)
-            if after.piece.ends_route
-            else not isinstance(clause, goes_on)
-            for clause in part.clauses
+            isinstance(one, ended) if 'END' in after.piece.kinds else not isinstance(one, goes_on)
+            for one in part.clauses
         )
-        if after.piece.link == THEN and is_ended:
+        if after.piece.link == 'THEN' and is_ended:
             part.drop()
 
 
@@ -748,26 +639,24 @@ def understand(text: str, lexer: Lexer) -> Reading:
     language = lexer.vocabulary.language
     pieces = without_remarks(Splitter(lexer.lexemes(words), language).split())
     assembler = Assembler(text, lexer, words, notes)
-    segment: list[Piece] = []
-    for piece in [*pieces, Piece(HARD)]:
-        if piece.link == HARD and segment:
-            assembler.take(segment)
-            segment = []
-        segment.append(piece)
+    begins = [n for n, piece in enumerate(pieces) if n and piece.link == 'HARD']
+    for begin, end in pairwise([0, *begins, len(pieces)]):
+        assembler.take(pieces[begin:end])
     assembler.settle()
-    interpretation, share = result_of(assembler, quoted)
-    return Reading(interpretation, share, tuple(assembler.parts))
+    return Reading(*result_of(assembler, quoted), tuple(assembler.parts))
 
 
 def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
     """Return a text without what a canonical sentence quotes, and its clauses with their place."""
-    found: list[tuple[int, Clause]] = []
-    for match in CANONICAL.finditer(text):
-        about = match['about']
-        clause = (
-            Unsupported(text=match['words'], about=about) if about else Unknown(text=match['text'])
+    found: list[tuple[int, Clause]] = [
+        (
+            match.start(),
+            Unsupported(text=match['words'], about=match['about'])
+            if match['about']
+            else Unknown(text=match['text']),
         )
-        found.append((match.start(), clause))
+        for match in CANONICAL.finditer(text)
+    ]
     return CANONICAL.sub(lambda match: ';' * len(match[0]), text), found
 
 
@@ -780,22 +669,13 @@ def result_of(
     room = MAX_CLAUSES - len(assembler.clauses) - len(quoted)
     if len(unknown) > room:
         unknown = [*unknown[: room - 1], (unknown[room - 1][0], unknown[-1][1])]
-    parts = [
-        *assembler.clauses,
-        *quoted,
-        *((start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown),
-    ]
-    parts.sort(key=lambda part: part[0])
+    unread = [(start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown]
+    parts = sorted([*assembler.clauses, *quoted, *unread], key=lambda part: part[0])
     specification = Specification(tuple(clause for _, clause in parts))
     missed = sum(end - start for start, end in unknown)
     missed += sum(len(one.text) for _, one in quoted if isinstance(one, Unknown))
-    interpretation = Interpretation(
-        text,
-        specification,
-        NAME,
-        status_of(specification),
-        '; '.join(dict.fromkeys(assembler.notes))[:300],
-    )
+    notes = '; '.join(dict.fromkeys(assembler.notes))[:300]
+    interpretation = Interpretation(text, specification, NAME, status_of(specification), notes)
     return interpretation, 1.0 - missed / max(1, len(text))
 
 

@@ -6,29 +6,26 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Any
 
+from llm_astar_msgs_adapter.maps.places import Place
+
+from llm_astar_planner.instructions.grammar.lexicon import Group
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.regions import Box
 
-NUMBER, UNIT, LENGTH, POINT = 'NUMBER', 'UNIT', 'LENGTH', 'POINT'
-AXIS, AXISLINE, RANGE = 'AXIS', 'AXISLINE', 'RANGE'
-COMMA, AND, SIGN, UNKNOWN = 'COMMA', 'AND', 'SIGN', 'UNKNOWN'
-# How often: the least and the most times. And what a path does not have, as a time.
-TIMES, UNSUPPORTED = 'TIMES', 'UNSUPPORTED'
-OPEN, CLOSE = 'BRACKET', 'ENDBRACKET'
 # Metres. A number beyond it is no place on a map.
 MOST = 1e6
-OPENING, CLOSING = '([', ')]'
 # Lexemes that say nothing before some others: 'the point | 20, 12', 'at least | 3 m'.
 GO_WITH = {
-    'POINTWORD': (POINT,),
-    'ATLEAST': (LENGTH, 'DISTANCE', 'ATLEAST'),
-    'MORETHAN': (LENGTH, 'DISTANCE'),
-    'LINE': (AXISLINE,),
+    'POINTWORD': ('POINT',),
+    'ATLEAST': ('LENGTH', 'DISTANCE', 'ATLEAST'),
+    'MORETHAN': ('LENGTH', 'DISTANCE'),
+    'LINE': ('AXISLINE',),
 }
 
 
@@ -52,12 +49,6 @@ class Lexeme:
         """Return the kind, for messages of the parser."""
         return self.kind
 
-    @property
-    def line(self) -> tuple[str, float]:
-        """The axis and the coordinate of a line 'y = 3'; raises TypeError for others."""
-        axis, at = self.value
-        return str(axis), float(at)
-
     def as_other(self) -> Lexeme:
         """Return the lexeme as of its other kind."""
         return replace(self, kind=self.other, value=self.other_value)
@@ -67,138 +58,81 @@ class Lexeme:
         """The value as a number."""
         return float(str(self.value))
 
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The places that it may mean."""
+        if isinstance(self.value, Group):
+            return self.value.places
+        return (self.value,) if isinstance(self.value, Place) else ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Their names."""
+        return tuple(place.name for place in self.places)
+
 
 def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:
-    """Return several lexemes as one."""
-    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubts=doubts_of(lexemes))
+    """Return several lexemes as one, with the doubts of all, each once."""
+    doubts = tuple(dict.fromkeys(doubt for lexeme in lexemes for doubt in lexeme.doubts))
+    return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end, doubts=doubts)
 
 
-def doubts_of(lexemes: Sequence[Lexeme]) -> tuple[tuple[str, str], ...]:
-    """Return the doubts of several lexemes, each once."""
-    return tuple(dict.fromkeys(doubt for lexeme in lexemes for doubt in lexeme.doubts))
+def tag_of(lexeme: Lexeme) -> str:
+    """Return what the patterns below call a lexeme: its kind, or the sign that it is."""
+    if lexeme.kind == 'SIGN' and len(str(lexeme.value)) == 1:
+        return str(lexeme.value)
+    if lexeme.kind == 'CONDITION' and lexeme.other == 'UNSUPPORTED':
+        return 'WAIT'
+    return 'ANYTIMES' if lexeme.kind == 'TIMES' and lexeme.value == 'any' else lexeme.kind
 
 
-@cache
-def choices_of(pattern: str) -> tuple[frozenset[str], ...]:
-    """Return the kinds that a pattern allows one after the other."""
-    return tuple(frozenset(choice.split('|')) for choice in pattern.split())
+def numbers_in(run: Sequence[Lexeme]) -> list[float]:
+    """Return the numbers of lexemes, in metres where a unit follows."""
+    found: list[float] = []
+    for lexeme in run:
+        if lexeme.kind == 'NUMBER':
+            found.append(lexeme.number)
+        elif lexeme.kind == 'UNIT':
+            found[-1] *= lexeme.number
+    return found
 
 
-def kinds_match(lexemes: Sequence[Lexeme], at: int, pattern: str) -> bool:
-    """Whether the kinds from `at` on are those of a pattern, 'NUMBER COMMA|AND'."""
-    wanted = choices_of(pattern)
-    if at < 0 or at + len(wanted) > len(lexemes):
-        return False
-    return all(lexemes[at + n].kind in kinds for n, kinds in enumerate(wanted))
+def axes_in(run: Sequence[Lexeme]) -> list[str]:
+    """Return the axes that lexemes name, in their order."""
+    return [str(lexeme.value) for lexeme in run if lexeme.kind == 'AXIS']
 
 
-def is_sign(lexemes: Sequence[Lexeme], at: int, signs: str) -> bool:
-    """Whether a lexeme is one of some signs."""
-    return at < len(lexemes) and lexemes[at].kind == SIGN and str(lexemes[at].value) in signs
-
-
-# What a combination may begin with.
-COMBINED = frozenset({NUMBER, SIGN, AXIS, 'BETWEEN', 'FROM', TIMES, 'ONLY', 'TIMEWORD'})
-COMBINED |= {'ATLEAST', 'ATMOST', 'EXACTLY', 'MORETHAN', 'LESSTHAN', 'FETCH'}
-# Words before a time or before who is followed, which belong to it.
-BEFORE_TIME = frozenset({'IN', 'BY', 'BEFORE', 'UPON', 'AT', 'PURPOSE', 'WITHIN', 'TO'})
-COMBINED |= BEFORE_TIME | {UNSUPPORTED, 'ALONG', 'CONDITION'}
-# What may stand between a verb of fetching and the end of what is fetched.
-ERRANDS = 'THING|PERSON|PRONOUN|NUMBER|RECTANGLE|THIS|ANY_ARTICLE|ANY|YOUR|AND'
-# Each takes the lexemes and an index and returns what they are put together to, or None.
-Combined = tuple[int, Lexeme]
-
-
-def length(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+def length(run: Sequence[Lexeme]) -> Lexeme | None:
     """'3 m', and '2,5 m' with a decimal comma; '1,500 m' may be thousands and is not known."""
-    if kinds_match(lexemes, at, 'NUMBER UNIT'):
-        metres = lexemes[at].number * lexemes[at + 1].number
-        return 2, joined(lexemes[at : at + 2], LENGTH, metres)
-    whole = lexemes[at : at + 4]
-    if not kinds_match(lexemes, at, 'NUMBER COMMA NUMBER UNIT') or has_gap(whole[:3]):
+    if len(run) == 2:
+        return joined(run, 'LENGTH', numbers_in(run)[0])
+    if any(one.end != two.start for one, two in pairwise(run[:3])):
         return None
-    units, decimals = str(whole[0].value), str(whole[2].value)
+    units, decimals = str(run[0].value), str(run[2].value)
     is_thousand = len(decimals) == 3 and units.lstrip('-') != '0'
     if is_thousand or not (decimals.isdigit() and units.lstrip('-').isdigit()):
-        return 4, joined(whole, UNKNOWN, f'{units},{decimals}')
-    return 4, joined(whole, LENGTH, float(f'{units}.{decimals}') * whole[3].number)
+        return joined(run, 'UNKNOWN', f'{units},{decimals}')
+    return joined(run, 'LENGTH', float(f'{units}.{decimals}') * run[3].number)
 
 
-def has_gap(lexemes: Sequence[Lexeme]) -> bool:
-    """Whether there is a space between some of the lexemes."""
-    return any(one.end != two.start for one, two in pairwise(lexemes))
-
-
-def point(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+def point(run: Sequence[Lexeme]) -> Lexeme | None:
     """'20, 12', '(20, 12)' and 'x=20, y=12', the latter also in brackets."""
-    opening = is_sign(lexemes, at, OPENING)
-    first = at + opening
-    found = bare_point(lexemes, first, opening)
-    if found is None:
-        return None
-    count, x, y = found
-    if opening:
-        if not is_sign(lexemes, first + count, CLOSING):
-            return None
-        count += 2
-    return count, joined(lexemes[at : at + count], POINT, (x, y))
+    is_point = axes_in(run) in ([], ['x', 'y'])
+    return joined(run, 'POINT', tuple(numbers_in(run))) if is_point else None
 
 
-def bare_point(
-    lexemes: Sequence[Lexeme], at: int, opening: bool
-) -> tuple[int, float, float] | None:
-    """Return the count of lexemes and the coordinates of a point without brackets."""
-    line = axis_line(lexemes, at)
-    if line is not None:
-        count, one = line
-        while kinds_match(lexemes, at + count, 'COMMA|AND'):
-            count += 1
-        other = axis_line(lexemes, at + count)
-        if other is None or (one.line[0], other[1].line[0]) != ('x', 'y'):
-            return None
-        x, y = one.line[1], other[1].line[1]
-        return count + other[0], x, y
-    if opening and kinds_match(lexemes, at, 'NUMBER NUMBER'):
-        return 2, lexemes[at].number, lexemes[at + 1].number
-    if kinds_match(lexemes, at, 'NUMBER COMMA NUMBER') and not kinds_match(lexemes, at + 3, UNIT):
-        return 3, lexemes[at].number, lexemes[at + 2].number
-    return None
-
-
-def axis_line(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+def axis_line(run: Sequence[Lexeme]) -> Lexeme:
     """'y = 22.5', 'y 22.5' and 'y of 22.5', with or without a unit."""
-    if not kinds_match(lexemes, at, AXIS):
-        return None
-    number = at + 1
-    if is_sign(lexemes, number, '=') or kinds_match(lexemes, number, 'OF|SIGNEQ'):
-        number += 1
-    if not kinds_match(lexemes, number, NUMBER):
-        return None
-    value = lexemes[number].number
-    if kinds_match(lexemes, number + 1, UNIT):
-        number += 1
-        value *= lexemes[number].number
-    count = number + 1 - at
-    return count, joined(lexemes[at : at + count], AXISLINE, (lexemes[at].value, value))
+    return joined(run, 'AXISLINE', (run[0].value, numbers_in(run)[0]))
 
 
-def axis_range(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
-    """'x below 10', 'y > 3' and 'x from 2 to 5' (also 'between 2 and 5') as a Box."""
-    if not kinds_match(lexemes, at, AXIS):
-        return None
-    axis = str(lexemes[at].value)
-    if kinds_match(lexemes, at, 'AXIS ABOVE|BELOW NUMBER'):
-        value = lexemes[at + 2].number
-        above = lexemes[at + 1].kind == 'ABOVE'
-        count, low, high = 3, value if above else -math.inf, math.inf if above else value
-        if kinds_match(lexemes, at + 3, UNIT):
-            count, scale = 4, lexemes[at + 3].number
-            low, high = low * scale, high * scale
-    elif kinds_match(lexemes, at, 'AXIS FROM|BETWEEN|OF NUMBER TO|AND NUMBER'):
-        count, low, high = 5, lexemes[at + 2].number, lexemes[at + 4].number
-    else:
-        return None
-    return count, joined(lexemes[at : at + count], RANGE, (axis_box(axis, low, high),))
+def axis_range(run: Sequence[Lexeme]) -> Lexeme | None:
+    """'x below 10', 'y > 3', 'x from 2 to 5' and 'between y = 5 and y = 20' as a Box."""
+    limits, (axis, *others) = numbers_in(run), axes_in(run)
+    if len(limits) == 1:
+        limits = [*limits, math.inf] if run[1].kind == 'ABOVE' else [-math.inf, *limits]
+    low, high = limits
+    return None if {*others} - {axis} else joined(run, 'RANGE', (axis_box(axis, low, high),))
 
 
 def axis_box(axis: str, low: float, high: float) -> Box:
@@ -208,160 +142,100 @@ def axis_box(axis: str, low: float, high: float) -> Box:
     return Box(-math.inf, low, math.inf, high)
 
 
-def between_lines(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
-    """'between y = 5 and y = 20' as a Box."""
-    if not kinds_match(lexemes, at, 'BETWEEN|FROM'):
-        return None
-    first = axis_line(lexemes, at + 1)
-    if first is None or not kinds_match(lexemes, at + 1 + first[0], 'AND|TO'):
-        return None
-    second = axis_line(lexemes, at + 2 + first[0])
-    if second is None:
-        return None
-    one, other = first[1].line, second[1].line
-    if one[0] != other[0]:
-        return None
-    count = 2 + first[0] + second[0]
-    box = axis_box(one[0], one[1], other[1])
-    return count, joined(lexemes[at : at + count], RANGE, (box,))
-
-
-def times(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+def times(run: Sequence[Lexeme]) -> Lexeme | None:
     """'at most twice', 'exactly 3 times', 'at least 1 and at most 2 times', 'twice or more'.
 
     The value is the least and the most (None for any number), and whether 'not' turns it round.
     """
-    least: float = 0
-    most: float | None = None
-    end, found = at, []
-    if lexemes[at].kind == TIMES and lexemes[at].value == 'any':
-        return 1, joined(lexemes[at : at + 1], TIMES, (0, None, False))
-    while (one := limited(lexemes, end)) is not None:
-        count, number, limit = one
-        end += count
+    if run[0].value == 'any':
+        return joined(run, 'TIMES', (0, None, False))
+    least, most, found = 0, None, []
+    groups = groupby(run, lambda one: one.kind == 'AND')
+    for part in (list(group) for is_and, group in groups if not is_and):
+        kinds = [one.kind for one in part]
+        limits = (kind for kind in (kinds[0], *kinds[::-1]) if kind in KINDS.limits | {'ORMORE'})
+        value = next(one.number for one in part if one.kind in ('NUMBER', 'TIMES'))
+        if not value == int(value) >= 0:
+            return None
+        limit = next(limits, 'EXACTLY')
         found.append(limit)
-        least = max(least, number + (limit == 'MORETHAN')) if limit in FROM_BELOW else least
-        most = number - (limit == 'LESSTHAN') if limit in FROM_ABOVE else most
-        if kinds_match(lexemes, end - 1, 'TIMES|TIMESWORD') or not kinds_match(
-            lexemes, end, 'AND ATMOST'
-        ):
-            break
-        end += 1
-    if not found or not any(lexeme.kind in (TIMES, 'TIMESWORD') for lexeme in lexemes[at:end]):
-        return None
+        least = int(value) + (limit == 'MORETHAN') if limit in KINDS.from_below else least
+        most = int(value) - (limit == 'LESSTHAN') if limit in KINDS.from_above else most
+    is_told = any(one.kind in ('TIMES', 'TIMESWORD') for one in run)
     turns = found in (['MORETHAN'], ['LESSTHAN'])
-    return end - at, joined(lexemes[at:end], TIMES, (int(least), most, turns))
+    return joined(run, 'TIMES', (least, most, turns)) if is_told else None
 
 
-# Kinds of limits that say the least number, and the most.
-FROM_BELOW = frozenset({'ATLEAST', 'MORETHAN', 'EXACTLY', 'ONLY', 'ORMORE'})
-FROM_ABOVE = frozenset({'ATMOST', 'LESSTHAN', 'EXACTLY', 'ONLY'})
+def moment(run: Sequence[Lexeme]) -> Lexeme:
+    """'before noon', 'within 5 minutes', 'wait 5 minutes', 'wait for the nurse'."""
+    first = run[0]
+    about = {'UNSUPPORTED': first.value, 'CONDITION': first.other_value, 'PURPOSE': 'waiting'}
+    return joined(run, 'UNSUPPORTED', about.get(first.kind) or 'time')
 
 
-def limited(lexemes: Sequence[Lexeme], at: int) -> tuple[int, int, str] | None:
-    """Return the lexemes, the number and the limit of 'at most twice', None without one."""
-    before = kinds_match(lexemes, at, 'ATLEAST|ATMOST|EXACTLY|MORETHAN|LESSTHAN|ONLY')
-    limit, end = (lexemes[at].kind, at + 1) if before else ('EXACTLY', at)
-    if not kinds_match(lexemes, end, 'TIMES|NUMBER') or isinstance(lexemes[end].value, tuple):
-        return None
-    number = lexemes[end].number
-    end += 1
-    for _ in range(2):
-        if kinds_match(lexemes, end, 'ORMORE|ATMOST|ATLEAST') and not (
-            before or kinds_match(lexemes, end, 'ATMOST|ATLEAST TIMES|NUMBER')
-        ):
-            limit, end = lexemes[end].kind, end + 1
-        if kinds_match(lexemes, end, 'TIMESWORD'):
-            end += 1
-    return (end - at, int(number), limit) if number == int(number) >= 0 else None
+def following(run: Sequence[Lexeme]) -> Lexeme:
+    """'follow the nurse'."""
+    return joined(run, 'UNSUPPORTED', 'following')
 
 
-def moment(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
-    """'before noon', 'within 5 minutes', 'wait 5 minutes', 'follow the nurse', 'pick up a box'."""
-    first = lexemes[at]
-    if kinds_match(lexemes, at, 'FETCH|ALONG'):
-        return errand(lexemes, at)
-    is_wait = UNSUPPORTED in (first.kind, first.other)
-    if not is_wait and first.kind in ('CONDITION', UNSUPPORTED):
-        return None
-    end = at + (is_wait or first.kind in BEFORE_TIME)
-    end += kinds_match(lexemes, end, 'BEFORE|BY|IN|UPON|AT|PURPOSE|ATLEAST')
-    end += kinds_match(lexemes, end, 'ATLEAST')
-    if kinds_match(lexemes, end, 'NUMBER TIMEWORD'):
-        end += 2
-    elif kinds_match(lexemes, end, 'TIMEWORD') or (
-        is_wait and kinds_match(lexemes, end, 'PERSON')
-    ):
-        end += 1
-    elif first.kind == UNSUPPORTED:
-        end = at + 1
-    else:
-        return None
-    about = first.value if first.kind == UNSUPPORTED else first.other_value if is_wait else ''
-    about = about or ('waiting' if first.kind == 'PURPOSE' else 'time')
-    return end - at, joined(lexemes[at:end], UNSUPPORTED, about)
+def errand(run: Sequence[Lexeme]) -> Lexeme:
+    """'pick up the box', which is no more than an action."""
+    return joined(run, 'FETCH', 'errand')
 
 
-def errand(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
-    """'pick up the box', which is no more than an action, and 'follow the nurse'."""
-    if kinds_match(lexemes, at, 'ALONG PERSON'):
-        return 2, joined(lexemes[at : at + 2], UNSUPPORTED, 'following')
-    end = at + 1
-    while kinds_match(lexemes, end, ERRANDS):
-        end += 1
-    while end > at + 1 and not kinds_match(lexemes, end - 1, 'THING|PERSON|PRONOUN|RECTANGLE'):
-        end -= 1
-    if lexemes[at].kind != 'FETCH' or end == at + 1:
-        return None
-    return end - at, joined(lexemes[at:end], 'FETCH', 'errand')
-
-
-COMBINATIONS: tuple[Callable[[Sequence[Lexeme], int], Combined | None], ...] = (
-    times,
-    moment,
-    length,
-    point,
-    axis_range,
-    axis_line,
-    between_lines,
+# Runs of lexemes as text, see `tag_of`, and what each is put together to; the first one counts.
+LINE = '(?:AXIS (?:(?:=|OF|SIGNEQ) )?NUMBER (?:UNIT )?)'
+LINES = f'{LINE}(?:(?:COMMA|AND) )*{LINE}'
+# How often, with the limit before or after the number.
+OFTEN = (
+    '(?:(?:ATLEAST|ATMOST|EXACTLY|MORETHAN|LESSTHAN|ONLY) (?:TIMES|NUMBER) (?:TIMESWORD ){0,2}|'
+    '(?:TIMES|NUMBER) (?:(?:ORMORE |AT(?:MOST|LEAST) (?!TIMES |NUMBER ))?(?:TIMESWORD )?){2})'
+)
+# Words before a time or before who is followed, which belong to it.
+LEADS = '(?:(?:BEFORE|BY|IN|UPON|AT|PURPOSE|ATLEAST) )?(?:ATLEAST )?'
+BEFORE_TIME = '(?:(?:IN|BY|BEFORE|UPON|AT|PURPOSE|WITHIN|TO) )?'
+# What may stand between a verb of fetching and the end of what is fetched.
+ERRANDS = 'THING|PERSON|PRONOUN|NUMBER|RECTANGLE|THIS|ANY_ARTICLE|ANY|YOUR|AND'
+COMBINATIONS: tuple[tuple[str, Callable[[Sequence[Lexeme]], Lexeme | None]], ...] = (
+    (f'ANYTIMES |{OFTEN}(?:(?<!TIMES )(?<!TIMESWORD )AND (?=ATMOST ){OFTEN})*', times),
+    (f'FETCH (?:(?:{ERRANDS}) )*(?:THING|PERSON|PRONOUN|RECTANGLE) ', errand),
+    ('ALONG PERSON ', following),
+    (f'(?:UNSUPPORTED|WAIT) {LEADS}(?:(?:NUMBER )?TIMEWORD|PERSON) |UNSUPPORTED ', moment),
+    (f'{BEFORE_TIME}{LEADS}(?:NUMBER )?TIMEWORD ', moment),
+    ('NUMBER UNIT |NUMBER COMMA NUMBER UNIT ', length),
+    (rf'[(\[] (?:{LINES}|NUMBER (?:COMMA )?NUMBER )[)\]] ', point),
+    (f'{LINES}|NUMBER COMMA NUMBER (?!UNIT )', point),
+    ('AXIS (?:ABOVE|BELOW) NUMBER (?:UNIT )?', axis_range),
+    ('AXIS (?:FROM|BETWEEN|OF) NUMBER (?:TO|AND) NUMBER ', axis_range),
+    (LINE, axis_line),
+    (f'(?:BETWEEN|FROM) {LINE}(?:AND|TO) {LINE}', axis_range),
 )
 
 
 def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the lexemes with numbers, units and axes put together, in one pass."""
     result: list[Lexeme] = []
-    at = 0
+    text = ''.join(f'{tag_of(lexeme)} ' for lexeme in lexemes)
+    at = begin = 0
     while at < len(lexemes):
-        for combine in COMBINATIONS if lexemes[at].kind in COMBINED else ():
-            found = combine(lexemes, at)
-            if found is not None:
-                count, lexeme = found
+        for pattern, combine in COMBINATIONS:
+            match = re.compile(pattern).match(text, begin)
+            run = lexemes[at : at + match[0].count(' ')] if match else ()
+            lexeme = combine(run) if run else None
+            if lexeme is not None:
                 break
         else:
-            count, lexeme = 1, lexemes[at]
-        if not joins_area(result, lexeme):
+            run, lexeme = lexemes[at : at + 1], lexemes[at]
+        at += len(run)
+        begin += sum(len(tag_of(one)) + 1 for one in run)
+        joins_area = [one.kind for one in result[-3:]] == ['AREAWITH', 'RANGE', 'AND']
+        if lexeme.kind == 'RANGE' and joins_area:
+            # 'with x from 1 to 2 | and y above 3' goes on with the area.
+            limits = (*result[-2].value, *lexeme.value)
+            result[-2:] = [joined((result[-2], lexeme), 'RANGE', limits)]
+        else:
             result.append(lexeme)
-        at += count
     return result
-
-
-def joins_area(result: list[Lexeme], lexeme: Lexeme) -> bool:
-    """Whether a range goes on with an area, 'with x from 1 to 2 | and y above 3'; it is joined."""
-    if lexeme.kind != RANGE or not kinds_match(result, len(result) - 3, 'AREAWITH RANGE AND'):
-        return False
-    _, first, _ = result[-3:]
-    result[-2:] = [joined((first, lexeme), RANGE, (*first.value, *lexeme.value))]
-    return True
-
-
-LIMITS = frozenset({'ATLEAST', 'ATMOST', 'EXACTLY', 'MORETHAN', 'LESSTHAN', 'ONLY'})
-# What 'once' goes on with where it is no number of times: 'once in the lab'.
-AFTER_ONCE = frozenset(
-    {'VISIT', 'ENTER', 'THROUGH', 'INTO', 'MOVE', 'USE', 'IN', 'UPON', 'AT', 'PLACE', 'NOUN'}
-    | {'PASS', 'PASSBY', 'STOP', 'SIDE', 'TAG', 'PRONOUN', 'HAVING', UNKNOWN}
-)
-# After these 'est' is the east in French.
-BEFORE_SIDES = frozenset({'TO', 'SIDENOUN', 'HALFNOUN', 'THROUGH', 'IN', 'UPON', 'NOUN', 'AT'})
 
 
 def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -373,14 +247,17 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     for at, (lexeme, after) in enumerate(zip(lexemes, kinds_after(lexemes))):
         before = result[-1].kind if result else ''
         is_other = (
-            (lexeme.other == AXIS and is_sign(lexemes, at + 1, '='))
-            or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after))
-            or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
-            or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
+            (lexeme.other == 'AXIS' and [*map(tag_of, lexemes[at + 1 : at + 2])] == ['='])
+            or (lexeme.other in ('ABOVE', 'BELOW') and 'AXIS' in (before, after))
+            or (lexeme.other == 'SIDE' and before in KINDS.before_sides)
+            or (lexeme.other == 'AROUND' and after not in ('NUMBER', 'LENGTH'))
             or (lexeme.other == 'AFTER' and is_after(result, lexemes[at + 1 :]))
             or (lexeme.other == 'FETCH' and after in ('THING', 'PERSON'))
             or (lexeme.other == 'LONGWAY' and after in ('BY', 'THROUGH', 'UPON', 'IN'))
-            or (lexeme.other == TIMES and (before in LIMITS or after not in AFTER_ONCE))
+            or (
+                lexeme.other == 'TIMES'
+                and (before in KINDS.limits or after not in KINDS.after_once)
+            )
         )
         result.append(lexeme.as_other() if is_other else lexeme)
     return result
@@ -392,14 +269,14 @@ def is_after(before: Sequence[Lexeme], behind: Sequence[Lexeme]) -> bool:
     As in 'besuche A nach B' and 'nach A nicht durch B', but not in 'nach A fahren'.
     """
     kinds = [lexeme.kind for lexeme in before]
-    if kinds[-1:] in ([], ['HARD'], [COMMA], [AND]):
-        rest = [one.kind for one in behind[:5] if one.kind not in ('PLACE', 'NOUN', NUMBER)]
+    if kinds[-1:] in ([], ['HARD'], ['COMMA'], ['AND']):
+        rest = [one.kind for one in behind[:5] if one.kind not in ('PLACE', 'NOUN', 'NUMBER')]
         return (
             len(behind) > len(rest)
-            and rest[:1] not in ([], ['HARD'], [COMMA])
+            and rest[:1] not in ([], ['HARD'], ['COMMA'])
             and (rest[:1] == ['NEG'] or len(behind) > len(rest) + 1)
         )
-    return kinds[-1:] in (['PLACE'], ['NOUN'], [NUMBER]) and not {'OF', 'FROM'} & set(kinds)
+    return kinds[-1:] in (['PLACE'], ['NOUN'], ['NUMBER']) and not {'OF', 'FROM'} & set(kinds)
 
 
 def kinds_after(lexemes: Sequence[Lexeme]) -> list[str]:
@@ -416,24 +293,15 @@ def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     return [
         lexeme.as_other()
         if lexeme.other == 'ORDINAL' and following == 'NOUN'
-        else replace(lexeme, kind=BRACKETS.get(lexeme.value, SIGN))
-        if lexeme.kind == SIGN
+        else replace(lexeme, kind=BRACKETS.get(lexeme.value, 'SIGN'))
+        if lexeme.kind == 'SIGN'
         else lexeme
         for lexeme, following in zip(lexemes, kinds_after(lexemes))
         if following not in GO_WITH.get(lexeme.kind, ())
     ]
 
 
-BRACKETS = {'(': OPEN, ')': CLOSE}
-
-
-# After these 'it' stands for a place; elsewhere it says nothing: 'it is important that'.
-BEFORE_IT = frozenset(
-    {'AVOID', 'SKIP', 'VISIT', 'ENTER', 'THROUGH', 'AROUND_VERB', 'LEAVE', 'GIVE', 'FROM', 'PASS'}
-    | {'PASSBY', 'AROUND', 'CLOSE', 'APPROACH', 'BETWEEN', 'USE'}
-)
-# Before these a pronoun is an article: 'those rooms'.
-AFTER_ARTICLES = frozenset({'PLACE', 'NOUN', 'TAG', 'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL'})
+BRACKETS = {'(': 'BRACKET', ')': 'ENDBRACKET'}
 
 
 def with_pronouns(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -442,10 +310,10 @@ def with_pronouns(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
         if lexeme.kind != 'PRONOUN':
             result.append(lexeme)
-        elif after is not None and after.kind in AFTER_ARTICLES:
+        elif after is not None and after.kind in KINDS.after_articles:
             continue
         elif lexeme.value != 'it':
             result.append(lexeme)
-        elif result and result[-1].kind in BEFORE_IT:
+        elif result and result[-1].kind in KINDS.before_it:
             result.append(replace(lexeme, value='one'))
     return result

@@ -3,22 +3,16 @@
 
 """From text to lexemes: places, nouns, vocabulary and numbers, the longest phrase first."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions.grammar.lexemes import (
-    COMMA,
     MOST,
-    NUMBER,
-    SIGN,
-    UNKNOWN,
     Lexeme,
     combined,
-    doubts_of,
+    joined,
     kinds_after,
     settled,
     told_apart,
@@ -26,35 +20,31 @@ from llm_astar_planner.instructions.grammar.lexemes import (
 )
 from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
-from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
-from llm_astar_planner.instructions.grammar.words import Word, squeezed
-from llm_astar_planner.instructions.spelling import errors_between
+from llm_astar_planner.instructions.grammar.vocabulary import (
+    KINDS,
+    Meaning,
+    Noun,
+    Vocabulary,
+    nouns,
+)
+from llm_astar_planner.instructions.grammar.words import Word, errors_between, squeezed
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
 # added, changed or exchanged) from this length on. In shorter words another word is too near:
 # there only two exchanged letters and a doubled one count as an error.
 SHORTEST = 4
 LENGTHS = ((6, 1), (9, 2))
-PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
-ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
 # How far a longer word, 'officer', may be from a name that it begins with.
 LONGER = 5
-# 'on your way', which tells a stop on it from its end.
-ENROUTE = 'ENROUTE'
 # No more than on the way, but not after a 'not'.
 BEFORE_GOAL = 'before the goal'
-LEFT_OUT = frozenset({ARTICLE, FILLER, ENROUTE})
-SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
-SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
-# What may stand after an article.
-WITH_ARTICLE = frozenset({PLACE, NOUN, TAG, ANY, ALL, UNKNOWN, 'LENGTH', NUMBER, 'SIDE', 'MOST'})
-WITH_ARTICLE |= {'CENTER', 'ORIENT', 'ORDINAL', 'THING', 'PERSON', 'TIMESWORD', 'DISTANCE'}
-# What may stand between an article and its noun.
-ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
+SIGNS = {
+    ',': 'COMMA', '-': 'COMMA', '\u2013': 'COMMA', '\u2014': 'COMMA', ':': 'COLON', '&': 'AND',
+    ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', '<': 'BELOW', '>': 'ABOVE',
+}  # fmt: skip
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
-WALL, ANY_PLACE = 'wall', 'place'
-OFMAP = 'OFMAP'
+WALL = 'wall'
 # How many words a phrase takes, what it may mean (kinds and values), and whether it may mean
 # something else: a synonym, or a word for a category.
 Phrase = tuple[int, list[tuple[str, object]], bool]
@@ -79,17 +69,14 @@ def corrections(word: str, known: Iterable[str]) -> list[str]:
 
 def is_misspelt(word: str, other: str, distance: int) -> bool:
     """Whether a word may be another one with so many errors."""
-    if word[0] != other[0]:
-        return False
+    is_doubled = squeezed(word) == squeezed(other)
     if word.startswith(other) or other.startswith(word):
-        is_long = min(len(word), len(other)) >= LONGER
-        return squeezed(word) == squeezed(other) or (distance == 1 and is_long)
+        return is_doubled or (distance == 1 and min(len(word), len(other)) >= LONGER)
     allowed = max((errors for length, errors in LENGTHS if len(other) >= length), default=0)
     # Two errors at the end are another word: 'pharmacist' is no pharmacy.
     if distance <= allowed and (distance == 1 or word[-1] == other[-1]):
         return True
-    is_exchange = sorted(word) == sorted(other) and distance == 1
-    return is_exchange or squeezed(word) == squeezed(other)
+    return is_doubled or (distance == 1 and sorted(word) == sorted(other))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,19 +96,19 @@ class Lexer:
             at += count
         kept = without_fillers(scanned)
         found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
-        ends = [one for one in scanned if one.kind == ENROUTE and one.value != BEFORE_GOAL]
+        ends = [one for one in scanned if one.kind == 'ENROUTE' and one.value != BEFORE_GOAL]
         return [*found, *ends[:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
         count, values, is_doubtful = max(self.place_phrases(words, at), key=lambda one: one[0])
         taken, meanings = self.vocabulary.phrases.longest(words, at)
-        if taken > 1 and meanings[0][0][0] == OFMAP and self.ends_with_place(words, at, taken):
+        if taken > 1 and meanings[0][0][0] == 'OFMAP' and self.ends_with_place(words, at, taken):
             taken, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
         if count:
-            place = place_lexeme(words[at : at + count], values, self.lexicon.places, is_doubtful)
+            place = self.place(words[at : at + count], values, is_doubtful)
             return count, [*self.preposition(words, at, count), place]
         return 1, self.compound(words[at]) or [self.single(words[at])]
 
@@ -129,7 +116,10 @@ class Lexer:
         """Whether a phrase for the map, 'of the hall', ends with a place of this map."""
         for first in range(at + 1, at + count):
             taken, values, _ = max(self.place_phrases(words, first), key=lambda one: one[0])
-            if taken >= at + count - first and not is_any_place(values):
+            value = values[0][1] if values else None
+            # Every place is a 'place'.
+            is_any = isinstance(value, Group) and value.noun == 'place'
+            if taken >= at + count - first and not is_any:
                 return True
         return False
 
@@ -146,16 +136,16 @@ class Lexer:
         sure = {place.name for place, is_sure in variants if is_sure}
         near_places = dict.fromkeys(place for place, _ in variants)
         return [
-            (count, [(PLACE, place) for place in places], False),
-            (tagged, [(NOUN, self.tag_group(tag)) for tag in tags], False),
+            (count, [('PLACE', place) for place in places], False),
+            (tagged, [('NOUN', self.tag_group(tag)) for tag in tags], False),
             *found,
-            (near, [(PLACE, place) for place in near_places], not sure),
-            (single, [(TAG, tag) for tag in adjectives], False),
+            (near, [('PLACE', place) for place in near_places], not sure),
+            (single, [('TAG', tag) for tag in adjectives], False),
         ]
 
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
         """Return 'through' before a name that begins with 'between': one drives between, too."""
-        _, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
+        meanings = self.vocabulary.phrases.exactly([words[at].text])
         if count < 2 or not meanings or meanings[0][0][0] != 'BETWEEN':
             return []
         return [Lexeme('THROUGH', '', words[at].start, words[at].end)]
@@ -166,9 +156,9 @@ class Lexer:
         for language in (self.vocabulary.language, 'en'):
             count, meant = nouns().by_language[language].longest(words, at)
             if count:
-                text = ' '.join(word.text for word in words[at : at + count])
+                text = spoken(words[at : at + count])
                 group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
-                found += [] if group is None else [(count, [(NOUN, group)], not group.own)]
+                found += [] if group is None else [(count, [('NOUN', group)], not group.own)]
         return found
 
     def compound(self, word: Word) -> list[Lexeme]:
@@ -176,14 +166,25 @@ class Lexer:
         if self.vocabulary.language != 'de' or not word.is_letters:
             return []
         for cut in range(3, min(len(word.text) - 2, LONGEST_SIDE)):
-            head, tail = replace(word, text=word.text[:cut]), replace(word, text=word.text[cut:])
-            _, meanings = self.vocabulary.phrases.longest([head], 0)
-            found = self.noun([tail], 0)
+            meanings = self.vocabulary.phrases.exactly([word.text[:cut]])
+            found = self.noun([replace(word, text=word.text[cut:])], 0)
             if found and meanings and meanings[0][0][0] in ('SIDE', 'CENTER'):
                 _, values, is_doubtful = found[0]
                 side = phrase_lexemes([word], meanings)
-                return [*side, place_lexeme([word], values, self.lexicon.places, is_doubtful)]
+                return [*side, self.place([word], values, is_doubtful)]
         return []
+
+    def place(
+        self, words: Sequence[Word], values: Sequence[tuple[str, object]], is_doubtful: bool
+    ) -> Lexeme:
+        """Return the lexeme of a phrase for places; several with one name are a group."""
+        kind, value = values[0]
+        if len(values) > 1:
+            named = tuple(place for _, place in values if isinstance(place, Place))
+            kind, value = 'NOUN', Group(spoken(words), self.lexicon.places, named, plural=False)
+        is_asked = is_doubtful or any(word.is_corrected for word in words)
+        doubts = ((said(words), ''),) if is_asked else ()
+        return Lexeme(kind, value, words[0].start, words[-1].end, doubts=doubts)
 
     def tag_group(self, tag: str) -> Group:
         """Return the places of a kind or with a tag."""
@@ -193,69 +194,58 @@ class Lexer:
 
     def single(self, word: Word) -> Lexeme:
         """Return the lexeme of a word that is in no table of phrases."""
-        kind, value = UNKNOWN, word.text
         doubts = ((word.said, word.text),) if word.is_corrected else ()
-        if word.is_number:
-            is_number = abs(float(word.text)) <= MOST and not self.may_be_thousands(word.text)
-            kind = NUMBER if is_number else UNKNOWN
-        elif word.text in SIGNS:
-            kind = SIGNS[word.text]
-        elif not word.is_letters:
-            kind = SIGN
-        elif word.text in self.vocabulary.demonstratives:
-            kind = THIS
-        elif word.text in self.vocabulary.any_articles:
-            kind = ANY_ARTICLE
-        elif word.text in self.vocabulary.articles:
-            kind = ARTICLE
-        return Lexeme(kind, value, word.start, word.end, doubts=doubts)
+        return Lexeme(self.kind_of(word), word.text, word.start, word.end, doubts=doubts)
 
-    def may_be_thousands(self, number: str) -> bool:
-        """Whether a point in a number may part thousands: '1.500', but not in English."""
-        units, _, decimals = number.lstrip('-').partition('.')
-        return self.vocabulary.language != 'en' and len(decimals) == 3 and units != '0'
+    def kind_of(self, word: Word) -> str:
+        """Return the kind of a word that is in no table of phrases."""
+        if word.is_number:
+            # A point in a number may part thousands: '1.500', but not in English.
+            units, _, decimals = word.text.lstrip('-').partition('.')
+            may_be_thousands = len(decimals) == 3 and units != '0'
+            is_clear = self.vocabulary.language == 'en' or not may_be_thousands
+            return 'NUMBER' if is_clear and abs(float(word.text)) <= MOST else 'UNKNOWN'
+        if word.text in SIGNS or not word.is_letters:
+            return SIGNS.get(word.text, 'SIGN')
+        articles = {
+            'THIS': self.vocabulary.demonstratives,
+            'ANY_ARTICLE': self.vocabulary.any_articles,
+            'ARTICLE': self.vocabulary.articles,
+        }
+        return next((kind for kind, words in articles.items() if word.text in words), 'UNKNOWN')
 
     def knows(self, word: str) -> bool:
         """Whether a word is in any of the tables."""
         lexicon, by_language = self.lexicon, nouns().by_language
-        tables = (lexicon.names, lexicon.near_names, lexicon.tags, lexicon.tag_groups)
-        nouns_of = (by_language[self.vocabulary.language], by_language['en'])
-        is_in_table = any(word in table.words for table in (*tables, *nouns_of))
+        tables = (
+            lexicon.names, lexicon.near_names, lexicon.tags, lexicon.tag_groups,
+            by_language[self.vocabulary.language], by_language['en'],
+        )  # fmt: skip
+        is_in_table = any(word in table.words for table in tables)
         return self.vocabulary.knows(word) or is_in_table or bool(self.compound(Word(word, 0, 0)))
 
     def corrected(self, words: Sequence[Word]) -> tuple[list[Word], list[str]]:
         """Return the words with misspelt ones corrected, and what to say of unclear ones."""
-        result: list[Word] = []
         notes: list[str] = []
-        left = MOST_CORRECTIONS
-        for word in words:
-            if not word.is_letters or self.knows(word.text) or not left:
-                result.append(word)
-                continue
-            left -= 1
+        strange = [one for one in words if one.is_letters and not self.knows(one.text)]
+        meant = {}
+        for word in strange[:MOST_CORRECTIONS]:
             near = self.near(word.text)
             if len(near) > 1:
                 notes.append(f'"{word.text}" may be {" or ".join(near)}')
-            result.append(replace(word, text=near[0]) if len(near) == 1 else word)
-        return result, notes
+            meant[word] = replace(word, text=near[0]) if len(near) == 1 else word
+        return [meant.get(word, word) for word in words], notes
 
     def near(self, word: str) -> list[str]:
         """Return the words that a misspelt word may stand for; several are equally possible."""
         plain = word.replace('ae', 'a').replace('oe', 'o').replace('ue', 'u')
         if self.knows(plain):
             return [plain]
-        spellings = self.lexicon.spellings
-        called = nouns().by_language[self.vocabulary.language].words
-        tables = (spellings, called, self.vocabulary.phrases.words)
+        called = nouns().by_language[self.vocabulary.language]
+        tables = (self.lexicon.spellings, called.words, self.vocabulary.phrases.words)
         found = next(filter(None, (corrections(word, table) for table in tables)), [])
         stems = {other.removesuffix('s').removesuffix('e') for other in found}
         return found[:1] if len(stems) == 1 else found
-
-
-def is_any_place(values: Sequence[tuple[str, object]]) -> bool:
-    """Whether a phrase is the noun 'place', which every place is."""
-    _, value = values[0]
-    return isinstance(value, Group) and value.noun == ANY_PLACE
 
 
 def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
@@ -268,32 +258,13 @@ def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
     # A word that is the same in both numbers ('Zimmer') counts as singular.
     plural = all(group.plural for group in groups)
     noun = WALL if is_wall else groups[0].noun
-    return Group(
-        groups[0].words,
-        groups[0].all_places,
-        places,
-        plural,
-        '',
-        noun,
-        own or (KIND if is_wall else ''),
-    )
+    own = own or (KIND if is_wall else '')
+    return Group(groups[0].words, groups[0].all_places, places, plural, '', noun, own)
 
 
-def place_lexeme(
-    words: Sequence[Word],
-    values: Sequence[tuple[str, object]],
-    places: Places,
-    is_doubtful: bool,
-) -> Lexeme:
-    """Return the lexeme of a phrase for places; several with one name are a group."""
-    kind, value = values[0]
-    if len(values) > 1:
-        text = ' '.join(word.text for word in words)
-        named = tuple(place for _, place in values if isinstance(place, Place))
-        kind, value = NOUN, Group(text, places, named, plural=False)
-    is_asked = is_doubtful or any(word.is_corrected for word in words)
-    doubts = ((said(words), ''),) if is_asked else ()
-    return Lexeme(kind, value, words[0].start, words[-1].end, doubts=doubts)
+def spoken(words: Sequence[Word]) -> str:
+    """Return words as they are compared."""
+    return ' '.join(word.text for word in words)
 
 
 def said(words: Sequence[Word]) -> str:
@@ -306,10 +277,10 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
     start, end = words[0].start, words[-1].end
     other = meanings[1][0] if len(meanings) > 1 else ('', '')
     wrong = [word for word in words if word.is_corrected]
-    doubts = ((said(wrong), ' '.join(word.text for word in wrong)),) if wrong else ()
-    text = ' '.join(word.text for word in words)
+    doubts = ((said(wrong), spoken(wrong)),) if wrong else ()
+    text = spoken(words)
     return [
-        Lexeme(kind, value or (text if kind in LEFT_OUT else ''), start, end, *other, doubts)
+        Lexeme(kind, value or (text if kind in KINDS.left_out else ''), start, end, *other, doubts)
         for kind, value in meanings[0]
     ]
 
@@ -325,17 +296,17 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
         is_name = is_part_of_name(before, lexeme, after) or (
-            was_article and lexeme.kind in (FILLER, 'THEN') and lexeme.value not in AFTER_ARTICLE
+            was_article and lexeme.kind in ('MUST', 'THEN') and lexeme.value not in AFTER_ARTICLE
         )
         # 'then second bench': a link already, so it tells which one.
         is_name |= before.kind == 'THEN' == lexeme.kind and lexeme.other == 'ORDINAL'
-        was_article = lexeme.kind == ARTICLE
+        was_article = lexeme.kind == 'ARTICLE'
         if is_name:
-            kept.append(replace(lexeme, kind=UNKNOWN))
+            kept.append(replace(lexeme, kind='UNKNOWN'))
         elif lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
             goal = replace(lexeme, kind='ENDPOINT', value='goal')
             kept += [replace(lexeme, kind='BEFORE', value=''), goal]
-        elif lexeme.kind in LEFT_OUT:
+        elif lexeme.kind in KINDS.left_out:
             doubts += lexeme.doubts
         else:
             kept.append(replace(lexeme, doubts=doubts + lexeme.doubts))
@@ -347,14 +318,16 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
 
 def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
     """Whether a word right after a place makes another name of it, that the map lacks."""
-    if place.kind not in (PLACE, NOUN):
+    if place.kind not in ('PLACE', 'NOUN'):
         return False
-    if lexeme.kind == FILLER:
+    if lexeme.kind == 'MUST':
         return lexeme.value in PARTS_OF_NAMES
     is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
     if lexeme.kind in ('AND', 'OR'):
         return is_letter and not after
-    return is_letter and lexeme.kind in (ARTICLE, ANY_ARTICLE) and after not in WITH_ARTICLE
+    return (
+        is_letter and lexeme.kind in ('ARTICLE', 'ANY_ARTICLE') and after not in KINDS.with_article
+    )
 
 
 def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -365,32 +338,28 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     result: list[Lexeme] = []
     for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
         following = after.kind if after else ''
-        if lexeme.kind == ANY_ARTICLE:
-            if following == NOUN or following in ADJECTIVES:
-                result.append(replace(lexeme, kind=ANY, value='any'))
+        if lexeme.kind == 'ANY_ARTICLE':
+            if following == 'NOUN' or following in KINDS.adjectives:
+                result.append(replace(lexeme, kind='ANY', value='any'))
             continue
-        if lexeme.kind == THIS:
+        if lexeme.kind == 'THIS':
             is_group = after is not None and following != 'PLACE' and as_place(after) is after
-            if is_group and (following == NOUN or following in ADJECTIVES):
-                result.append(replace(lexeme, kind=UNKNOWN))
+            if is_group and (following == 'NOUN' or following in KINDS.adjectives):
+                result.append(replace(lexeme, kind='UNKNOWN'))
             continue
         before = result[-1] if result else Lexeme('', '', 0, 0)
-        is_told = any(tells_all(other, lexeme) for other in (before, after))
-        noun = replace(lexeme, doubts=told_doubts(lexeme)) if is_told else lexeme
-        result.append(noun if before.kind in ADJECTIVES else as_place(noun))
+        if any(tells_all(other, lexeme) for other in (before, after)):
+            # What is left are the doubts of other words than the noun itself.
+            lexeme = replace(lexeme, doubts=tuple(one for one in lexeme.doubts if one[1]))  # noqa: PLW2901
+        result.append(lexeme if before.kind in KINDS.adjectives else as_place(lexeme))
     return result
 
 
 def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
     """Whether a tag of the map tells the places, whatever the noun beside it: 'blue rooms'."""
-    if tag is None or tag.kind != TAG or tag.doubts or not isinstance(noun.value, Group):
+    if tag is None or tag.kind != 'TAG' or tag.doubts or not isinstance(noun.value, Group):
         return False
     return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
-
-
-def told_doubts(noun: Lexeme) -> tuple[tuple[str, str], ...]:
-    """Return the doubts of a noun that a tag tells: of other words than itself."""
-    return tuple(doubt for doubt in noun.doubts if doubt[1])
 
 
 def as_place(lexeme: Lexeme) -> Lexeme:
@@ -402,7 +371,7 @@ def as_place(lexeme: Lexeme) -> Lexeme:
         return lexeme
     is_part = group.own == HEAD and not lexeme.doubts
     doubts = ((group.words, ''),) if is_part else lexeme.doubts
-    return replace(lexeme, kind=PLACE, value=group.places[0], doubts=doubts)
+    return replace(lexeme, kind='PLACE', value=group.places[0], doubts=doubts)
 
 
 def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -410,21 +379,14 @@ def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     result: list[Lexeme] = []
     begin = 0
     for lexeme in lexemes:
-        if lexeme.kind not in ADJECTIVES and lexeme.kind != NOUN:
+        if lexeme.kind not in KINDS.adjectives and lexeme.kind != 'NOUN':
             begin = len(result) + 1
         result.append(lexeme)
-        if lexeme.kind == NOUN and isinstance(lexeme.value, Group) and begin < len(result) - 1:
-            place = described_place(result[begin:])
+        if lexeme.kind == 'NOUN' and isinstance(lexeme.value, Group) and begin < len(result) - 1:
+            run = result[begin:]
+            place = described_place(run)
             if place is not None:
-                result[begin:] = [
-                    replace(
-                        lexeme,
-                        kind=PLACE,
-                        value=place,
-                        start=result[begin].start,
-                        doubts=doubts_of(result[begin:]),
-                    )
-                ]
+                result[begin:] = [joined(run, 'PLACE', place)]
             begin = len(result)
     return result
 
@@ -432,7 +394,7 @@ def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
 def described_place(lexemes: Sequence[Lexeme]) -> Place | None:
     """Return the one place that adjectives and a noun mean, None if there may be several."""
     *adjectives, noun = lexemes
-    if any(lexeme.kind in (ANY, ALL, 'ORDINAL') for lexeme in adjectives):
+    if any(lexeme.kind in ('ANY', 'ALL', 'ORDINAL') for lexeme in adjectives):
         return None
     parts = [Modifier(lexeme.kind, lexeme.value) for lexeme in adjectives]
     try:

@@ -3,8 +3,6 @@
 
 """The words for a map's places: names, aliases, their translations, kinds and tags."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,7 +53,6 @@ class Group:
     own: str = KIND
 
 
-@dataclass(frozen=True, eq=False)
 class Lexicon:
     """The words for the places of a map.
 
@@ -68,15 +65,35 @@ class Lexicon:
     - `starts`: the words that any of the phrases begin with.
     """
 
-    places: Places
-    names: Phrases[Place]
-    near_names: Phrases[tuple[Place, bool]]
-    tags: Phrases[str]
-    tag_groups: Phrases[str]
-    members: dict[str, Members]
-    partial: frozenset[str]
-    spellings: frozenset[str]
-    starts: frozenset[str]
+    def __init__(self, places: Places) -> None:
+        """Find the words for some places."""
+        self.places = places
+        self.names: Phrases[Place] = Phrases(articles())
+        self.near_names: Phrases[tuple[Place, bool]] = Phrases(articles())
+        self.tags: Phrases[str] = Phrases()
+        self.tag_groups: Phrases[str] = Phrases()
+        for place in places:
+            for words in map(phrase_words, (place.name, *place.aliases)):
+                # The last word of 'rack A' is no article.
+                inner = [word for word in words[:-1] if word not in articles()]
+                self.names.add(words, place)
+                self.names.add((*inner, *words[-1:]), place)
+                for variant, is_sure in variants(words):
+                    self.near_names.add(variant, (place, is_sure))
+        for tag in places.tags:
+            add_tag(tag, self.tags, self.tag_groups)
+        languages = name_languages(places)
+        nouns_of = {place.name: own_nouns(place, languages) for place in places}
+        called = frozenset().union(*nouns_of.values())
+        # What only ends an alias counts where the map has nothing else of it.
+        ends_of = {place.name: alias_nouns(place, languages) - called for place in places}
+        self.partial = frozenset().union(*ends_of.values())
+        all_nouns = {name: nouns_of[name] | ends_of[name] for name in nouns_of}
+        self.members = members_of(places, all_nouns)
+        known = (self.names, self.near_names, self.tags, self.tag_groups)
+        self.starts = frozenset().union(*(phrases.starts for phrases in known))
+        spelt = self.names.words | self.near_names.words | self.tags.words
+        self.spellings = frozenset(word for word in spelt if word.isalpha())
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
@@ -118,30 +135,7 @@ def members_of(places: Places, nouns_of: Mapping[str, frozenset[str]]) -> dict[s
 @lru_cache(maxsize=16)
 def lexicon(places: Places) -> Lexicon:
     """Return the words for a map's places, made once for each `Places`."""
-    names: Phrases[Place] = Phrases(articles())
-    near: Phrases[tuple[Place, bool]] = Phrases(articles())
-    tags: Phrases[str] = Phrases()
-    groups: Phrases[str] = Phrases()
-    for place in places:
-        for name in (place.name, *place.aliases):
-            words = phrase_words(name)
-            names.add(words, place)
-            names.add(without_articles(words), place)
-            for variant, is_sure in variants(words):
-                near.add(variant, (place, is_sure))
-    for tag in places.tags:
-        add_tag(tag, tags, groups)
-    languages = name_languages(places)
-    nouns_of = {place.name: own_nouns(place, languages) for place in places}
-    called = frozenset().union(*nouns_of.values())
-    # What only ends an alias counts where the map has nothing else of it.
-    ends_of = {place.name: alias_nouns(place, languages) - called for place in places}
-    partial = frozenset().union(*ends_of.values())
-    nouns_of = {name: nouns_of[name] | ends_of[name] for name in nouns_of}
-    starts = frozenset().union(*(phrases.starts for phrases in (names, near, tags, groups)))
-    letters = frozenset(word for word in names.words | near.words | tags.words if word.isalpha())
-    members = members_of(places, nouns_of)
-    return Lexicon(places, names, near, tags, groups, members, partial, letters, starts)
+    return Lexicon(places)
 
 
 @lru_cache(maxsize=1)
@@ -149,12 +143,6 @@ def articles() -> frozenset[str]:
     """Return the articles of all languages, which may stand within a name."""
     tables = [vocabulary(language) for language in LANGUAGES]
     return frozenset().union(*(table.articles | table.any_articles for table in tables))
-
-
-def without_articles(words: tuple[str, ...]) -> tuple[str, ...]:
-    """Return a phrase without the articles within it; the last word of 'rack A' is none."""
-    kept = tuple(word for word in words[:-1] if word not in articles())
-    return (*kept, words[-1]) if words else words
 
 
 def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
@@ -190,39 +178,32 @@ def head_nouns(
     The last word of a longer name is read in the languages of the map's names alone: 'fuel
     station' is no ward, which is 'Station' in German.
     """
-    head = [Word(word, 0, 0) for word in head_of(words)]
+    head = head_of(words)
     for start in range(1 if is_whole else len(head)):
-        count, found = nouns().everywhere.longest(head, start)
-        if count == len(head) - start:
-            return frozenset(
-                noun.name for noun in found if start == 0 or noun.language in languages
-            )
+        found = nouns().everywhere.exactly(head[start:])
+        if found:
+            return frozenset(one.name for one in found if start == 0 or one.language in languages)
     return frozenset()
 
 
-def generic_of(place: Place, called: Collection[str]) -> str:
-    """Return the generic word for a place that is called by some nouns."""
+def generic_of(place: Place, called: Collection[str] | None = None) -> str:
+    """Return the generic word for a place that is called by some nouns, else by its own."""
     if place.is_object:
         return OBJECT
-    known = [nouns().generic[name] for name in sorted(called)]
-    return known[0] if known else UNNAMED
+    called = (own_nouns(place) or alias_nouns(place)) if called is None else called
+    return nouns().generic[min(called)] if called else UNNAMED
 
 
 def name_languages(places: Places) -> tuple[str, ...]:
     """Return the languages that most names of a map are in."""
     counts = dict.fromkeys(LANGUAGES, 0)
     for place in places:
-        head = [Word(word, 0, 0) for word in head_of(phrase_words(place.name))]
+        head = head_of(phrase_words(place.name))
         for language, phrases in nouns().by_language.items():
-            ends = (phrases.longest(head, at)[0] == len(head) - at for at in range(len(head)))
+            ends = (at for at in range(len(head)) if phrases.exactly(head[at:]))
             # A noun that is the whole name tells more than one that ends it.
-            counts[language] += next((1 if at else 2 for at, ended in enumerate(ends) if ended), 0)
+            counts[language] += next((1 if at else 2 for at in ends), 0)
     return tuple(language for language in LANGUAGES if counts[language] == max(counts.values()))
-
-
-def place_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
-    """Return the nouns that a place is called by, of the ends of its aliases if by no other."""
-    return own_nouns(place, languages) or alias_nouns(place, languages)
 
 
 def own_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
@@ -242,15 +223,13 @@ def alias_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozens
 @lru_cache(maxsize=1024)
 def sides_in(*names: str) -> frozenset[str]:
     """Return the sides that names hold: 'north' of 'north aisle'."""
-    found = set()
-    for name in names:
-        for word in phrase_words(name):
-            for language in LANGUAGES:
-                _, meanings = vocabulary(language).phrases.longest([Word(word, 0, 0)], 0)
-                for meaning in meanings:
-                    if meaning[0][0] in ('SIDE', 'CENTER'):
-                        found.add(meaning[0][1] or 'center')
-    return frozenset(found)
+    words = {word for name in names for word in phrase_words(name)}
+    return frozenset(
+        value or 'center'
+        for word, language in itertools.product(words, LANGUAGES)
+        for (kind, value), *_ in vocabulary(language).phrases.exactly([word])
+        if kind in ('SIDE', 'CENTER')
+    )
 
 
 def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str], is_told: bool) -> str:
@@ -258,12 +237,8 @@ def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str], is_t
 
     One of the `wanted` or one that is the group's noun; any other unless `is_told`.
     """
-    names = {place.name for place in found}
-    exact = [
-        tag
-        for tag in group.all_places.tags
-        if {place.name for place in group.all_places.with_tag(tag)} == names
-    ]
+    places, names = group.all_places, {place.name for place in found}
+    exact = [tag for tag in places.tags if {one.name for one in places.with_tag(tag)} == names]
     said = [tag for tag in exact if tag in wanted or group.noun in head_nouns(phrase_words(tag))]
     return (said or ([] if is_told else exact) or [''])[0]
 
@@ -281,10 +256,8 @@ def own_word(place: Place, noun: Noun) -> str:
 
 def says(words: tuple[str, ...], noun: Noun) -> bool:
     """Whether words, all of them, are a noun itself or its usual translation, in any number."""
-    count, found = nouns().everywhere.longest([Word(word, 0, 0) for word in words], 0)
-    return count == len(words) and any(
-        one.name == noun.name and is_same(one, noun) for one in found
-    )
+    found = nouns().everywhere.exactly(words)
+    return any(one.name == noun.name and is_same(one, noun) for one in found)
 
 
 def is_same(one: Noun, other: Noun) -> bool:

@@ -7,90 +7,19 @@ One pass over the lexemes: a comma or an 'and' before a region goes on with a li
 anything else it begins a new piece. Each piece is then put into the order that the grammar reads.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
+from itertools import accumulate, takewhile
 
-from llm_astar_planner.instructions.grammar.lexemes import (
-    AND,
-    CLOSE,
-    COMMA,
-    LENGTH,
-    OPEN,
-    POINT,
-    RANGE,
-    TIMES,
-    UNSUPPORTED,
-    Lexeme,
-)
-from llm_astar_planner.instructions.grammar.words import word_set
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 
-NEG, FIRST, PRONOUN = 'NEG', 'FIRST', 'PRONOUN'
-VERBS = word_set(
-    'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
-    'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY PATROL COMEBACK'
-)
-# Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
-GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
-# After these the route goes on; `ENROUTE` is 'on your way'.
-ENROUTE = 'ENROUTE'
-GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH INTO ENTER')
-# A verb after one of these belongs to it: 'before you enter A'.
-ONCE, EXCEPT, PART = 'ONCE', 'EXCEPT', 'PART'
-# 'all rooms but not the lab': the lab is refused, too.
-EXCEPTNOT = 'EXCEPTNOT'
-ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER', ONCE})
-# 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
-STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
-SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
-HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
-BECAUSE = 'BECAUSE'
-ANYORDER, INORDER = 'ANYORDER', 'INORDER'
 # The value of 'unless there is no other way', which goes with what is refused alone.
 REFUSED = 'refused'
-# No kind of the grammar: the piece is not understood.
-UNREAD = 'UNREAD'
-# 'you may', which asks nothing unless it is negated or a question.
-MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
 PAST, BACK, YOU, ONLY, ON, WHILE, ALWAYS = 'past', 'back', 'you', 'only', 'on', 'while', 'always'
-REGION_STARTS = word_set(
-    'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
-    'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW EITHER ENDPOINT '
-    'OVERLAP'
-) | {POINT, RANGE, LENGTH, PRONOUN, OPEN}
-REGION_ENDS = word_set(
-    'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP ENDPOINT'
-) | {POINT, RANGE, LENGTH, PRONOUN, CLOSE, TIMES}
-# Words that are left out where nothing is negated: 'slowly', 'you have to'.
-AFFIRMATIVE = frozenset({'NEED'})
-PREPOSITIONS = word_set('THROUGH INTO TO FROM OF IN UPON BY')
-WAYS = frozenset({'THROUGH', 'TO', 'INTO'})
-# A comma before one of these ends nothing.
-TRAILERS = ORDER_WORDS - {'AFTER', ONCE} | {
-    ANYORDER,
-    INORDER,
-    'BY',
-    'REQUIRED',
-    'FORBIDDEN',
-    EXCEPT,
-    TIMES,
-}
-# Verbs that an 'or' may repeat: 'go to A or go to B'.
-VISITING = frozenset({'VISIT', 'ENTER'})
-# Words that say how a clause is meant.
-NOTED = frozenset({UNSUPPORTED, 'SOON', 'LAST', 'EITHER', 'INSTEAD', ANYORDER, INORDER})
-# What is said of a subject, and what ends the look for it.
-STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
-SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
 # How far an unread piece reaches, and the kinds of words of one that reaches its neighbours.
 ALL, NEAR, DOUBT = 'all', 'near', 'doubt'
-LIMITING = ORDER_WORDS | {EXCEPT, EXCEPTNOT, OR, 'ONLY', 'EITHER', 'NUMBER'}
-REFUSING = frozenset({NEG, 'POISON', 'MAY'})
-POSITIONS = frozenset({'IN', 'UPON', 'AT', 'FROM'})
-SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
 
 
 def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -99,16 +28,16 @@ def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     Nobody knows whether the goal is to change then; the value STOP says so.
     """
     result: list[Lexeme] = []
-    goes_on = any(lexeme.kind == ENROUTE for lexeme in lexemes)
+    goes_on = any(lexeme.kind == 'ENROUTE' for lexeme in lexemes)
     for at in range(len(lexemes) - 1, -1, -1):
         lexeme = lexemes[at]
-        if lexeme.kind == STOP and (at == 0 or lexemes[at - 1].kind != FIRST):
-            lexeme = replace(lexeme, kind=STOPBY if goes_on else END, value=STOP)
-        elif lexeme.kind == STOP:
-            lexeme = replace(lexeme, kind=STOPBY)
-        is_refused = at > 0 and lexemes[at - 1].kind in GOVERNING
-        goes_on = goes_on or (lexeme.kind in GOES_ON and not is_refused)
-        if lexeme.kind != ENROUTE:
+        if lexeme.kind == 'STOP' and (at == 0 or lexemes[at - 1].kind != 'FIRST'):
+            lexeme = replace(lexeme, kind='STOPBY' if goes_on else 'END', value='STOP')
+        elif lexeme.kind == 'STOP':
+            lexeme = replace(lexeme, kind='STOPBY')
+        is_refused = at > 0 and lexemes[at - 1].kind in KINDS.governing
+        goes_on = goes_on or (lexeme.kind in KINDS.goes_on and not is_refused)
+        if lexeme.kind != 'ENROUTE':
             result.append(lexeme)
     return result[::-1]
 
@@ -119,64 +48,58 @@ def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
     A negation of what follows an order word, 'if you do not enter A', makes it unreadable.
     """
     lexemes = with_only_after(with_times_last(lexemes))
-    order = next((n for n, one in enumerate(lexemes) if one.kind in ORDER_WORDS), None)
+    order = next((n for n, one in enumerate(lexemes) if one.kind in KINDS.order_words), None)
     if order is None:
         return with_visits([*negations_in(lexemes), *verb_first(without_negations(lexemes))])
     word, before, behind = lexemes[order], lexemes[:order], lexemes[order + 1 :]
-    is_inner = any(lexeme.kind != NEG for lexeme in before)
+    is_inner = any(lexeme.kind != 'NEG' for lexeme in before)
     if is_inner:
         head, tail = before, behind
         is_scope_clear = not negations_in(tail[:-1])
     else:
-        cut = next((n for n, one in enumerate(behind) if one.kind == PART), 0)
+        cut = next((n for n, one in enumerate(behind) if one.kind == 'PART'), 0)
         head, tail = behind[:cut], [*before, *behind[cut:]]
-        regions = [n for n, one in enumerate(behind) if one.kind in REGION_ENDS]
-        first = next((n for n, one in enumerate(behind) if one.kind == NEG), len(behind))
+        regions = [n for n, one in enumerate(behind) if one.kind in KINDS.region_ends]
+        first = next((n for n, one in enumerate(behind) if one.kind == 'NEG'), len(behind))
         is_scope_clear = not negations_in(head) and (bool(before) or regions[:1] <= [first])
     negations = negations_in([*head, *tail])
     head, tail = (
-        verb_first([one for one in without_negations(part) if one.kind != PART])
+        verb_first([one for one in without_negations(part) if one.kind != 'PART'])
         for part in (head, tail)
     )
-    word = with_you(word)
+    if (word.kind, word.value) == ('AFTER', YOU):
+        word = replace(word, kind='AFTERYOU')  # a condition, too
     inner = [*head, word, *tail] if is_inner else [word, *head, *tail]
-    unread = [] if is_scope_clear else [replace(word, kind=UNREAD)]
+    unread = [] if is_scope_clear else [replace(word, kind='UNREAD')]
     return with_visits([*negations, *inner, *unread])
 
 
 def with_times_last(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return 'go at most twice through A' as 'go through A at most twice'."""
-    times = [lexeme for lexeme in lexemes if lexeme.kind == TIMES]
-    if len(times) != 1 or (lexemes[0].kind == TIMES and len(lexemes) > 1):
+    times = [lexeme for lexeme in lexemes if lexeme.kind == 'TIMES']
+    if len(times) != 1 or (lexemes[0].kind == 'TIMES' and len(lexemes) > 1):
         return lexemes
-    return [*(lexeme for lexeme in lexemes if lexeme.kind != TIMES), *times]
-
-
-def with_you(word: Lexeme) -> Lexeme:
-    """Return 'after you', which is a condition too, as a kind of its own."""
-    is_condition = word.kind == 'AFTER' and word.value == YOU
-    return replace(word, kind='AFTERYOU') if is_condition else word
+    return [*(lexeme for lexeme in lexemes if lexeme.kind != 'TIMES'), *times]
 
 
 def negations_in(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the negations among lexemes."""
-    return [lexeme for lexeme in lexemes if lexeme.kind == NEG]
+    return [lexeme for lexeme in lexemes if lexeme.kind == 'NEG']
 
 
 def without_negations(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the other lexemes."""
-    return [lexeme for lexeme in lexemes if lexeme.kind != NEG]
+    return [lexeme for lexeme in lexemes if lexeme.kind != 'NEG']
 
 
 def with_only_after(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return 'only enter A after B' as 'enter A only after B'."""
     kinds = [lexeme.kind for lexeme in lexemes]
-    if kinds.count('ONLY') != 1 or not {'AFTER', ONCE} & set(kinds):
+    if kinds.count('ONLY') != 1 or not {'AFTER', 'ONCE'} & set(kinds):
         return lexemes
+    later = {'AFTER': 'ONLYAFTER', 'ONCE': 'ONLYAFTER'}
     return [
-        replace(lexeme, kind='ONLYAFTER') if lexeme.kind in ('AFTER', ONCE) else lexeme
-        for lexeme in lexemes
-        if lexeme.kind != 'ONLY'
+        replace(one, kind=later.get(one.kind, one.kind)) for one in lexemes if one.kind != 'ONLY'
     ]
 
 
@@ -186,8 +109,12 @@ def verb_first(lexemes: list[Lexeme]) -> list[Lexeme]:
     After another verb if that governs it: 'vergiss die Küche nicht zu besuchen'.
     """
     kinds = [lexeme.kind for lexeme in lexemes]
-    others = [n for n, kind in enumerate(kinds[:-1]) if kind in VERBS]
-    if not kinds or kinds[-1] not in VERBS or any(kinds[n] not in GOVERNING for n in others):
+    others = [n for n, kind in enumerate(kinds[:-1]) if kind in KINDS.verbs]
+    if (
+        not kinds
+        or kinds[-1] not in KINDS.verbs
+        or any(kinds[n] not in KINDS.governing for n in others)
+    ):
         return lexemes
     at = others[-1] + 1 if others else 0
     return [*lexemes[:at], lexemes[-1], *lexemes[at:-1]]
@@ -197,17 +124,12 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return lexemes with 'drive' and 'to' as one, but not in 'drive to the north of A'."""
     result: list[Lexeme] = []
     for at, lexeme in enumerate(lexemes):
-        before = result[-1].kind if result else ''
-        after = [one.kind for one in lexemes[at + 1 : at + 3]]
-        if (
-            before == 'MOVE'
-            and lexeme.kind in ('THROUGH', 'TO', 'INTO')
-            and after != ['SIDE', 'OF']
-        ):
+        moves = bool(result) and result[-1].kind == 'MOVE'
+        is_side = [one.kind for one in lexemes[at + 1 : at + 3]] == ['SIDE', 'OF']
+        is_way = lexeme.kind in KINDS.ways and not is_side
+        if moves and (is_way or lexeme.kind == 'PRONOUN'):
             result[-1] = replace(result[-1], kind='VISIT')
-        elif before == 'MOVE' and lexeme.kind == PRONOUN:
-            result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
-        else:
+        if not (moves and is_way):
             result.append(lexeme)
     return result
 
@@ -227,8 +149,8 @@ class Piece:
     - `first`: its first lexeme as it was said.
     - `is_question`: a question mark ends it. `takes_back`: it holds 'no, wait' or the like.
     - `is_strict`: it begins with 'only then'. `goes_on`: with 'continue to'.
-    - `is_last`: it holds 'last'. `is_either`: 'either'.
-      `is_instead`: 'instead', which takes back a visit before it.
+    - `said`: kinds of words that it holds besides: LAST, EITHER, and INSTEAD, which takes back a
+      visit before it.
     - `soon`: the words for at once. `unsupported`: the words for what a path does not have.
     - `remarks`: where words stand that were left out beside it although they are not known.
     """
@@ -250,9 +172,7 @@ class Piece:
     takes_back: bool = False
     is_strict: bool = False
     goes_on: bool = False
-    is_last: bool = False
-    is_either: bool = False
-    is_instead: bool = False
+    said: set[str] = field(default_factory=set)
     soon: Lexeme | None = None
     unsupported: list[Lexeme] = field(default_factory=list)
     remarks: list[tuple[int, int]] = field(default_factory=list)
@@ -270,7 +190,7 @@ class Piece:
     @property
     def is_complete(self) -> bool:
         """Whether it could end here: its last word is a region."""
-        return self.last in REGION_ENDS
+        return self.last in KINDS.region_ends
 
     @property
     def reach(self) -> str:
@@ -281,43 +201,26 @@ class Piece:
         concerns no other one.
         """
         kinds = self.kinds
-        if self.is_broken or ONCE in kinds:
+        if self.is_broken or 'ONCE' in kinds:
             return ALL
-        is_own = bool(kinds & (VERBS - GOVERNING) and kinds & REGION_ENDS)
+        is_own = bool(kinds & (KINDS.verbs - KINDS.governing) and kinds & KINDS.region_ends)
         leads = self.first.kind if self.first else ''
-        is_limiting = bool(kinds & LIMITING) or self.is_refusal
-        if is_limiting or leads in POSITIONS or (kinds & REFUSING and not is_own):
+        is_limiting = bool(kinds & KINDS.limiting) or self.is_refusal
+        if is_limiting or leads in KINDS.positions or (kinds & KINDS.refusing and not is_own):
             return NEAR
-        return '' if self.link in (AND, THEN, BUT) or kinds & VERBS else DOUBT
+        return '' if self.link in ('AND', 'THEN', 'BUT') or kinds & KINDS.verbs else DOUBT
 
     @property
     def leads_a_condition(self) -> bool:
         """Whether it begins with 'if you' and the like: what follows may be conditional, too."""
-        return self.first is not None and self.first.kind == ONCE
-
-    @property
-    def withdraws(self) -> bool:
-        """Whether it takes back or limits what was said before: 'no, wait', 'Not the lab'."""
-        is_bare_not = NEG in self.kinds and not self.kinds & VERBS
-        return self.takes_back or is_bare_not
-
-    @property
-    def ends_route(self) -> bool:
-        """Whether it says where to end."""
-        return 'END' in self.kinds
+        return self.first is not None and self.first.kind == 'ONCE'
 
     @property
     def awaits_verb(self) -> bool:
         """Whether the next verb belongs to it: there is none yet, or an order word waits."""
-        if self.lexemes and self.lexemes[0].kind in ORDER_WORDS:
+        if self.lexemes and self.lexemes[0].kind in KINDS.order_words:
             return True
-        return not (self.kinds & VERBS or 'THROUGH' in self.kinds)
-
-    @property
-    def closes_an_order(self) -> bool:
-        """Whether no verb followed its last order word yet: 'bevor du A | betrittst'."""
-        kinds = (lexeme.kind for lexeme in reversed(self.lexemes))
-        return next((kind for kind in kinds if kind in ORDER_WORDS | VERBS), '') in ORDER_WORDS
+        return not (self.kinds & KINDS.verbs or 'THROUGH' in self.kinds)
 
 
 class Splitter:
@@ -333,41 +236,44 @@ class Splitter:
     def split(self) -> list[Piece]:
         """Return the pieces, each in the order that the grammar reads."""
         for at, lexeme in enumerate(self.lexemes):
+            # The 'no' of 'avoid A, no, B'.
+            is_no = lexeme.other == 'CONDITION' and self.kind_after(at) in ('COMMA', 'HARD')
             if self.skipped:
                 self.skipped -= 1
-            elif lexeme.kind in SEPARATORS or self.takes_back(at, lexeme):
+            elif lexeme.kind in KINDS.separators or is_no:
                 self.separate(at, lexeme)
-            elif lexeme.kind == OR:
+            elif lexeme.kind == 'OR':
                 self.choose(at, lexeme)
             else:
                 self.add(at, lexeme)
-        if self.piece.link == THEN and not self.piece.lexemes and len(self.pieces) > 1:
+        if self.piece.link == 'THEN' and not self.piece.lexemes and len(self.pieces) > 1:
             self.pieces[-2].is_later = True
         filled = [p for p in self.pieces if p.lexemes or p.is_broken or p.unsupported or p.soon]
         for piece in filled:
             piece.first = piece.lexemes[0] if piece.lexemes else None
             if self.is_unclear(piece):
-                piece.lexemes = [*piece.lexemes, Lexeme(UNREAD, '', piece.end, piece.end)]
-            elif NEG in piece.kinds or piece.is_question or is_limited(piece):
-                piece.lexemes = [lexeme for lexeme in piece.lexemes if not is_leave(lexeme)]
+                piece.lexemes = [*piece.lexemes, Lexeme('UNREAD', '', piece.end, piece.end)]
+            elif 'NEG' in piece.kinds or piece.is_question or is_limited(piece):
+                # 'You may', 'can' give leave.
+                piece.lexemes = [
+                    one
+                    for one in piece.lexemes
+                    if one.kind != 'MAY' and (one.kind, one.value) != ('POISON', BACK)
+                ]
             piece.lexemes = in_reading_order(chosen(piece.lexemes))
         return filled
 
     def is_unclear(self, piece: Piece) -> bool:
         """Whether the order of its words leaves open what a 'not' or a 'first' belongs to."""
         kinds = [lexeme.kind for lexeme in piece.lexemes]
-        lists = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
-        ends_negated = bool(kinds) and kinds[-1] == NEG
-        if ends_negated and (self.language != 'de' or COMMA in lists[-1:]):
+        lists = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == 'AND']
+        ends_negated = bool(kinds) and kinds[-1] == 'NEG'
+        if ends_negated and (self.language != 'de' or 'COMMA' in lists[-1:]):
             return True
-        if piece.is_either and not piece.kinds & {OR, NEG}:
+        if 'EITHER' in piece.said and not piece.kinds & {'OR', 'NEG'}:
             return True
-        has_past = any(lexeme.value == PAST and lexeme.kind in VERBS for lexeme in piece.lexemes)
-        return has_past and not piece.kinds & ORDER_WORDS and 'HAVING' not in piece.kinds
-
-    def takes_back(self, at: int, lexeme: Lexeme) -> bool:
-        """Whether it is the 'no' of 'avoid A, no, B'."""
-        return lexeme.other == CONDITION and self.kind_after(at) in (COMMA, HARD)
+        has_past = any(one.value == PAST and one.kind in KINDS.verbs for one in piece.lexemes)
+        return has_past and not piece.kinds & KINDS.order_words and 'HAVING' not in piece.kinds
 
     @property
     def piece(self) -> Piece:
@@ -379,13 +285,18 @@ class Splitter:
         kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
         return next((kind for kind in kinds if kind not in skipped), '')
 
+    def kinds_until(self, at: int, ends: Collection[str]) -> list[str]:
+        """Return the kinds of the lexemes after one, up to one of some kinds."""
+        kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
+        return list(takewhile(lambda kind: kind not in ends, kinds))
+
     def begin(self, link: str) -> None:
         """Begin a new piece; a stronger link before it stays."""
         if self.piece.lexemes or self.piece.is_broken:
             self.pieces.append(Piece(link))
-        elif link not in (AND, COMMA) or not self.piece.link:
-            self.piece.link = link if self.piece.link != THEN else THEN
-            self.piece.is_broken = self.piece.is_broken or link == CONDITION
+        elif link not in ('AND', 'COMMA') or not self.piece.link:
+            self.piece.link = link if self.piece.link != 'THEN' else 'THEN'
+            self.piece.is_broken = self.piece.is_broken or link == 'CONDITION'
 
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
@@ -397,191 +308,181 @@ class Splitter:
 
     def separate(self, at: int, lexeme: Lexeme) -> None:
         """Take a separator: go on with a list, leave it out, or begin a new piece."""
-        is_state = lexeme.value == WHILE and self.is_statement(at)
-        kind = CONDITION if lexeme.other == CONDITION or is_state else lexeme.kind
+        # 'While the lab is being cleaned' says how things are.
+        told = {'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'}
+        is_state = lexeme.value == WHILE and told & {*self.kinds_until(at, KINDS.separators)}
+        kind = 'CONDITION' if lexeme.other == 'CONDITION' or is_state else lexeme.kind
         if lexeme.value == '?':
             self.piece.is_question = True
-        is_in_tail = PART in self.piece.kinds and not self.piece.is_complete
-        if kind == THEN and is_in_tail and not lexeme.other:
+        is_in_tail = 'PART' in self.piece.kinds and not self.piece.is_complete
+        if kind == 'THEN' and is_in_tail and not lexeme.other:
             return
-        if kind == THEN and self.leads_an_order() and self.piece.lexemes[0].kind != 'BEFORE':
-            self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
+        if kind == 'THEN' and self.leads_an_order() and self.piece.lexemes[0].kind != 'BEFORE':
+            self.extend(Lexeme('PART', '', lexeme.start, lexeme.end))
             return
-        if kind == BUT and self.is_exception(at):
-            is_not = self.kind_after(at) == NEG
-            self.extend(replace(lexeme, kind=EXCEPTNOT if is_not else EXCEPT))
+        if kind == 'BUT' and self.is_exception(at):
+            is_not = self.kind_after(at) == 'NEG'
+            self.extend(replace(lexeme, kind='EXCEPTNOT' if is_not else 'EXCEPT'))
             self.skipped = int(is_not)
             return
-        if kind == CONDITION:
+        if kind == 'CONDITION':
             self.begin(kind)
-            self.piece.link = CONDITION
+            self.piece.link = 'CONDITION'
             self.piece.is_broken = True
             self.piece.takes_back = BACK in (lexeme.value, lexeme.other_value)
             self.piece.start, self.piece.end = lexeme.start, lexeme.end
-        elif kind not in (AND, COMMA) or not self.is_left_out(at, kind):
+        elif kind not in ('AND', 'COMMA') or not self.is_left_out(at, kind):
             self.begin(kind)
             self.piece.is_strict = self.piece.is_strict or lexeme.value == ONLY
             self.piece.goes_on = self.piece.goes_on or lexeme.value == ON
 
     def is_left_out(self, at: int, kind: str) -> bool:
         """Whether a comma or 'and' ends no piece; one within a list is added to it."""
-        following = self.kind_after(at, COMMA, AND)
-        if following in (THEN, BUT, OR, ''):
+        following = self.kind_after(at, 'COMMA', 'AND')
+        if following in ('THEN', 'BUT', 'OR', ''):
             return True
-        if kind == COMMA:
+        if kind == 'COMMA':
             kinds = self.piece.kinds
-            if following == 'ONLYAFTER' and piece_visits(kinds):
-                self.extend(Lexeme(UNREAD, '', self.piece.end, self.piece.end))
-            is_governing = bool(kinds) and kinds <= GOVERNING
+            is_visit = bool(kinds & {'VISIT', 'THROUGH', 'STOPBY'}) and not kinds & {'NEG', 'ONLY'}
+            if following == 'ONLYAFTER' and is_visit:
+                self.extend(Lexeme('UNREAD', '', self.piece.end, self.piece.end))
+            is_governing = bool(kinds) and kinds <= KINDS.governing
             if self.leads_an_order():
                 lexeme = self.lexemes[at]
-                self.extend(Lexeme(PART, '', lexeme.start, lexeme.end))
+                self.extend(Lexeme('PART', '', lexeme.start, lexeme.end))
                 return True
-            if is_governing or (kinds and following in TRAILERS):
+            if is_governing or (kinds and following in KINDS.trailers):
                 return True
         if self.goes_on(at, following):
             return True
-        return following == SHOULD_WORD and kind == COMMA and not self.ends_before(at)
-
-    def is_statement(self, at: int) -> bool:
-        """Whether what follows says how things are: 'while the lab is being cleaned'."""
-        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
-        end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS), len(kinds))
-        return bool({'FORBIDDEN', 'STATE', 'REQUIRED', 'POISON'} & set(kinds[:end]))
+        if following != 'SHOULD' or kind != 'COMMA':
+            return False
+        # What follows an 'if possible' may be a clause of its own.
+        behind = self.kind_after(at, 'COMMA', 'SHOULD')
+        return behind in KINDS.separators | {''} or not self.piece.is_complete
 
     def is_exception(self, at: int) -> bool:
         """Whether it is the 'but' of 'all wards but ward 1', 'all wards but not ward 1'."""
-        piece = self.piece
-        if not (piece.is_complete and {'ALL', 'NOUN'} <= piece.kinds):
+        if not (self.piece.is_complete and {'ALL', 'NOUN'} <= self.piece.kinds):
             return False
-        kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
-        end = next((n for n, kind in enumerate(kinds) if kind in SEPARATORS - {AND}), len(kinds))
-        first = next((kind for kind in kinds if kind != NEG), '')
-        return first in REGION_STARTS and not VERBS & set(kinds[:end])
+        kinds = self.kinds_until(at, KINDS.separators - {'AND'})
+        first = self.kind_after(at, 'NEG')
+        return first in KINDS.region_starts and not KINDS.verbs & set(kinds)
 
     def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
         piece = self.piece
-        if not piece.lexemes or PART in piece.kinds or piece.lexemes[0].kind not in ORDER_WORDS:
-            return False
-        is_ended = piece.is_complete or piece.last in VERBS | {'VISITED'}
-        return is_ended and bool(piece.kinds & REGION_ENDS)
+        leads = bool(piece.lexemes) and piece.lexemes[0].kind in KINDS.order_words
+        is_ended = piece.is_complete or piece.last in KINDS.verbs | {'VISITED'}
+        is_named = bool(piece.kinds & KINDS.region_ends)
+        return leads and is_ended and is_named and 'PART' not in piece.kinds
 
     def goes_on(self, at: int, following: str) -> bool:
         """Whether a comma or 'and' goes on with a list; then its lexeme is added."""
         piece, lexeme = self.piece, self.lexemes[at]
-        if not piece.is_complete or piece.last == TIMES:
+        if not piece.is_complete or piece.last == 'TIMES':
             return False
         nearest = self.kind_after(at)
-        if following in REGION_STARTS and not self.names_a_subject(at):
-            is_comma = lexeme.kind == COMMA and nearest != AND
-            kind = UNREAD if is_comma and self.is_between() else AND
-            if following != LENGTH or not self.tells_distance(at):
-                self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
-            self.skipped = int(lexeme.kind == COMMA and nearest == AND)
+        if following in KINDS.region_starts and not self.names_a_subject(at):
+            is_comma = lexeme.kind == 'COMMA' and nearest != 'AND'
+            kind = 'UNREAD' if is_comma and self.is_between() else 'AND'
+            if following != 'LENGTH' or not self.tells_distance(at):
+                self.extend(Lexeme(kind, 'COMMA' if is_comma else '', lexeme.start, lexeme.end))
+            self.skipped = int(lexeme.kind == 'COMMA' and nearest == 'AND')
             return True
-        repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
-        if (
-            repeated
-            and nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO')
-            and self.repeats(nearest)
-        ):
-            kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
-            if nearest == 'INTO' and 'INTO' not in piece.kinds and kind == AND:
-                kind = nearest
-            self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
-            self.skipped = 1
-            return True
-        return False
+        is_way = nearest in ('THROUGH', 'TO', 'FROM', 'OF', 'INTO') and self.repeats(nearest)
+        if not is_way or self.kind_after(at + 1, 'COMMA', 'AND') not in KINDS.region_starts:
+            return False
+        is_refused = 'NEG' in piece.kinds and 'AVOID' not in piece.kinds
+        goes_in = nearest == 'INTO' and 'INTO' not in piece.kinds
+        kind = 'UNREAD' if is_refused else nearest if goes_in else 'AND'
+        self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
+        self.skipped = 1
+        return True
 
     def tells_distance(self, at: int) -> bool:
         """Whether a length after a comma is that of 'keep away from A, at least 2 m'."""
         kinds = [lexeme.kind for lexeme in self.lexemes[at + 1 :]]
-        ends = kinds[1:2] in ([], [COMMA], [HARD], [AND])
-        return 'AVOID' in self.piece.kinds and LENGTH not in self.piece.kinds and ends
+        ends = kinds[1:2] in ([], ['COMMA'], ['HARD'], ['AND'])
+        return 'AVOID' in self.piece.kinds and 'LENGTH' not in self.piece.kinds and ends
 
     def is_between(self) -> bool:
         """Whether the list is of what something lies between: of three nobody knows."""
         kinds = (lexeme.kind for lexeme in reversed(self.piece.lexemes))
-        return next((kind for kind in kinds if kind in ('BETWEEN', AND)), '') == 'BETWEEN'
+        return next((kind for kind in kinds if kind in ('BETWEEN', 'AND')), '') == 'BETWEEN'
 
     def repeats(self, preposition: str) -> bool:
         """Whether the piece has the preposition already, in a verb or alone."""
         kinds = self.piece.kinds
-        if preposition in WAYS:
+        if preposition in KINDS.ways:
             return bool(kinds & {preposition, 'VISIT', 'ENTER'})
         return preposition in kinds or 'AVOID' in kinds
 
     def names_a_subject(self, at: int) -> bool:
         """Whether the region after a comma begins a clause: 'avoid A, B is closed'."""
-        if not self.piece.kinds & (VERBS | {'THROUGH'}):
+        if not self.piece.kinds & (KINDS.verbs | {'THROUGH'}):
             return False
         kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
-        return next((kind for kind in kinds if kind in SUBJECT_ENDS), '') in STATED
-
-    def ends_before(self, at: int) -> bool:
-        """Whether what follows an 'if possible' after a comma is a clause of its own."""
-        following = self.kind_after(at, COMMA, SHOULD_WORD)
-        return bool(following) and following not in SEPARATORS and self.piece.is_complete
+        return next((kind for kind in kinds if kind in KINDS.subject_ends), '') in KINDS.stated
 
     def choose(self, at: int, lexeme: Lexeme) -> None:
         """Take an 'or': between regions a choice, after a refusal an 'and', else a condition."""
-        following = self.kind_after(at, COMMA, AND)
-        piece = self.piece
-        kinds = piece.kinds
+        following = self.kind_after(at, 'COMMA', 'AND')
+        piece, kinds = self.piece, self.piece.kinds
         opened = [one.kind for one in piece.lexemes]
-        if opened.count(OPEN) > opened.count(CLOSE):
+        is_order = bool(kinds & KINDS.order_words) and 'NEG' in kinds
+        is_refused = bool(kinds & {'NEG', 'AVOID', 'SKIP'}) and not is_order
+        is_choice = piece.is_complete and ('EITHER' in piece.said or not is_order)
+        is_region = following in KINDS.region_starts
+        may_repeat = KINDS.prepositions | (set() if is_refused else {'VISIT', 'ENTER'})
+        is_repeated = following in may_repeat and self.repeats(following)
+        is_repeated = is_repeated and self.kind_after(at + 1) in KINDS.region_starts
+        if opened.count('BRACKET') > opened.count('ENDBRACKET'):
             self.extend(lexeme)
-            return
-        is_refused = bool(kinds & {NEG, 'AVOID', 'SKIP'})
-        is_order = bool(kinds & ORDER_WORDS) and NEG in kinds
-        is_refused = is_refused and not is_order
-        if piece.last == 'FORBIDDEN' and following in REGION_STARTS:
-            self.begin(AND)
-            self.extend(Lexeme('AVOID', '', lexeme.start, lexeme.end))
-            return
-        if piece.is_complete and (piece.is_either or not is_order):
-            kind = AND if is_refused else OR
-            if following in REGION_STARTS:
-                self.extend(replace(lexeme, kind=kind))
-                return
-            repeats = following in PREPOSITIONS or (following in VISITING and not is_refused)
-            if repeats and self.repeats(following) and self.kind_after(at + 1) in REGION_STARTS:
-                self.extend(replace(lexeme, kind=kind))
-                self.skipped = 1
-                return
-            if NEG in kinds and (following in VERBS or following == 'THROUGH'):
-                self.begin(AND)
-                self.extend(Lexeme(NEG, '', lexeme.start, lexeme.end))
-                return
-        self.separate(at, Lexeme(CONDITION, '', lexeme.start, lexeme.end))
+        elif piece.last == 'FORBIDDEN' and is_region:
+            self.refuse_too('AVOID', lexeme)
+        elif is_choice and (is_region or is_repeated):
+            self.extend(replace(lexeme, kind='AND' if is_refused else 'OR'))
+            self.skipped = int(not is_region)
+        elif is_choice and 'NEG' in kinds and following in KINDS.verbs | {'THROUGH'}:
+            self.refuse_too('NEG', lexeme)
+        else:
+            self.separate(at, Lexeme('CONDITION', '', lexeme.start, lexeme.end))
+
+    def refuse_too(self, kind: str, lexeme: Lexeme) -> None:
+        """Begin a piece that refuses as the one before does."""
+        self.begin('AND')
+        self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
 
     def add(self, at: int, lexeme: Lexeme) -> None:
         """Take a word of a clause, or one that says how the clause is meant."""
         piece = self.piece
-        if lexeme.kind == SHOULD_WORD:
+        if lexeme.kind == 'SHOULD':
             piece.preference_leads = piece.preference_leads or not piece.lexemes
             piece.is_preference = True
             piece.is_refusal = piece.is_refusal or lexeme.value == REFUSED
         elif self.notes(lexeme):
             piece.start = piece.start if piece.end else lexeme.start
             piece.end = max(piece.end, lexeme.end)
-        elif lexeme.kind in AFFIRMATIVE or (lexeme.kind == 'DEGREE' and piece.last != NEG):
-            piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
+        elif lexeme.kind == 'NEED' or (lexeme.kind == 'DEGREE' and piece.last != 'NEG'):
+            piece.is_paced = piece.is_paced or lexeme.kind == 'NEED'
             is_rule = lexeme.value == ALWAYS
             piece.lexemes = [
                 replace(one, value=YOU) if is_rule and one.kind == 'AFTER' else one
                 for one in piece.lexemes
             ]
-        elif lexeme.kind == FIRST:
+        elif lexeme.kind == 'FIRST':
             piece.is_first = True
-            if AND in piece.kinds:
-                self.extend(Lexeme(UNREAD, '', lexeme.start, lexeme.end))
+            if 'AND' in piece.kinds:
+                self.extend(Lexeme('UNREAD', '', lexeme.start, lexeme.end))
         elif lexeme.kind == 'NONE':
-            self.add_none(lexeme)
+            # After a 'not', as in Spanish, it is 'any of'.
+            if 'NEG' not in piece.kinds:
+                self.extend(replace(lexeme, kind='NEG'))
+            self.extend(replace(lexeme, kind='ANY', value='any'))
         elif lexeme.kind == 'UNTIL' and not piece.lexemes:
-            self.separate(at, replace(lexeme, kind=CONDITION))
-        elif lexeme.other == 'WITHOUT' and NEG in piece.kinds:
+            self.separate(at, replace(lexeme, kind='CONDITION'))
+        elif lexeme.other == 'WITHOUT' and 'NEG' in piece.kinds:
             self.extend(replace(lexeme, kind='UNTIL'))
         elif self.begins_clause(at, lexeme):
             self.begin('')
@@ -589,82 +490,60 @@ class Splitter:
         else:
             self.extend(lexeme)
         self.piece.takes_back = self.piece.takes_back or lexeme.value == BACK
-        if lexeme.kind in (SHOULD_WORD, FIRST, ANYORDER, INORDER):
-            if not self.piece.lexemes and not self.piece.end:
-                self.piece.start = lexeme.start
+        if lexeme.kind in ('SHOULD', 'FIRST', 'ANYORDER', 'INORDER'):
+            is_begun = self.piece.lexemes or self.piece.end
+            self.piece.start = self.piece.start if is_begun else lexeme.start
             self.piece.end = lexeme.end
 
     def notes(self, lexeme: Lexeme) -> bool:
         """Note how a clause is meant: 'last', 'at once', 'slowly'; whether the word is one."""
         piece = self.piece
-        if lexeme.kind == UNSUPPORTED:
+        if lexeme.kind == 'UNSUPPORTED':
             piece.unsupported.append(lexeme)
         elif lexeme.kind == 'SOON':
             piece.soon = lexeme
-        elif lexeme.kind == 'LAST':
-            piece.is_last = True
-        elif lexeme.kind == 'EITHER':
-            piece.is_either = True
-        elif lexeme.kind == 'INSTEAD':
-            piece.is_instead = True
-        elif lexeme.kind in (ANYORDER, INORDER):
+        elif lexeme.kind in ('ANYORDER', 'INORDER'):
             piece.order = lexeme.kind
-        return lexeme.kind in NOTED
-
-    def add_none(self, lexeme: Lexeme) -> None:
-        """Take 'none of': after a 'not', as in Spanish, it is 'any of'."""
-        if NEG not in self.piece.kinds:
-            self.extend(replace(lexeme, kind=NEG))
-        self.extend(replace(lexeme, kind='ANY', value='any'))
+        elif lexeme.kind in KINDS.noted:
+            piece.said.add(lexeme.kind)
+        return lexeme.kind in KINDS.noted
 
     def begins_clause(self, at: int, lexeme: Lexeme) -> bool:
         """Whether a verb or a 'not' begins a clause although no separator stands before it."""
         piece = self.piece
-        if not piece.is_complete or any(kind in ORDER_WORDS for kind in waiting(piece)):
+        # Order words that no region follows yet, and one that leads.
+        tail = takewhile(lambda one: one.kind not in KINDS.region_ends, reversed(piece.lexemes))
+        is_waiting = any(one.kind in KINDS.order_words for one in (*piece.lexemes[:1], *tail))
+        if not piece.is_complete or is_waiting:
             return False
         following = self.kind_after(at)
-        at_end = not following or following in SEPARATORS
-        if lexeme.kind == NEG:
-            waits = piece.awaits_verb and following in VERBS
-            return not (NEG in piece.kinds or at_end or waits)
-        if at_end and (piece.closes_an_order or piece.kinds & VERBS <= GOVERNING):
+        at_end = not following or following in KINDS.separators
+        if lexeme.kind == 'NEG':
+            waits = piece.awaits_verb and following in KINDS.verbs
+            return not ('NEG' in piece.kinds or at_end or waits)
+        kinds = [one.kind for one in piece.lexemes if one.kind in KINDS.order_words | KINDS.verbs]
+        # No verb followed its last order word yet: 'bevor du A | betrittst'.
+        closes_an_order = bool(kinds) and kinds[-1] in KINDS.order_words
+        if at_end and (closes_an_order or piece.kinds & KINDS.verbs <= KINDS.governing):
             return False
-        if lexeme.kind == 'ALONG' and piece.last == LENGTH:
+        if lexeme.kind == 'ALONG' and piece.last == 'LENGTH':
             return False
-        return lexeme.kind in VERBS and not piece.awaits_verb
+        return lexeme.kind in KINDS.verbs and not piece.awaits_verb
 
 
 def is_limited(piece: Piece) -> bool:
     """Whether it says how often at most: then 'you may' is no leave but a limit."""
-    return any(one.kind == TIMES and one.value[1] is not None for one in piece.lexemes)
-
-
-def is_leave(lexeme: Lexeme) -> bool:
-    """Whether a word gives leave: 'you may', 'can'."""
-    return lexeme.kind == MAY or (lexeme.kind == 'POISON' and lexeme.value == BACK)
+    return any(one.kind == 'TIMES' and one.value[1] is not None for one in piece.lexemes)
 
 
 def chosen(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return lexemes with the commas of 'A, B or C' as an 'or'; 'A and B or C' stays."""
-    depths = list(accumulate((one.kind == OPEN) - (one.kind == CLOSE) for one in lexemes))
-    if not any(one.kind == OR and not depth for one, depth in zip(lexemes, depths)):
+    depths = list(
+        accumulate((one.kind == 'BRACKET') - (one.kind == 'ENDBRACKET') for one in lexemes)
+    )
+    if not any(one.kind == 'OR' and not depth for one, depth in zip(lexemes, depths)):
         return lexemes
     return [
-        replace(one, kind=OR) if (one.kind, one.value, depth) == (AND, COMMA, 0) else one
+        replace(one, kind='OR') if (one.kind, one.value, depth) == ('AND', 'COMMA', 0) else one
         for one, depth in zip(lexemes, depths)
     ]
-
-
-def piece_visits(kinds: set[str]) -> bool:
-    """Whether a piece asks for a visit."""
-    return bool(kinds & {'VISIT', 'THROUGH', STOPBY}) and not kinds & {NEG, 'ONLY'}
-
-
-def waiting(piece: Piece) -> Iterable[str]:
-    """Yield the order words of a piece that no region follows yet, and one that leads it."""
-    if piece.lexemes and piece.lexemes[0].kind in ORDER_WORDS:
-        yield piece.lexemes[0].kind
-    for lexeme in reversed(piece.lexemes):
-        if lexeme.kind in REGION_ENDS:
-            return
-        yield lexeme.kind

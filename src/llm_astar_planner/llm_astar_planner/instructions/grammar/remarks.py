@@ -7,53 +7,16 @@
 ward. A reason or remark is left out only where nothing in it could ask something of the route.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from itertools import takewhile
 
-from llm_astar_planner.instructions.grammar.lexemes import (
-    AND,
-    COMMA,
-    LENGTH,
-    TIMES,
-    UNKNOWN,
-    Lexeme,
-)
-from llm_astar_planner.instructions.grammar.pieces import (
-    BECAUSE,
-    COLON,
-    HARD,
-    NEG,
-    PRONOUN,
-    REGION_ENDS,
-    REGION_STARTS,
-    VERBS,
-    Piece,
-)
-from llm_astar_planner.instructions.grammar.vocabulary import nouns
-from llm_astar_planner.instructions.grammar.words import word_set
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
+from llm_astar_planner.instructions.grammar.pieces import Piece
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
 
-STATE, REMARK = 'STATE', 'REMARK'
 # Pronouns: 'it' stands for one place, 'there' and 'them' for all that were named together.
 ONE = 'one'
-NAMING = (REGION_STARTS | REGION_ENDS) - {PRONOUN, *word_set('ALL ANY ABOVE BELOW AREA NONE')}
-# What no statement about a place holds: it may ask something, or the opposite.
-TELLING = word_set('NEG CONDITION POISON OR BEFORE UNTIL ONLYAFTER ONLY AVOID END REQUIRED')
-HARMLESS = frozenset({UNKNOWN, STATE, REMARK, 'PERSON', 'THING', 'TIMEWORD'})
-# A remark with one of these after a refusal may take it back: 'avoid A, it is fine'.
-TAKING_BACK = word_set(
-    'fine wrong joke joking kidding free open again allowed false changed mistake finished over '
-    'cancelled possible safe clear better preferable permitted passable ok okay usable available '
-    'accessible good great nice perfect welcome right correct opposite enough necessary optional '
-    'unnecessary shorter shortest needed required done gone frei offen wieder erlaubt falsch '
-    'libre ouvert ouverte permis faux encore libres abierto abierta otra permitido broma mentira'
-)
-# What is fetched or done at a place, and the words before that place.
-OBJECTS = HARMLESS | {PRONOUN}
-TOWARDS = word_set('FROM TO IN UPON AT OF')
-# After 'because' a position may follow, too: 'because it is at work'.
-OF_REASONS = HARMLESS | {'FORBIDDEN', 'IN', 'UPON', 'AT', 'OF', 'ALL'}
 
 
 def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
@@ -74,12 +37,9 @@ def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
         note_remark(piece, [*[one for one in spoken if one.start < piece.start][-1:], *spoken][0])
     kept: list[Piece] = []
     for piece in spoken:
-        if PRONOUN in piece.kinds:
-            kept = with_antecedent(kept, piece)
-        else:
-            kept.append(piece)
+        kept = with_antecedent(kept, piece) if 'PRONOUN' in piece.kinds else [*kept, piece]
     for piece in kept:
-        piece.is_broken = piece.is_broken or piece.link == BECAUSE
+        piece.is_broken = piece.is_broken or piece.link == 'BECAUSE'
     return kept
 
 
@@ -87,51 +47,51 @@ def shorten(piece: Piece) -> None:
     """Leave out of a piece what is fetched from a place, and for what a place is closed."""
     kinds = [lexeme.kind for lexeme in piece.lexemes]
     first = next((n for n, kind in enumerate(kinds) if kind in ('FETCH', 'FORBIDDEN')), None)
-    if first is None or NEG in kinds:
+    if first is None or 'NEG' in kinds:
         return
     if kinds[first] == 'FETCH':
-        to = next((n for n, kind in enumerate(kinds) if n > first and kind in TOWARDS), 0)
-        if to and set(kinds[first + 1 : to]) <= OBJECTS and kinds[to + 1 : to + 2]:
-            note_unknown(piece, piece.lexemes[first + 1 : to])
+        to = next((n for n, kind in enumerate(kinds) if n > first and kind in KINDS.towards), 0)
+        if to and set(kinds[first + 1 : to]) <= KINDS.objects and kinds[to + 1 : to + 2]:
+            fetched = piece.lexemes[first + 1 : to]
+            note(piece, fetched, piece.lexemes[first + 1].start, piece.lexemes[to - 1].end)
             del piece.lexemes[first + 1 : to + 1]
-    ends = [n for n, lexeme in enumerate(piece.lexemes) if is_purpose(lexeme)]
+    # 'Closed for cleaning', 'blocked by boxes'.
+    ends = [n for n, one in enumerate(piece.lexemes) if one.kind in ('PURPOSE', 'BY')]
     after = piece.lexemes[ends[-1] + 1 :] if ends else []
-    if after and {lexeme.kind for lexeme in after} <= OBJECTS and not names_place(after):
-        note_unknown(piece, after)
+    if after and {lexeme.kind for lexeme in after} <= KINDS.objects and not names_place(after):
+        note(piece, after, after[0].start, after[-1].end)
         del piece.lexemes[ends[-1] :]
 
 
-def note_unknown(piece: Piece, lexemes: Sequence[Lexeme]) -> None:
-    """Note words that are left out of a piece, if one of them is not known: it may be a place."""
-    if any(lexeme.kind == UNKNOWN or lexeme.doubts for lexeme in lexemes):
-        piece.remarks.append((lexemes[0].start, lexemes[-1].end))
+def note(piece: Piece, words: Sequence[Lexeme], start: int, end: int) -> None:
+    """Note words that are left out beside a piece, if one is not known: it may be a place."""
+    if any(lexeme.kind == 'UNKNOWN' or lexeme.doubts for lexeme in words):
+        piece.remarks.append((start, end))
 
 
-def note_remark(remark: Piece, piece: Piece) -> None:
+def note_remark(one: Piece, piece: Piece) -> None:
     """Note a remark that is left out beside a piece, if a word of it is not known."""
-    words = (*remark.lexemes, *remark.unsupported)
-    if any(lexeme.kind == UNKNOWN or lexeme.doubts for lexeme in words):
-        piece.remarks.append((remark.start, remark.end))
+    note(piece, (*one.lexemes, *one.unsupported), one.start, one.end)
+
+
+def forbid(piece: Piece) -> None:
+    """Read a 'not' as to avoid."""
+    piece.lexemes = [
+        replace(one, kind='AVOID') if one.kind == 'NEG' else one for one in piece.lexemes
+    ]
 
 
 def forbid_first(pieces: Sequence[Piece]) -> None:
     """Read 'not A, not B' at the beginning as to avoid them, unless 'but C' corrects it."""
     for piece, after in zip(pieces, [*pieces[1:], None]):
-        if piece.is_broken or piece.order or piece.link not in ('', COMMA, AND, HARD):
+        if piece.is_broken or piece.order or piece.link not in ('', 'COMMA', 'AND', 'HARD'):
             return
-        if NEG not in piece.kinds or not piece.kinds <= NAMING | {NEG, AND}:
+        if 'NEG' not in piece.kinds or not piece.kinds <= KINDS.naming | {'NEG', 'AND'}:
             return
-        follows = after is not None and after.link != HARD
-        if after and follows and not after.kinds & (VERBS | {NEG, 'REQUIRED', STATE}):
+        follows = after is not None and after.link != 'HARD'
+        if after and follows and not after.kinds & (KINDS.verbs | {'NEG', 'REQUIRED', 'STATE'}):
             return
-        piece.lexemes = [
-            replace(one, kind='AVOID') if one.kind == NEG else one for one in piece.lexemes
-        ]
-
-
-def is_purpose(lexeme: Lexeme) -> bool:
-    """Whether a word leads to a purpose or cause: 'closed for cleaning', 'blocked by boxes'."""
-    return lexeme.kind in ('PURPOSE', 'BY')
+        forbid(piece)
 
 
 def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
@@ -143,24 +103,20 @@ def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
     number = named_in(before)
     said = before[len(before) - number :]
     runs = [run for one in said for run in runs_of(one)]
-    pronoun = next(lexeme for lexeme in piece.lexemes if lexeme.kind == PRONOUN)
-    is_clear = len(runs) == number and not any(
-        one.is_broken or 'POISON' in one.kinds for one in said
-    )
-    is_clear = is_clear and all(one.link in (AND, COMMA) for one in said[1:])
-    lexemes = [lexeme for run in runs for lexeme in (*run, Lexeme(AND, '', 0, 0))][:-1]
-    is_single = sum(lexeme.kind in REGION_ENDS for lexeme in lexemes) == 1
+    pronoun = next(lexeme for lexeme in piece.lexemes if lexeme.kind == 'PRONOUN')
+    is_clear = len(runs) == number and all(one.link in ('AND', 'COMMA') for one in said[1:])
+    is_clear = is_clear and not any(one.is_broken or 'POISON' in one.kinds for one in said)
+    lexemes = [lexeme for run in runs for lexeme in (*run, Lexeme('AND', '', 0, 0))][:-1]
+    is_single = sum(lexeme.kind in KINDS.region_ends for lexeme in lexemes) == 1
     if not lexemes or not is_clear or (pronoun.value == ONE and not is_single):
         return [*before, piece]
     at = piece.lexemes.index(pronoun)
     piece.lexemes[at : at + 1] = [
         replace(lexeme, start=pronoun.start, end=pronoun.end) for lexeme in lexemes
     ]
-    if piece.kinds <= NAMING | {NEG, AND}:
-        piece.lexemes = [
-            replace(one, kind='AVOID') if one.kind == NEG else one for one in piece.lexemes
-        ]
-    if not {NEG, 'AVOID'} & piece.kinds and any('FORBIDDEN' in one.kinds for one in said):
+    if piece.kinds <= KINDS.naming | {'NEG', 'AND'}:
+        forbid(piece)
+    if not {'NEG', 'AVOID'} & piece.kinds and any('FORBIDDEN' in one.kinds for one in said):
         # 'It is closed, but go through it': nobody knows which of the two holds.
         for one in (*said, piece):
             one.is_broken = True
@@ -172,57 +128,57 @@ def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
 
 def named_in(before: Sequence[Piece]) -> int:
     """Return how many of the last pieces name what a pronoun after them stands for."""
-    number = min(1, len(before))
-    while 0 < number < len(before) and before[-number].link not in ('', HARD):
-        if STATE not in before[-number - 1].kinds:
-            break
-        number += 1
-    return number
+    pairs = zip(before[-2::-1], before[::-1])
+    joined = takewhile(
+        lambda pair: pair[1].link not in ('', 'HARD') and 'STATE' in pair[0].kinds, pairs
+    )
+    return min(len(before), 1 + len(list(joined)))
 
 
 def runs_of(piece: Piece) -> list[list[Lexeme]]:
     """Return the phrases of a piece that name places, each with its adjectives."""
     runs: list[list[Lexeme]] = [[]]
     for lexeme in piece.lexemes:
-        if lexeme.kind in NAMING or (lexeme.kind == AND and runs[-1]):
+        if lexeme.kind in KINDS.naming or (lexeme.kind == 'AND' and runs[-1]):
             runs[-1].append(lexeme)
         elif runs[-1]:
             runs.append([])
-    named = REGION_ENDS - {LENGTH, TIMES}
+    named = KINDS.region_ends - {'LENGTH', 'TIMES'}
     return [run for run in runs if any(lexeme.kind in named for lexeme in run)]
 
 
 def is_reason(piece: Piece) -> bool:
     """Whether a piece only says how things are, so that its answer with a pronoun says it all."""
     kinds = [lexeme.kind for lexeme in piece.lexemes]
-    if piece.is_broken or TELLING & set(kinds):
+    if piece.is_broken or KINDS.telling & set(kinds):
         return False
-    verb = next((n for n, kind in enumerate(kinds) if kind in VERBS), len(kinds))
-    is_part = piece.link == AND and verb == len(kinds)
-    return STATE in kinds[:verb] or 'FORBIDDEN' in kinds or is_part
+    verb = next((n for n, kind in enumerate(kinds) if kind in KINDS.verbs), len(kinds))
+    is_part = piece.link == 'AND' and verb == len(kinds)
+    return 'STATE' in kinds[:verb] or 'FORBIDDEN' in kinds or is_part
 
 
 def is_remark(piece: Piece) -> bool:
     """Whether a piece says nothing about the route: 'because it is wet', 'the battery is low'."""
     if piece.is_broken or piece.order or not piece.lexemes or names_place(piece.lexemes):
         return False
-    if piece.link == BECAUSE:
-        return piece.kinds <= OF_REASONS
-    return piece.kinds <= HARMLESS and {STATE, REMARK} <= piece.kinds
+    if piece.link == 'BECAUSE':
+        return bool(piece.kinds <= KINDS.of_reasons)
+    return piece.kinds <= KINDS.harmless and {'STATE', 'REMARK'} <= piece.kinds
 
 
 def gives_reason(piece: Piece, before: Piece) -> bool:
     """Whether it says why a place is to be avoided: 'keep out of A, they are working there'."""
-    is_asked = bool({NEG, 'AVOID'} & before.kinds and before.kinds & REGION_ENDS - {PRONOUN})
-    if not is_asked or before.is_broken or piece.is_broken or piece.link not in (COMMA, COLON):
+    named = before.kinds & KINDS.region_ends - {'PRONOUN'}
+    is_asked = bool({'NEG', 'AVOID'} & before.kinds and named)
+    if not is_asked or before.is_broken or piece.is_broken or piece.link not in ('COMMA', 'COLON'):
         return False
-    if STATE not in piece.kinds or not piece.kinds <= OF_REASONS | {PRONOUN}:
+    if 'STATE' not in piece.kinds or not piece.kinds <= KINDS.of_reasons | {'PRONOUN'}:
         return False
-    is_taken_back = any(lexeme.value in TAKING_BACK for lexeme in piece.lexemes)
+    is_taken_back = any(lexeme.value in KINDS.taking_back for lexeme in piece.lexemes)
     return not is_taken_back and not names_place(piece.lexemes)
 
 
 def names_place(lexemes: Collection[Lexeme]) -> bool:
     """Whether an unknown word is one for places, of which the map has none."""
     known = nouns().everywhere.words
-    return any(lexeme.kind == UNKNOWN and lexeme.value in known for lexeme in lexemes)
+    return any(lexeme.kind == 'UNKNOWN' and lexeme.value in known for lexeme in lexemes)

@@ -16,6 +16,7 @@ from llm_astar_msgs_adapter.maps.places import Place
 from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
 from llm_astar_planner.instructions.regions import (
+    OPEN_SIDES,
     ROUTE_SIDES,
     AnyOf,
     Box,
@@ -53,18 +54,15 @@ def extreme(places: Sequence[Place], sides: Sequence[str]) -> tuple[Place, ...]:
 
     For a corner, ('north', 'west'), the distances are in shares of the extent.
     """
-    spans = {side: span(places, side) for side in sides}
-    sides = [side for side in sides if spans[side] > LEAST_SPAN]
-    if not sides:
+    spans = {side: span(places, side) for side in sides if span(places, side) > LEAST_SPAN}
+    if not spans:
         return tuple(places)
-
-    def score(place: Place) -> float:
-        return sum(towards(place, side) / spans[side] for side in sides)
-
-    best = clearly_first(places, score)
-    if len(best) == 1 and not all(is_beyond_the_middle(best[0], places, side) for side in sides):
-        return tuple(places)
-    return best
+    best = clearly_first(
+        places, lambda place: sum(towards(place, side) / spans[side] for side in spans)
+    )
+    if len(best) > 1 or all(towards(best[0], side) > middle(places, side) for side in spans):
+        return best
+    return tuple(places)
 
 
 def span(places: Sequence[Place], side: str) -> float:
@@ -73,9 +71,10 @@ def span(places: Sequence[Place], side: str) -> float:
     return max(values, default=0.0) - min(values, default=0.0)
 
 
-def is_beyond_the_middle(place: Place, places: Sequence[Place], side: str) -> bool:
-    """Whether a place lies in the half of all of them that is on a side."""
-    return towards(place, side) > sum(extremes(places, side)) / 2
+def middle(places: Sequence[Place], side: str) -> float:
+    """Return the middle of the places' middles along an axis."""
+    values = [towards(place, side) for place in places]
+    return sum((min(values), max(values))) / 2
 
 
 def clearly_first(places: Sequence[Place], score: Callable[[Place], float]) -> tuple[Place, ...]:
@@ -90,26 +89,16 @@ def central(places: Sequence[Place]) -> tuple[Place, ...]:
     # Of places in a row the middle one has as many on one side as on the other.
     least = max(LEAST_SPAN, ROW * max(spans.values()))
     sides = [side for side in spans if spans[side] > least]
-    if len(sides) == 1 and len(places) > 2:
-        return (
-            counted(places, len(places) // 2 + 1, sides[0]) if len(places) % 2 else tuple(places)
-        )
-    if len(places) < 3 or not sides:
+    if len(places) < 3 or not sides or (len(sides) == 1 and len(places) % 2 == 0):
         return tuple(places)
-    middles = {side: sum(extremes(places, side)) / 2 for side in sides}
+    if len(sides) == 1:
+        return counted(places, len(places) // 2 + 1, sides[0])
+    middles = {side: middle(places, side) for side in sides}
 
     def nearness(place: Place) -> float:
-        return -max(
-            abs(towards(place, side) - middles[side]) / span(places, side) for side in sides
-        )
+        return -max(abs(towards(place, side) - middles[side]) / spans[side] for side in sides)
 
     return clearly_first(places, nearness)
-
-
-def extremes(places: Sequence[Place], side: str) -> tuple[float, float]:
-    """Return the least and the most of the places' middles along an axis."""
-    values = [towards(place, side) for place in places]
-    return min(values), max(values)
 
 
 def counted(places: Sequence[Place], number: int, side: str) -> tuple[Place, ...]:
@@ -128,14 +117,18 @@ def counted(places: Sequence[Place], number: int, side: str) -> tuple[Place, ...
 def is_oriented(place: Place, orientation: str) -> bool:
     """Whether a place is long in the direction 'vertical' (along y) or 'horizontal'."""
     x0, y0, x1, y1 = place.geometry.bounds
-    width, height = x1 - x0, y1 - y0
-    if orientation == 'vertical':
-        return bool(height >= ELONGATED * width and height > 0.0)
-    return bool(width >= ELONGATED * height and width > 0.0)
+    along, across = (y1 - y0, x1 - x0) if orientation == 'vertical' else (x1 - x0, y1 - y0)
+    return bool(along >= ELONGATED * across and along > 0.0)
 
 
 class Unclear(LlmAstarError):  # noqa: N818 (no error of the program: the sentence is unclear)
     """Words that may mean several things, or nothing that a clause can say."""
+
+
+def unclear_if(condition: object, why: str) -> None:
+    """Raise Unclear where a condition holds."""
+    if condition:
+        raise Unclear(why)
 
 
 @dataclass(frozen=True)
@@ -176,15 +169,13 @@ class Selection:
         """The regions as one. Raises Unclear where there are several."""
         if len(self.each) != 1 and self.any_one:
             return AnyOf(self.each)
-        if len(self.each) != 1:
-            raise Unclear('several places where one is expected')
+        unclear_if(len(self.each) != 1, 'several places where one is expected')
         return self.each[0]
 
     @property
     def place(self) -> Place:
         """The one place that is meant. Raises Unclear."""
-        if len(self.places) != 1:
-            raise Unclear('no single place')
+        unclear_if(len(self.places) != 1, 'no single place')
         return self.places[0]
 
 
@@ -196,11 +187,6 @@ class Modifier:
     value: object
 
 
-def select_place(place: Place) -> Selection:
-    """Return the selection of one place."""
-    return Selection((NamedPlace(place.name),), places=(place,))
-
-
 def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifier]) -> Selection:
     """Return what a noun with its adjectives and the words after it means. Raises Unclear."""
     quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Modifier('', ''))
@@ -208,7 +194,12 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
         raise Unclear('every second one')
     tags = [str(part.value) for part in parts if part.kind == 'TAG']
     narrowing = [part for part in parts if part.kind not in ('ALL', 'ANY', 'TAG')]
-    found = [place for place in group.places if all(has_tag(place, tag) for tag in tags)]
+    wanted = {tag.casefold() for tag in tags}
+    found = [
+        place
+        for place in group.places
+        if wanted <= {one.casefold() for one in (place.kind, *place.tags)}
+    ]
     is_bare = not (tags or narrowing or where)
     if group.noun == WALL and is_bare and (group.plural or quantity.kind or not found):
         return Selection(is_walls=True, places=group.places)
@@ -231,11 +222,6 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
     )
 
 
-def has_tag(place: Place, tag: str) -> bool:
-    """Whether a place is of a kind or has a tag."""
-    return tag.casefold() in {one.casefold() for one in (place.kind, *place.tags)}
-
-
 def narrowed(
     group: Group, found: list[Place], parts: Sequence[Modifier], where: Sequence[Modifier]
 ) -> list[Place]:
@@ -245,8 +231,7 @@ def narrowed(
         found = [place for place in found if is_oriented(place, kinds['ORIENT'])]
     sides = [str(part.value) for part in (*parts, *where) if part.kind == 'SIDE']
     if 'ORDINAL' in kinds:
-        if len(sides) != 1:
-            raise Unclear('counted from no side')
+        unclear_if(len(sides) != 1, 'counted from no side')
         side = DRAWN.get(sides[0], sides[0])
         return list(counted(found, int(float(kinds['ORDINAL'])), side))
     if 'MOST' in kinds:
@@ -255,8 +240,7 @@ def narrowed(
         return named_or(found, 'center', central(found))
     if not sides:
         return found
-    if group.noun == WALL and 'ORIENT' not in kinds:
-        raise Unclear('it may be an outer wall')
+    unclear_if(group.noun == WALL and 'ORIENT' not in kinds, 'it may be an outer wall')
     return on_sides(found, sides)
 
 
@@ -264,14 +248,12 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
     """Return the place on a side, or in a corner, of all that were found. Raises Unclear."""
     compass = [DRAWN.get(side, side) for side in sides]
     axes = {side in (NORTH, SOUTH) for side in compass}
-    if len(compass) > 2 or len(axes) != len(compass):
-        raise Unclear('no corner')
+    unclear_if(len(compass) > 2 or len(axes) != len(compass), 'no corner')
     if len(compass) == 1:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        if sides[0] in ROUTE_SIDES:
-            raise Unclear('left and right of what')
+        unclear_if(sides[0] in ROUTE_SIDES, 'left and right of what')
     return list(extreme(found, compass))
 
 
@@ -287,8 +269,7 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
     `whole` is a place, 'map', 'way' or None.
     """
     if isinstance(whole, Place):
-        if side in DRAWN and not is_half:
-            raise Unclear('the left or right side as drawn or as driven')
+        unclear_if(side in DRAWN and not is_half, 'the left or right side as drawn or as driven')
         return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
     if side in DRAWN and whole == 'map':
         side = DRAWN[side]
@@ -311,14 +292,9 @@ def axis_half(side: str, axis: str, value: float) -> Box:
 
 def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    box = Box(
-        max((box.x0 for box in boxes), default=-math.inf),
-        max((box.y0 for box in boxes), default=-math.inf),
-        min((box.x1 for box in boxes), default=math.inf),
-        min((box.y1 for box in boxes), default=math.inf),
-    )
-    if not (box.x0 < box.x1 and box.y0 < box.y1):
-        raise Unclear('an empty area')
+    x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
+    box = Box(max(x0), max(y0), min(x1), min(y1))
+    unclear_if(not (box.x0 < box.x1 and box.y0 < box.y1), 'an empty area')
     return box
 
 
@@ -336,14 +312,9 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
 
 def outside(box: Box) -> Box | None:
     """Return everything outside of a box that is open on three sides, None of other boxes."""
-    limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
-    if len(limits) != 1:
+    finite = [number for number, side in enumerate(box.sides) if math.isfinite(side)]
+    if len(finite) != 1:
         return None
-    if math.isfinite(box.x0) or math.isfinite(box.y0):
-        return Box(-math.inf, -math.inf, limit_or(box.x0, math.inf), limit_or(box.y0, math.inf))
-    return Box(limit_or(box.x1, -math.inf), limit_or(box.y1, -math.inf), math.inf, math.inf)
-
-
-def limit_or(side: float, otherwise: float) -> float:
-    """Return a side of a box, or what takes the place of an open one."""
-    return side if math.isfinite(side) else otherwise
+    beyond = [*OPEN_SIDES]
+    beyond[finite[0] - 2] = box.sides[finite[0]]
+    return Box(*beyond)

@@ -3,60 +3,26 @@
 
 """The words of each language, read from the tables in `vocabulary/`."""
 
-from __future__ import annotations
-
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import yaml
 from llm_astar_msgs_adapter.maps.places import Places, PlacesError
 
-from llm_astar_planner.instructions.grammar.words import (
-    Phrases,
-    comparable,
-    phrase_words,
-    read_words,
-)
+from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
 
 FOLDER = Path(__file__).with_name('vocabulary')
 LANGUAGES = ('en', 'de', 'fr', 'es')
-ARTICLES, ANY_ARTICLE, DEMONSTRATIVES = 'ARTICLES', 'ANY_ARTICLE', 'DEMONSTRATIVES'
-IRRELEVANT, QUESTIONS = 'IRRELEVANT', 'QUESTIONS'
 
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
-COLOURS = 'colours'
-# Kinds of words of which no place can be called: 'avoid', 'not', 'and', 'except'.
-NO_NAMES = frozenset({'AVOID', 'NEG', 'AND', 'BUT', 'EXCEPT', 'WITHOUT'})
 VOWELS = frozenset('aeiou')
-
-
-@dataclass(frozen=True, eq=False)
-class Vocabulary:
-    """The words of one language.
-
-    - `phrases`: what each phrase means, in the order of the table where it means several things.
-    - `articles`: words that are left out; `any_articles`: those that mean any one ('a').
-    - `demonstratives`: articles of what was named before ('those').
-    - `irrelevant`: phrases that say nothing about the route.
-    - `questions`: what is asked where something is not certain, with `{said}` and `{meant}`.
-    """
-
-    language: str
-    phrases: Phrases[Meaning]
-    articles: frozenset[str]
-    any_articles: frozenset[str]
-    demonstratives: frozenset[str]
-    irrelevant: Phrases[str]
-    questions: dict[str, str]
-
-    def knows(self, word: str) -> bool:
-        """Whether a word is in this language's table."""
-        return word in self.phrases.words or word in self.articles or word in self.irrelevant.words
 
 
 def read_table(name: str) -> dict[str, Any]:
@@ -65,6 +31,19 @@ def read_table(name: str) -> dict[str, Any]:
     text = (FOLDER / f'{name}.yaml').read_text(encoding='utf-8')
     table: dict[str, Any] = yaml.load(text, Loader=loader)  # noqa: S506 (a safe loader)
     return table
+
+
+class KindSets(SimpleNamespace):
+    """Sets of kinds of words, as attributes: those of `vocabulary/kinds.yaml`."""
+
+    def __getattr__(self, name: str) -> frozenset[str]:
+        """Refuse a name that the table lacks."""
+        raise AttributeError(f'kinds.yaml has no set {name!r}')
+
+
+KINDS = KindSets(**{name: frozenset(text.split()) for name, text in read_table('kinds').items()})
+# Words in a text as it was said.
+SAID = {name: re.compile(pattern) for name, pattern in read_table('patterns').items()}
 
 
 def expand(phrase: str) -> Iterator[tuple[str, ...]]:
@@ -77,33 +56,50 @@ def expand(phrase: str) -> Iterator[tuple[str, ...]]:
         yield phrase_words(' '.join(words))
 
 
-def meaning_of(key: str) -> Meaning:
-    """Return the lexemes of a table's key: 'SIDE=north SIDENOUN' are two."""
-    return tuple((kind, value) for kind, _, value in (part.partition('=') for part in key.split()))
+class Vocabulary:
+    """The words of one language.
+
+    - `phrases`: what each phrase means, in the order of the table where it means several things.
+    - `articles`: words that are left out; `any_articles`: those that mean any one ('a').
+    - `demonstratives`: articles of what was named before ('those').
+    - `irrelevant`: phrases that say nothing about the route.
+    - `questions`: what is asked where something is not certain, with `{said}` and `{meant}`.
+    """
+
+    def __init__(self, language: str) -> None:
+        """Read the table of a language."""
+        table = read_table(language)
+        self.language = language
+        self.questions: dict[str, str] = table.pop('QUESTIONS')
+        phrases = {
+            key: [phrase.strip() for phrase in str(text).split(',') if phrase.strip()]
+            for key, text in table.items()
+        }
+        self.any_articles, self.demonstratives, others = (
+            frozenset(map(comparable, phrases.pop(key)))
+            for key in ('ANY_ARTICLE', 'DEMONSTRATIVES', 'ARTICLES')
+        )
+        self.articles = others | self.demonstratives
+        self.phrases: Phrases[Meaning] = Phrases(self.articles | self.any_articles)
+        self.irrelevant: Phrases[str] = Phrases(self.articles | self.any_articles)
+        for phrase in phrases.pop('IRRELEVANT'):
+            self.irrelevant.add(phrase_words(phrase), phrase)
+        for key, texts in phrases.items():
+            # 'SIDE=north SIDENOUN' are two lexemes.
+            parts = (part.partition('=') for part in key.split())
+            meaning = tuple((kind, value) for kind, _, value in parts)
+            for words in itertools.chain.from_iterable(map(expand, texts)):
+                self.phrases.add(words, meaning)
+
+    def knows(self, word: str) -> bool:
+        """Whether a word is in this language's table."""
+        return word in self.phrases.words or word in self.articles or word in self.irrelevant.words
 
 
 @cache
 def vocabulary(language: str) -> Vocabulary:
     """Return the words of a language, read once."""
-    read = read_table(language)
-    questions: dict[str, str] = read.pop(QUESTIONS)
-    table = {
-        key: [phrase for phrase in str(text).split(',') if phrase.strip()]
-        for key, text in read.items()
-    }
-    any_articles = frozenset(comparable(word.strip()) for word in table.pop(ANY_ARTICLE))
-    demonstratives = frozenset(comparable(word.strip()) for word in table.pop(DEMONSTRATIVES))
-    articles = frozenset(comparable(word.strip()) for word in table.pop(ARTICLES)) | demonstratives
-    phrases: Phrases[Meaning] = Phrases(articles | any_articles)
-    irrelevant: Phrases[str] = Phrases(articles | any_articles)
-    for phrase in table.pop(IRRELEVANT):
-        irrelevant.add(phrase_words(phrase), IRRELEVANT)
-    for key, texts in table.items():
-        for words in itertools.chain.from_iterable(map(expand, texts)):
-            phrases.add(words, meaning_of(key))
-    return Vocabulary(
-        language, phrases, articles, any_articles, demonstratives, irrelevant, questions
-    )
+    return Vocabulary(language)
 
 
 @dataclass(frozen=True)
@@ -122,16 +118,44 @@ class Noun:
     is_main: bool = False
 
 
-@dataclass(frozen=True, eq=False)
 class Nouns:
-    """The table: phrases by language, all phrases, the words of each noun, and colours."""
+    """The table: phrases by language, all phrases, the words of each noun, and colours.
 
-    by_language: dict[str, Phrases[Noun]]
-    everywhere: Phrases[Noun]
-    # Words of a noun in a language: (singular, plural).
-    words: dict[tuple[str, str], list[tuple[str, ...]]]
-    generic: dict[str, str]
-    colours: dict[str, str]
+    `words` of a noun in a language are its singulars; `generic` the wider word of each.
+    """
+
+    def __init__(self) -> None:
+        """Read the table."""
+        table = read_table('nouns')
+        self.colours = {
+            phrase_words(word)[0]: colour
+            for colour, words in table.pop('colours').items()
+            for word in words
+        }
+        self.by_language: dict[str, Phrases[Noun]] = {one: Phrases() for one in LANGUAGES}
+        self.everywhere: Phrases[Noun] = Phrases()
+        self.words: dict[tuple[str, str], list[tuple[str, ...]]] = {}
+        self.generic = {name: entry.get('is', name) for name, entry in table.items()}
+        for name, language in itertools.product(table, LANGUAGES):
+            self.words[name, language] = []
+            for word in table[name].get(language, ()):
+                self.add(name, language, *word.split('/'))
+
+    def add(self, name: str, language: str, singular: str, plural: str = '') -> None:
+        """Add a word of a noun in a language; the first one is the main word."""
+        singulars, one = self.words[name, language], phrase_words(singular)
+        many = phrase_words(plural) if plural else plurals(one, language)
+        for phrase, is_plural in forms(one, many, language):
+            noun = Noun(name, self.generic[name], is_plural, language, one, not singulars)
+            self.by_language[language].add(phrase, noun)
+            self.everywhere.add(phrase, noun)
+        singulars.append(one)
+
+
+@cache
+def nouns() -> Nouns:
+    """Return the table of nouns, read once."""
+    return Nouns()
 
 
 def plurals(phrase: tuple[str, ...], language: str) -> tuple[str, ...]:
@@ -146,37 +170,6 @@ def plurals(phrase: tuple[str, ...], language: str) -> tuple[str, ...]:
         consonant = language == 'es' and word[-1] not in VOWELS
         ending = 'es' if consonant or word.endswith(('ch', 'sh')) else 's'
     return (*phrase[:at], word + ending, *phrase[at + 1 :])
-
-
-@cache
-def nouns() -> Nouns:
-    """Return the table of nouns, read once."""
-    table = read_table('nouns')
-    colours = {
-        phrase_words(word)[0]: colour
-        for colour, words in table.pop(COLOURS).items()
-        for word in words
-    }
-    read = Nouns({language: Phrases() for language in LANGUAGES}, Phrases(), {}, {}, colours)
-    for name, entry in table.items():
-        read.generic[name] = entry.get('is', name)
-        for language in LANGUAGES:
-            add_noun(read, name, language, entry.get(language, ()))
-    return read
-
-
-def add_noun(read: Nouns, name: str, language: str, words: list[str]) -> None:
-    """Add the words of a noun in a language, 'singular/plural' each."""
-    singulars = read.words.setdefault((name, language), [])
-    for at, word in enumerate(words):
-        singular, _, plural = word.partition('/')
-        one = phrase_words(singular)
-        many = phrase_words(plural) if plural else plurals(one, language)
-        singulars.append(one)
-        for phrase, is_plural in forms(one, many, language):
-            noun = Noun(name, read.generic[name], is_plural, language, one, at == 0)
-            read.by_language[language].add(phrase, noun)
-            read.everywhere.add(phrase, noun)
 
 
 def forms(
@@ -204,11 +197,10 @@ def means_otherwise(name: str) -> bool:
 
     One letter is a name: 'A' may be a gate.
     """
-    words = read_words(name) if len(name) > 1 else []
+    words = phrase_words(name) if len(name) > 1 else ()
     for known in map(vocabulary, LANGUAGES):
-        count, meanings = known.phrases.longest(words, 0)
-        kinds = {meaning[0][0] for meaning in meanings if count == len(words)}
-        is_article = len(words) == 1 and words[0].text in known.articles | known.any_articles
-        if is_article or kinds & NO_NAMES:
+        kinds = {meaning[0][0] for meaning in known.phrases.exactly(words)}
+        is_article = len(words) == 1 and words[0] in known.articles | known.any_articles
+        if is_article or kinds & KINDS.no_names:
             return True
     return False

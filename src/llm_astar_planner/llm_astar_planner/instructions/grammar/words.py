@@ -3,32 +3,35 @@
 
 """Text as words that can be compared: without case, accents, hyphens and apostrophes."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
-# Each alternative starts with another kind of character, so that reading takes linear time.
-WORD = re.compile(r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|[^\W\d_]+|\S')
+# A hyphen between a letter and a letter or digit is left out. Each of the other alternatives
+# starts with another kind of character, so that reading takes linear time.
+WORD = re.compile(
+    r'(?<=[^\W\d_])(?P<joint>[-\u2010\u2011])(?=[^\W_])|'
+    r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|[^\W\d_]+|\S'
+)
 # The straight ones, the typographic ones of all languages, accents used as such, and
 # the signs that open a Spanish exclamation or question.
 QUOTES = frozenset('\'"`*_\u00ab\u00b4\u00bb\u2018\u2019\u201a\u201c\u201d\u201e\u00a1\u00bf')
-HYPHENS = frozenset('-\u2010\u2011')
 MINUS = '\u2212'
 NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?')
 # Between two numbers they make a range or something else that is no number: '2-3', '2 - 3'.
-DASHES = HYPHENS | frozenset('\u2013\u2014\u2212~')
+DASHES = frozenset('-\u2010\u2011\u2013\u2014\u2212~')
 # What may be written at a number without a space and is no part of an identifier: '3m', '5pm'.
 SUFFIXES = frozenset({'m', 'mm', 'cm', 'km', 'ft', 'yd', 'meter', 'metres', 'mal'})
 SUFFIXES |= {'min', 'mins', 'sec', 'am', 'pm', 'uhr'}
 # The longest letters before a number that make an identifier with it: 'B12', but not 'ward2'.
 LONGEST_PREFIX = 2
-NUMBER_SIGNS = DASHES | frozenset('.,+/*')
+NUMBER_SIGNS = frozenset('.,+/*')
+# Numbers and signs that are written together, as `run_tag` gives them, to the last number.
+RUN = re.compile(r'.[N.,](?:_[N.,+/*-]| -|(?<=-) [N.,+/*])+(?<=N)')
 Value = TypeVar('Value')
 END = ''
 
@@ -77,7 +80,7 @@ def read_words(text: str) -> list[Word]:
     words = [
         Word(comparable(match[0]), match.start(), match.end(), match[0])
         for match in WORD.finditer(text)
-        if match[0] not in QUOTES and not is_joint(text, match.start())
+        if match[0] not in QUOTES and match.lastgroup is None
     ]
     return with_identifiers(with_whole_numbers(words))
 
@@ -108,41 +111,25 @@ def with_whole_numbers(words: list[Word]) -> list[Word]:
     Two numbers with a comma between them stay: a point, a list, or a decimal comma.
     """
     result: list[Word] = []
-    at = 0
-    while at < len(words):
-        end = number_end(words, at)
-        run = words[at:end]
-        if len(run) > 1 and [word.text for word in run[1::2]] != [',']:
+    done = 0
+    for match in RUN.finditer(''.join(map(run_tag, words, [None, *words]))):
+        begin, end = match.start() // 2, match.end() // 2
+        run = words[begin:end]
+        if [word.text for word in run[1::2]] != [',']:
             text = ''.join(word.text for word in run)
             run = [Word(text, run[0].start, run[-1].end)]
-        result += run
-        at = max(end, at + 1)
-    return result
+        result += [*words[done:begin], *run]
+        done = end
+    return [*result, *words[done:]]
 
 
-def number_end(words: list[Word], at: int) -> int:
-    """Return where the numbers and signs end that are written together from a word on."""
-    if not words[at].is_number and words[at].text not in '.,':
-        return at + 1
-    end = at + 1
-    last = end if words[at].is_number else at
-    while end < len(words) and (words[end].is_number or words[end].text in NUMBER_SIGNS):
-        is_dash = words[end].text in DASHES or words[end - 1].text in DASHES
-        if words[end].start != words[end - 1].end and not is_dash:
-            break
-        end += 1
-        last = end if words[end - 1].is_number else last
-    return max(last, at + 1)
-
-
-def is_joint(text: str, at: int) -> bool:
-    """Whether the character is a hyphen between a letter and a letter or digit."""
-    return (
-        text[at] in HYPHENS
-        and at > 0
-        and text[at - 1].isalpha()
-        and text[at + 1 : at + 2].isalnum()
-    )
+def run_tag(word: Word, before: Word | None) -> str:
+    """Return two signs for a word: whether a space is before it, and what it is in a number."""
+    gap = '_' if before is not None and before.end == word.start else ' '
+    if word.is_number:
+        return f'{gap}N'
+    dash = '-' if word.text in DASHES else 'x'
+    return gap + (word.text if word.text in NUMBER_SIGNS else dash)
 
 
 def phrase_words(phrase: str) -> tuple[str, ...]:
@@ -160,12 +147,21 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-class Spoken(Protocol):
-    """What has a comparable text: a word."""
+def errors_between(word: str, other: str) -> int:
+    """Return how many letters were left out, added, changed or exchanged with the next one.
 
-    @property
-    def text(self) -> str:
-        """The comparable form."""
+    No letter is changed twice: the optimal string alignment distance.
+    """
+    rows = [list(range(len(other) + 1))]
+    for i, letter in enumerate(word, start=1):
+        row = [i]
+        for j, meant in enumerate(other, start=1):
+            errors = min(rows[-1][j] + 1, row[-1] + 1, rows[-1][j - 1] + (letter != meant))
+            if i > 1 and j > 1 and (letter, word[i - 2]) == (other[j - 2], meant):
+                errors = min(errors, rows[-2][j - 2] + 1)
+            row.append(errors)
+        rows.append(row)
+    return rows[-1][-1]
 
 
 class Phrases(Generic[Value]):
@@ -196,7 +192,7 @@ class Phrases(Generic[Value]):
         """The first words of all phrases."""
         return frozenset(self._root)
 
-    def longest(self, words: Sequence[Spoken], start: int) -> tuple[int, list[Value]]:
+    def longest(self, words: Sequence[Word], start: int) -> tuple[int, list[Value]]:
         """Return how many words the longest phrase at `start` takes, and its values."""
         node, best, values = self._root, 0, []
         for index in range(start, len(words)):
@@ -208,3 +204,8 @@ class Phrases(Generic[Value]):
             elif index == start or text not in self.skipped:
                 break
         return best, values
+
+    def exactly(self, words: Sequence[str]) -> list[Value]:
+        """Return the values of the phrase that words are, all of them."""
+        count, values = self.longest([Word(word, 0, 0) for word in words], 0)
+        return values if count == len(words) else []

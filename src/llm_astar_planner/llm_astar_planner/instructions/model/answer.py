@@ -11,33 +11,25 @@ of the published form.
                  {"do": "keep_distance", "from": "walls", "metres": 0.5}]}
 """
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
+from functools import cache
 from itertools import islice
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import SpecificationError
-from llm_astar_planner.instructions.grammar.pieces import ORDER_WORDS
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.model.sentence import Sentence
-from llm_astar_planner.instructions.regions import (
-    COMPASS,
-    WALLS,
-    Along,
-    Between,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import clause_from_json
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 
@@ -47,8 +39,7 @@ MAX_ANSWER_CLAUSES = 10
 MAX_STARTS = 16
 # What a model writes for a place that the list has not.
 UNKNOWN_PLACE = 'unknown'
-_RANGES = ('x_above', 'x_below', 'y_above', 'y_below')
-_SPANS = ('x_between', 'y_between')
+FORMS = Path(__file__).with_name('answer_forms.json')
 # The kinds with one region, in the field `where`.
 _WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
 
@@ -66,32 +57,31 @@ def answer_schema(sentence: Sentence, places: Places) -> dict[str, Any]:
     It offers the map's names and tags, and of numbers, directions and forms only what the
     sentence has: a decoder that is constrained by it can invent neither.
     """
-    definitions: dict[str, Any] = {}
-    names, tags = offered_names(sentence, places), offered_tags(places)
-    if sentence.has_strange_words:
-        names.append(UNKNOWN_PLACE)
-    if names:
-        definitions['name'] = {'enum': names}
-    if tags:
-        definitions['tag'] = {'enum': tags}
-    if sentence.numbers:
-        definitions['number'] = {'enum': [tidy(value) for value in sentence.numbers]}
-    if sentence.sides:
-        definitions['side'] = {'enum': sentence.sides}
-    regions = region_forms(sentence, definitions)
-    definitions['region'] = {'anyOf': regions}
-    clauses = {
-        'type': 'array',
-        'maxItems': MAX_ANSWER_CLAUSES,
-        'items': {'anyOf': clause_forms(sentence)},
-    }
+    # As models write them: 3 instead of 3.0.
+    numbers = [int(one) if one == int(one) else one for one in sentence.numbers]
+    compass = [side for side in sentence.sides if side in regions.COMPASS]
+    offered = {
+        'name': offered_names(sentence, places), 'tag': offered_tags(places), 'number': numbers,
+        'side': sentence.sides, 'compass': compass,
+    }  # fmt: skip
+    known = {name for name, values in offered.items() if values}
+    known |= {'no name'} - {f'no {name}' for name in known}
+    known |= {f'{count} numbers' for count in (2, 4) if len(numbers) >= count}
+    words = {'order': KINDS.order_words, 'between': ('BETWEEN',), 'along': ('ALONG', 'CLOSE')}
+    known |= {word for word, kinds in words.items() if sentence.has(*kinds)}
+    offered |= {'width': [1, *numbers], 'radius': [0, *numbers]}
+    definitions: dict[str, Any] = {name: {'enum': some} for name, some in offered.items() if some}
+    definitions['region'] = {'anyOf': forms_of('regions', known)}
+    items = {'anyOf': forms_of('clauses', known)}
+    clauses = {'type': 'array', 'maxItems': MAX_ANSWER_CLAUSES, 'items': items}
     return {**_form({'clauses': clauses}), '$defs': definitions}
 
 
 def offered_names(sentence: Sentence, places: Places) -> list[str]:
     """Return the names that an answer may hold: those mentioned, or all if a word is unclear."""
     mentioned, unclear = set(sentence.names), sentence.has_strange_words
-    return [place.name for place in places if unclear or place.name in mentioned]
+    names = [place.name for place in places if unclear or place.name in mentioned]
+    return [*names, UNKNOWN_PLACE] if unclear else names
 
 
 def offered_tags(places: Places) -> list[str]:
@@ -100,59 +90,17 @@ def offered_tags(places: Places) -> list[str]:
     return [tag for tag in places.tags if tag.casefold() not in names]
 
 
-def clause_forms(sentence: Sentence) -> list[dict[str, Any]]:
-    """Return the schemas of the kinds of clauses that the sentence may hold."""
-    region = _ref('region')
-    forms = [
-        _form({'do': {'const': kind}, 'where': region})
-        for kind in ('avoid', 'visit', 'stay_in', 'end_at')
-    ]
-    if sentence.sides:
-        forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
-    if sentence.has(*ORDER_WORDS):
-        forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
-    if sentence.numbers:
-        away = {'anyOf': [{'const': WALLS}, region]}
-        fields = {'from': away, 'metres': _ref('number')}
-        forms.append(_form({'do': {'const': 'keep_distance'}, **fields}))
+@cache
+def all_forms() -> dict[str, list[dict[str, Any]]]:
+    """Return all forms of clauses and regions, each with what a sentence `needs` to have it."""
+    forms: dict[str, list[dict[str, Any]]] = json.loads(FORMS.read_text(encoding='utf-8'))
     return forms
 
 
-def region_forms(sentence: Sentence, definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the schemas of the forms of a region that the sentence may hold."""
-    name, number = 'name' in definitions, len(sentence.numbers)
-    forms = [_ref('name')] if name else []
-    if not name:
-        forms.append({'const': UNKNOWN_PLACE})
-    if 'tag' in definitions:
-        forms.append(_form({'all': _ref('tag')}))
-    if sentence.sides:
-        forms.append(_form({'half': _ref('side')}))
-    compass = [side for side in sentence.sides if side in COMPASS]
-    if compass and name:
-        forms.append(_form({'half': {'enum': compass}, 'of': _ref('name')}))
-    if name and sentence.has('BETWEEN'):
-        forms.append(_form({'between': {**_numbers(2), 'items': _ref('name')}}))
-    if sentence.has('ALONG', 'CLOSE'):
-        along = [{'const': WALLS}, *([_ref('name')] if name else [])]
-        width = {'enum': [1, *definitions['number']['enum']]} if number else {'const': 1}
-        forms.append(_form({'along': {'anyOf': along}, 'width': width}))
-    if number:
-        forms += [_form({range_name: _ref('number')}) for range_name in _RANGES]
-    if number > 1:
-        radius = {'enum': [0, *definitions['number']['enum']]}
-        forms.append(_form({'point': _numbers(2), 'radius': radius}))
-        forms += [_form({span: _numbers(2)}) for span in _SPANS]
-    return [*forms, *([_form({'box': _numbers(4)})] if number > 3 else [])]
-
-
-def tidy(value: float) -> float:
-    """Return a number as models write it: 3 instead of 3.0."""
-    return int(value) if value == int(value) else value
-
-
-def _ref(name: str) -> dict[str, Any]:
-    return {'$ref': f'#/$defs/{name}'}
+def forms_of(what: str, known: Set[str]) -> list[dict[str, Any]]:
+    """Return the schemas of the forms that a sentence with these words and numbers may hold."""
+    found = [one for one in all_forms()[what] if known >= set(one['needs'])]
+    return [one['form'] if 'form' in one else _form(one['fields']) for one in found]
 
 
 def _form(properties: dict[str, Any]) -> dict[str, Any]:
@@ -162,10 +110,6 @@ def _form(properties: dict[str, Any]) -> dict[str, Any]:
         'required': list(properties),
         'additionalProperties': False,
     }
-
-
-def _numbers(count: int) -> dict[str, Any]:
-    return {'type': 'array', 'items': _ref('number'), 'minItems': count, 'maxItems': count}
 
 
 def read_answer(text: str, places: Places) -> ReadReply | None:
@@ -210,17 +154,16 @@ def published(item: object) -> object:
     """Return the published form of a clause of an answer; what is no clause stays as it is."""
     if not isinstance(item, dict) or 'do' not in item:
         return item
-    fields = {name: value for name, value in item.items() if name not in ('do', 'where', 'text')}
+    own = {name: value for name, value in item.items() if name not in ('do', 'where', 'text')}
+    fields = {name: published_region(value) for name, value in own.items()}
     fields['kind'] = kind = item['do']
+    where = published_region(item.get('where'))
     if kind == 'visit':
-        fields['regions'] = [published_region(item.get('where'))]
+        fields['regions'] = [where]
     elif kind in _WHERE:
-        fields['region'] = published_region(item.get('where'))
+        fields['region'] = where
     elif kind == 'unknown':
         fields['text'] = UNKNOWN_PLACE
-    for name in ('first', 'second', 'from'):
-        if name in fields:
-            fields[name] = published_region(fields[name])
     return fields
 
 
@@ -272,17 +215,17 @@ def known_region(region: Region, places: Places) -> Region:
         case NamedPlace(name):
             # Models write a tag where a name is asked for.
             if places.get(name) is None and places.with_tag(name):
-                return Tagged(name)
+                return regions.Tagged(name)
             return NamedPlace(known_name(name, places))
-        case Tagged(tag):
+        case regions.Tagged(tag):
             if not places.with_tag(tag):
                 raise SpecificationError(f'tag: no place has {tag!r}')
-        case Half(side, of) if of:
-            return Half(side, known_name(of, places))
-        case Between(first, second):
-            return Between(known_name(first, places), known_name(second, places))
-        case Along(place, width) if place != WALLS:
-            return Along(known_name(place, places), width)
+        case regions.Half(side, of) if of:
+            return regions.Half(side, known_name(of, places))
+        case regions.Between(first, second):
+            return regions.Between(known_name(first, places), known_name(second, places))
+        case regions.Along(place, width) if place != regions.WALLS:
+            return regions.Along(known_name(place, places), width)
     return region
 
 

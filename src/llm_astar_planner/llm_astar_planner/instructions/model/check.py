@@ -10,14 +10,13 @@ question. A clause of which the sentence names nothing is left out, but for one 
 not known. What no clause accounts for is `Unknown`.
 """
 
-from __future__ import annotations
-
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
@@ -27,51 +26,20 @@ from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
-from llm_astar_planner.instructions.grammar.interpreter import (
-    Reading,
-    ReadPiece,
-    best_reading,
-    known_visits,
-    languages_of,
-)
-from llm_astar_planner.instructions.grammar.lexemes import LENGTH, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar import interpreter
+from llm_astar_planner.instructions.grammar.interpreter import Reading
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
-from llm_astar_planner.instructions.grammar.pieces import LIMITING, NEG, UNREAD, VERBS, Piece
-from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
+from llm_astar_planner.instructions.grammar.pieces import Piece
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.model.sentence import names_of, numbers_of
-from llm_astar_planner.instructions.regions import (
-    ROUTE_SIDES,
-    Along,
-    Between,
-    Box,
-    Disc,
-    End,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-    leaves,
-)
-from llm_astar_planner.instructions.specification import (
-    MAX_CLAUSES,
-    MAX_VISITS,
-    Specification,
-)
+from llm_astar_planner.instructions.model.sentence import numbers_of
+from llm_astar_planner.instructions.regions import NamedPlace, Region
+from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 TOLERANCE = 1e-3
-# What leads on from an unknown verb.
-WAYS_IN = frozenset({'THROUGH', 'INTO'})
-# Kinds of words that refuse, and those beside which nobody knows what is refused.
-REFUSALS = frozenset({NEG, 'AVOID', 'SKIP', 'FORBIDDEN', 'ALONE'})
-UNCLEAR = LIMITING | {'POISON', 'MAY', 'MISS', 'CONDITION', 'TIMES', UNREAD, 'STATE', 'NUMBER'}
-# The kinds of words that say a kind of clause, and those that say another one.
-GOING = frozenset({'VISIT', 'ENTER', 'THROUGH', 'INTO', 'TO', 'STOPBY', 'PASSBY', 'REQUIRED'})
-OTHERS = frozenset(
-    {'STAY', 'USE', 'END', 'PASS', 'CLOSE', 'ALONG', 'LEAVE', 'AROUND_VERB', LENGTH}
-)
 SAYING: dict[type[Clause], frozenset[str]] = {
-    Visit: GOING,
+    Visit: KINDS.going,
     StayIn: frozenset({'STAY'}),
     EndAt: frozenset({'END'}),
     Pass: frozenset({'PASS', 'AROUND_VERB'}),
@@ -83,44 +51,35 @@ SAYING: dict[type[Clause], frozenset[str]] = {
 class Part:
     """A part of the sentence that the grammar did not read, with the clauses that are about it."""
 
-    piece: ReadPiece
+    at: float
+    piece: Piece
     clauses: list[Clause]
-
-    @property
-    def lexemes(self) -> list[Lexeme]:
-        """Its words."""
-        return self.piece.piece.lexemes
-
-    @property
-    def kinds(self) -> set[str]:
-        """The kinds of its words."""
-        return self.piece.piece.kinds
 
     @property
     def names(self) -> set[str]:
         """The places that it may name."""
-        return {name for lexeme in self.lexemes for name in names_of(lexeme)}
+        return {name for lexeme in self.piece.lexemes for name in lexeme.names}
 
     def where(self, clause: Clause) -> int:
         """Return where it names the first place of a clause, else its end."""
         names = {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-        at = (n for n, lexeme in enumerate(self.lexemes) if names & set(names_of(lexeme)))
-        return next(at, len(self.lexemes))
+        at = (n for n, lexeme in enumerate(self.piece.lexemes) if names & set(lexeme.names))
+        return next(at, len(self.piece.lexemes))
 
 
 def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
     """Return the specification of a model's clauses, and what the sentence does not say."""
-    reading = best_reading(text, places)
+    reading = interpreter.best_reading(text, places)
     if reading.interpretation.is_read:
         return reading.interpretation.specification, reading.interpretation.detail
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
-    parts = [Part(one, []) for one in reading.parts if not one.is_read]
-    said = known_visits(reading.parts)
-    left = [
-        clause
-        for clause in dict.fromkeys(wanted)
-        if not (isinstance(clause, Visit) and set(clause.regions) <= said)
-    ]
+    parts = [Part(one.at, one.piece, []) for one in reading.parts if not one.is_read]
+    said = interpreter.known_visits(reading.parts)
+    left = (
+        one
+        for one in dict.fromkeys(wanted)
+        if not (isinstance(one, Visit) and set(one.regions) <= said)
+    )
     deal_out(left, parts, reading)
     return put_together(reading, parts, text)
 
@@ -128,10 +87,10 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
 def usual_form(clause: Clause, places: Places) -> Clause:
     """Return a clause as the grammar says it: a distance from a point is a disc."""
     match clause:
-        case KeepDistance(metres=metres, region=Disc(x, y, radius)):
-            return Avoid(clause.strength, clause.unsure, Disc(x, y, metres + radius))
-        case Avoid(region=Disc(x, y, radius), margin=margin) if margin:
-            return Avoid(clause.strength, clause.unsure, Disc(x, y, radius + margin))
+        case KeepDistance(metres=metres, region=regions.Disc(x, y, radius)):
+            return Avoid(clause.strength, clause.unsure, regions.Disc(x, y, metres + radius))
+        case Avoid(region=regions.Disc(x, y, radius), margin=margin) if margin:
+            return Avoid(clause.strength, clause.unsure, regions.Disc(x, y, radius + margin))
         case Avoid(region=NamedPlace(name), margin=0.0):
             place = places.get(name)
             if place is not None and place.is_object:
@@ -139,7 +98,7 @@ def usual_form(clause: Clause, places: Places) -> Clause:
     return clause
 
 
-def deal_out(clauses: Sequence[Clause], parts: Sequence[Part], reading: Reading) -> None:
+def deal_out(clauses: Iterable[Clause], parts: Sequence[Part], reading: Reading) -> None:
     """Give each clause to the part that names its regions, in the order of the sentence.
 
     One of which nothing is named goes to a part with an unknown word and no clause, if there is
@@ -154,7 +113,7 @@ def deal_out(clauses: Sequence[Clause], parts: Sequence[Part], reading: Reading)
         elif not isinstance(clause, EndAt) and clause not in known:
             homeless.append(clause)
     for clause in homeless:
-        strange = (part for part in parts if not part.clauses and UNKNOWN in part.kinds)
+        strange = (part for part in parts if not part.clauses and 'UNKNOWN' in part.piece.kinds)
         home = next(strange, None)
         if home is not None and not names_read(clause, reading):
             home.clauses.append(clause)
@@ -169,7 +128,7 @@ def names_read(clause: Clause, reading: Reading) -> bool:
 
 def parts_of(clause: Clause) -> list[Region]:
     """Return the simple regions of a clause."""
-    return [leaf for region in clause.regions for leaf in leaves(region)]
+    return [leaf for region in clause.regions for leaf in regions.leaves(region)]
 
 
 def missing(clause: Clause, part: Part) -> str:
@@ -179,7 +138,7 @@ def missing(clause: Clause, part: Part) -> str:
             return region.phrase()
     numbers = {KeepDistance: 'metres', Avoid: 'margin'}.get(type(clause))
     wanted = getattr(clause, numbers) if numbers else 0.0
-    if wanted and wanted != CLEAR and not has_number(wanted, part.lexemes):
+    if wanted and wanted != CLEAR and not has_number(wanted, part.piece.lexemes):
         return f'{wanted:g} m'
     side = getattr(clause, 'side', '')
     if side and side not in sides_of(part):
@@ -195,35 +154,39 @@ def names_region(region: Region, part: Part) -> bool:
     match region:
         case NamedPlace(name):
             names = {name}
-        case Tagged(tag):
+        case regions.Tagged(tag):
             is_said = tag in tags_of(part)
-        case Disc(x, y, radius):
+        case regions.Disc(x, y, radius):
             limits = [radius] if radius else []
-            is_said = any(one.kind == 'POINT' and one.value == (x, y) for one in part.lexemes)
-        case Box(x0, y0, x1, y1):
-            limits = [side for side in (x0, y0, x1, y1) if math.isfinite(side)]
-        case Half(side, of):
+            is_said = any(
+                one.kind == 'POINT' and one.value == (x, y) for one in part.piece.lexemes
+            )
+        case regions.Box():
+            limits = [side for side in region.sides if math.isfinite(side)]
+        case regions.Half(side, of):
             names, sides = {of} - {''}, {side}
-        case Between(first, second):
+        case regions.Between(first, second):
             names = {first, second}
-        case Along(place, _):
+        case regions.Along(place, _):
             is_said = place in part.names or 'wall' in nouns_of(part)
-        case End(end):
-            is_said = any(one.kind == 'ENDPOINT' and one.value == end for one in part.lexemes)
-    has_limits = all(has_number(limit, part.lexemes) for limit in limits)
+        case regions.End(end):
+            is_said = any(
+                one.kind == 'ENDPOINT' and one.value == end for one in part.piece.lexemes
+            )
+    has_limits = all(has_number(limit, part.piece.lexemes) for limit in limits)
     return is_said and has_limits and names <= part.names and sides <= sides_of(part)
 
 
 def sides_of(part: Part) -> set[str]:
     """Return the directions that a part names, and left for right: 'leave it on your left'."""
-    found = {str(one.value) for one in part.lexemes if one.kind == 'SIDE'}
-    return found | set(ROUTE_SIDES) if found & set(ROUTE_SIDES) else found
+    found = {str(one.value) for one in part.piece.lexemes if one.kind == 'SIDE'}
+    return found | set(regions.ROUTE_SIDES) if found & set(regions.ROUTE_SIDES) else found
 
 
 def tags_of(part: Part) -> set[str]:
     """Return the kinds and tags that a part names."""
-    groups = [lexeme.value for lexeme in part.lexemes if lexeme.kind == 'NOUN']
-    tags = {str(lexeme.value) for lexeme in part.lexemes if lexeme.kind == 'TAG'}
+    groups = [lexeme.value for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN']
+    tags = {str(lexeme.value) for lexeme in part.piece.lexemes if lexeme.kind == 'TAG'}
     for group in groups:
         places = set(group.places)
         tags |= {t for t in group.all_places.tags if set(group.all_places.with_tag(t)) == places}
@@ -232,7 +195,7 @@ def tags_of(part: Part) -> set[str]:
 
 def nouns_of(part: Part) -> set[str]:
     """Return the nouns of a part for several places."""
-    return {lexeme.value.noun for lexeme in part.lexemes if lexeme.kind == 'NOUN'}
+    return {lexeme.value.noun for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'}
 
 
 def has_number(value: float, lexemes: Sequence[Lexeme]) -> bool:
@@ -246,23 +209,23 @@ def is_sure(clause: Clause, part: Part) -> bool:
 
     It is the only one of its part, about places that are named for certain.
     """
-    kinds, lexemes = part.kinds, part.lexemes
-    strange = any(lexeme.doubts for lexeme in lexemes) or not is_known(lexemes)
-    several = any(len(names_of(lexeme)) > 1 for lexeme in lexemes)
+    kinds, lexemes = part.piece.kinds, part.piece.lexemes
+    strange = any(one.doubts or len(one.names) > 1 for one in lexemes) or not is_known(lexemes)
     other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-    if strange or several or other or kinds & UNCLEAR or is_qualified(part.piece.piece):
+    if strange or other or kinds & KINDS.unclear_parts or is_qualified(part.piece):
         return False
     if missing(clause, part) or len(part.clauses) > 1 or is_about_more(clause):
         return False
-    if sum(lexeme.kind == LENGTH for lexeme in lexemes) > isinstance(clause, KeepDistance):
+    if sum(lexeme.kind == 'LENGTH' for lexeme in lexemes) > isinstance(clause, KeepDistance):
         return False
-    refusals = sum(lexeme.kind in REFUSALS for lexeme in lexemes)
+    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in lexemes)
     if isinstance(clause, Avoid):
-        return refusals == 1 and not kinds & OTHERS
+        return refusals == 1 and not kinds & KINDS.others
     says = SAYING.get(type(clause))
     if says is None or refusals:
         return False
-    return bool(kinds & says) and not kinds & (OTHERS - says - {LENGTH} | (VERBS - says - GOING))
+    others = KINDS.others - {'LENGTH'} | (KINDS.verbs - KINDS.going)
+    return bool(kinds & says) and not kinds & (others - says)
 
 
 def is_known(lexemes: Sequence[Lexeme]) -> bool:
@@ -271,31 +234,23 @@ def is_known(lexemes: Sequence[Lexeme]) -> bool:
     In 'never barge into A', 'bolt through A' the other words tell enough.
     """
     kinds = [lexeme.kind for lexeme in lexemes]
-    led = kinds[1:] if kinds[:1] == [NEG] else kinds
-    ways = WAYS_IN | {'IN'} if led is not kinds else WAYS_IN
-    is_verb = led[:1] == [UNKNOWN] and bool(ways & set(led[1:2]))
-    return UNKNOWN not in (led[1:] if is_verb else kinds)
+    led = kinds[1:] if kinds[:1] == ['NEG'] else kinds
+    # What leads on from an unknown verb.
+    ways = {'THROUGH', 'INTO', *(('IN',) if led is not kinds else ())}
+    is_verb = led[:1] == ['UNKNOWN'] and bool(ways & set(led[1:2]))
+    return 'UNKNOWN' not in (led[1:] if is_verb else kinds)
 
 
 def is_qualified(piece: Piece) -> bool:
     """Whether a part says more than its words: a condition, a question, 'last', 'slowly'."""
-    return bool(
-        piece.is_broken
-        or piece.is_question
-        or piece.takes_back
-        or piece.is_last
-        or piece.is_first
-        or piece.is_strict
-        or piece.order
-        or piece.soon
-        or piece.unsupported
-        or piece.remarks
-    )
+    is_told = piece.is_broken or piece.is_question or piece.takes_back or piece.is_first
+    is_noted = piece.order or piece.soon or piece.unsupported or piece.remarks
+    return bool(is_told or is_noted or piece.is_strict or 'LAST' in piece.said)
 
 
 def is_about_more(clause: Clause) -> bool:
     """Whether a clause is about more than places by their names, or a side of the way."""
-    of_way = getattr(clause, 'side', '') in ROUTE_SIDES
+    of_way = getattr(clause, 'side', '') in regions.ROUTE_SIDES
     return of_way or not all(isinstance(leaf, NamedPlace) for leaf in parts_of(clause))
 
 
@@ -304,24 +259,21 @@ def not_refused(clause: Clause, part: Part) -> Clause:
 
     It stays a question; but a robot sent where it must not go is worse than one kept out.
     """
-    refusals = sum(lexeme.kind in REFUSALS for lexeme in part.lexemes)
-    if isinstance(clause, Visit) and refusals == 1 and 'MISS' not in part.kinds:
+    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in part.piece.lexemes)
+    if isinstance(clause, Visit) and refusals == 1 and 'MISS' not in part.piece.kinds:
         return Avoid(clause.strength, region=clause.regions[0])
     return clause
 
 
 def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Specification, str]:
     """Return the specification: what the grammar read, what the model said, and what is left."""
-    language = next(languages_of(read_words(text)))
+    language = next(interpreter.languages_of(read_words(text)))
     question = vocabulary(language).questions['model']
-    found: list[tuple[float, Clause]] = [
-        (one.at, clause) for one in reading.parts for clause in one.clauses
-    ]
+    found = [(one.at, clause) for one in reading.parts for clause in one.clauses]
     notes = []
     for part in parts:
-        piece = part.piece.piece
+        piece = part.piece
         words = text[piece.start : piece.end]
-        at = part.piece.at
         for clause in in_order(part):
             strength = SHOULD if piece.is_preference else clause.strength
             turned = replace(not_refused(clause, part), strength=strength)
@@ -330,16 +282,16 @@ def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Sp
                 turned = replace(turned, unsure=asked[:MAX_QUESTION_CHARS])
                 lacks = missing(clause, part)
                 notes += [f'the sentence does not say {lacks}'] if lacks else []
-            found.append((at, turned))
+            found.append((part.at, turned))
         if not part.clauses and words:
-            found.append((at, Unknown(text=words[:MAX_NAME_CHARS])))
+            found.append((part.at, Unknown(text=words[:MAX_NAME_CHARS])))
     found.sort(key=lambda one: one[0])
     return within_limits([clause for _, clause in found]), '; '.join(dict.fromkeys(notes))
 
 
 def in_order(part: Part) -> list[Clause]:
     """Return the clauses of a part as they stand in it; the model's where a word says one."""
-    if part.kinds & LIMITING:
+    if part.piece.kinds & KINDS.limiting:
         return part.clauses
     return sorted(part.clauses, key=part.where)
 

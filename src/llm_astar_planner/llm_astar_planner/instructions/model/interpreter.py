@@ -3,10 +3,8 @@
 
 """Asks a language model what an instruction means, and trusts nothing that it answers."""
 
-from __future__ import annotations
-
 import time
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.places import Places
@@ -33,23 +31,16 @@ def interpret_reply(exchange: Exchange, places: Places) -> Interpretation:
     """
     answer = read_answer(exchange.reply, places)
     if answer is None:
-        nothing = not_understood(exchange.text, 'the reply holds no list of clauses')
-        specification, status, detail = nothing.specification, nothing.status, nothing.detail
+        detail = 'the reply holds no list of clauses'
+        found = not_understood(exchange.text, detail, exchange.model)
     else:
         specification, detail = grounded(answer.clauses, exchange.text, places)
-        status = status_of(specification)
         if answer.unreadable:
             detail = f'{detail}; {answer.unreadable} clauses were unreadable'.removeprefix('; ')
-    return Interpretation(
-        exchange.text,
-        specification,
-        exchange.model,
-        status,
-        detail,
-        exchange.seconds,
-        exchange.prompt_tokens,
-        exchange.output_tokens,
-    )
+        status = status_of(specification)
+        found = Interpretation(exchange.text, specification, exchange.model, status, detail)
+    cost = ('seconds', 'prompt_tokens', 'output_tokens')
+    return replace(found, **{name: getattr(exchange, name) for name in cost})
 
 
 class ReplayInterpreter:
@@ -111,14 +102,10 @@ class ModelInterpreter:
         except EndpointFailure as failure:
             return failed(text, self.model, failure, time.monotonic() - started)
         exchange = Exchange(
-            text,
-            places.digest,
-            self.model,
-            completion.text,
-            seconds=round(time.monotonic() - started, 3),
-            prompt_tokens=completion.prompt_tokens,
-            output_tokens=completion.completion_tokens,
-        )
+            text, places.digest, self.model, completion.text,
+            round(time.monotonic() - started, 3),
+            completion.prompt_tokens, completion.completion_tokens,
+        )  # fmt: skip
         interpretation = interpret_reply(exchange, places)
         if self.recorder is not None:
             self.recorder.write(exchange, interpretation)
@@ -128,7 +115,5 @@ class ModelInterpreter:
 def failed(text: str, model: str, failure: EndpointFailure, seconds: float) -> Interpretation:
     """Return the interpretation of a text about which no reply came: not understood yet."""
     detail = f'{failure.status.value}: {failure}'
-    nothing = not_understood(text, detail, model)
-    return Interpretation(
-        text, nothing.specification, model, Understanding.PENDING, detail, seconds
-    )
+    nothing = not_understood(text, detail, model, Understanding.PENDING)
+    return replace(nothing, seconds=seconds)

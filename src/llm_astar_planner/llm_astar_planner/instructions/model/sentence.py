@@ -3,27 +3,16 @@
 
 """What a sentence mentions, found by the lexer of the grammar: for prompts and schemas."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.fields import FAR
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
-from llm_astar_planner.instructions.grammar.lexemes import (
-    AXISLINE,
-    LENGTH,
-    NUMBER,
-    POINT,
-    RANGE,
-    UNKNOWN,
-    Lexeme,
-)
-from llm_astar_planner.instructions.grammar.lexicon import Group
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.regions import SIDES, Box
+from llm_astar_planner.instructions.regions import SIDES
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +26,7 @@ class Sentence:
     @property
     def names(self) -> list[str]:
         """The names of the places that it may mean."""
-        return list(dict.fromkeys(name for one in self.lexemes for name in names_of(one)))
+        return list(dict.fromkeys(name for one in self.lexemes for name in one.names))
 
     @property
     def numbers(self) -> list[float]:
@@ -54,7 +43,7 @@ class Sentence:
     @property
     def has_strange_words(self) -> bool:
         """Whether a word is not known, or may mean several places: maybe a name."""
-        return any(one.kind == UNKNOWN or len(names_of(one)) > 1 for one in self.lexemes)
+        return any(one.kind == 'UNKNOWN' or len(one.names) > 1 for one in self.lexemes)
 
     def has(self, *kinds: str) -> bool:
         """Return whether a word of one of some kinds is in it."""
@@ -70,22 +59,13 @@ def read_sentence(text: str, places: Places) -> Sentence:
     return Sentence(tuple(lexer.lexemes(corrected)), places, written)
 
 
-def names_of(lexeme: Lexeme) -> tuple[str, ...]:
-    """Return the names of the places that a lexeme may mean."""
-    if isinstance(lexeme.value, Place):
-        return (lexeme.value.name,)
-    found = lexeme.value.places if isinstance(lexeme.value, Group) else ()
-    return tuple(place.name for place in found)
-
-
 def numbers_of(lexeme: Lexeme) -> Iterator[float]:
     """Yield the numbers of a lexeme, lengths in metres."""
-    if lexeme.kind in (LENGTH, NUMBER):
+    if lexeme.kind in ('LENGTH', 'NUMBER'):
         yield lexeme.number
-    elif lexeme.kind == POINT:
+    elif lexeme.kind == 'POINT':
         yield from lexeme.value
-    elif lexeme.kind == AXISLINE:
-        yield lexeme.line[1]
-    elif lexeme.kind == RANGE:
-        boxes: Sequence[Box] = lexeme.value
-        yield from (side for box in boxes for side in (box.x0, box.y0, box.x1, box.y1))
+    elif lexeme.kind == 'AXISLINE':
+        yield lexeme.value[1]
+    elif lexeme.kind == 'RANGE':
+        yield from (side for box in lexeme.value for side in box.sides)

@@ -7,29 +7,20 @@ The grammar's vocabulary says which words refuse, order, limit and wish; what a 
 to agree with them, every slot has to be in it, and no word may be left that could name a place.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from zlib import crc32
 
-from llm_astar_planner.instructions.grammar.vocabulary import nouns
-from llm_astar_planner.instructions.grammar.words import comparable, word_set
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
+from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader.lifting import Lifted
 from llm_astar_planner.instructions.reader.meaning import Parts
 from llm_astar_planner.instructions.reader.network import known_words
 from llm_astar_planner.instructions.regions import ROUTE_SIDES
 
-# Kinds of words that refuse, those that turn a refusal round, and those that nobody can weigh.
-REFUSALS = word_set('NEG AVOID SKIP FORBIDDEN ALONE AROUND_VERB')
-TURNING = word_set('AVOID SKIP MISS WITHOUT')
-UNCLEAR = word_set('POISON UNREAD INSTEAD EXCEPTNOT LONGWAY OVERLAP')
-ORDERING = word_set('THEN FIRST LAST BEFORE AFTER INORDER ONLYAFTER UNTIL AFTERYOU')
-LIMITS = word_set('CONDITION ONCE UNTIL ONLYAFTER')
-LIMITING = word_set('TIMES TIMESWORD NUMBER ATLEAST ATMOST EXACTLY MORETHAN LESSTHAN ORMORE')
 # The tokens that say a refusal, those that say an order, and those that say a condition.
-REFUSING, ORDERED, LIMITED = word_set('A N B K S CN EX'), word_set('B T N E'), word_set('B T N')
+REFUSING, ORDERED, LIMITED = ('A', 'N', 'B', 'K', 'S', 'CN', 'EX'), 'BTNE', 'BTN'
 Counts = Counter[str]
 
 
@@ -80,10 +71,10 @@ def some(counts: Counts, names: Collection[str]) -> int:
 
 def refusals(kinds: Counts, heads: Counts) -> str:
     """Return what is wrong with what is refused: each word that refuses has its clause."""
-    said, meant = some(kinds, REFUSALS), some(heads, REFUSING)
-    if some(kinds, UNCLEAR):
+    said, meant = some(kinds, KINDS.refusals), some(heads, REFUSING)
+    if some(kinds, KINDS.unclear):
         return 'words that may turn the meaning round'
-    if (kinds['NEG'] and some(kinds, TURNING)) or kinds['NEG'] > meant:
+    if (kinds['NEG'] and some(kinds, KINDS.turning)) or kinds['NEG'] > meant:
         return 'a negation too many'
     if some(heads, ('A', 'N', 'CN')) and not said:
         return 'nothing refuses'
@@ -92,7 +83,7 @@ def refusals(kinds: Counts, heads: Counts) -> str:
 
 def orders(kinds: Counts, heads: Counts) -> str:
     """Return what is wrong with the order: where there is one, a word says so."""
-    is_told = some(kinds, ORDERING)
+    is_told = some(kinds, KINDS.ordering)
     is_way = kinds['THROUGH'] and some(kinds, ('TO', 'INTO', 'VISIT'))
     if heads['V'] > 1 and not (is_told or is_way):
         return 'no word says the order'
@@ -103,7 +94,7 @@ def orders(kinds: Counts, heads: Counts) -> str:
 
 def limits(kinds: Counts, heads: Counts) -> str:
     """Return what is wrong with conditions, which are no commands."""
-    is_limited, is_read = some(kinds, LIMITS), some(heads, LIMITED)
+    is_limited, is_read = some(kinds, KINDS.conditions), some(heads, LIMITED)
     if is_limited and not is_read:
         return 'a condition that is not read'
     if is_read and not (is_limited or some(kinds, ('BEFORE', 'AFTER', 'FIRST'))):
@@ -115,7 +106,7 @@ def limits(kinds: Counts, heads: Counts) -> str:
 
 def numbers(kinds: Counts, heads: Counts) -> str:
     """Return what is wrong with how often: a word that limits it has its clause."""
-    is_told, is_read = some(kinds, LIMITING), some(heads, ('C', 'CN', 'K'))
+    is_told, is_read = some(kinds, KINDS.counting), some(heads, ('C', 'CN', 'K'))
     return 'a number that is not read' if is_told and not is_read else ''
 
 

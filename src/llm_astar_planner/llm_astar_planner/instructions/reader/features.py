@@ -3,8 +3,6 @@
 
 """What the network knows a token by: the whole word and its parts, hashed, so that none is new."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from zlib import crc32
 

@@ -3,8 +3,6 @@
 
 """Understands instructions by the small network, and is sure only where everything agrees."""
 
-from __future__ import annotations
-
 import random
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,31 +11,16 @@ from itertools import groupby
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import fields, interpretation
 from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.fields import (
-    MAX_NAME_CHARS,
-    MAX_QUESTION_CHARS,
-    SpecificationError,
-)
 from llm_astar_planner.instructions.grammar.interpreter import asked
-from llm_astar_planner.instructions.grammar.lexemes import UNSUPPORTED
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    interpreted,
-    not_understood,
-    status_of,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation, not_understood
+from llm_astar_planner.instructions.reader import meaning
 from llm_astar_planner.instructions.reader.claims import doubt, strange
 from llm_astar_planner.instructions.reader.lifting import SLOTS, Lifted, lifted
-from llm_astar_planner.instructions.reader.meaning import (
-    TOKENS,
-    Parts,
-    Unreadable,
-    Writer,
-    ordered,
-)
+from llm_astar_planner.instructions.reader.meaning import Parts, Unreadable
 from llm_astar_planner.instructions.reader.network import meanings
 from llm_astar_planner.instructions.specification import Specification, from_json
 
@@ -70,7 +53,7 @@ def vote(one: Lifted) -> Vote:
         sentences, names = zip(*group)
         for mine, (tokens, score) in zip(names, meanings(sentences, names)):
             back = {shown: name for name, shown in mine.items()}
-            found.append((ordered([back.get(token, token) for token in tokens]), score))
+            found.append((meaning.ordered([back.get(token, token) for token in tokens]), score))
     (best, count), *_ = Counter(clauses for clauses, _ in found).most_common(1)
     return Vote(best, count / len(found), min(score for one, score in found if one == best))
 
@@ -111,14 +94,14 @@ class ReaderInterpreter:
 
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
         """Say what was understood of a text; takes some milliseconds. Never raises."""
-        return interpreted(text, NAME, lambda one: read_or_not(one, places))
+        return interpretation.interpreted(text, NAME, lambda one: read_or_not(one, places))
 
 
 def read_or_not(text: str, places: Places) -> Interpretation:
     """Return what is read in a clean text, with the reason where nothing is."""
     try:
         return read(text, places)
-    except (Unreadable, SpecificationError, Unclear) as error:
+    except (Unreadable, fields.SpecificationError, Unclear) as error:
         return not_understood(text, str(error), NAME)
 
 
@@ -131,28 +114,28 @@ def read(text: str, places: Places) -> Interpretation:
     if not best.clauses or best.share < AGREED or best.score < READ:
         raise Unreadable('nothing that is read for certain')
     about = {
-        str(lexeme.value): text[lexeme.start : lexeme.end][:MAX_NAME_CHARS]
+        str(lexeme.value): text[lexeme.start : lexeme.end][: fields.MAX_NAME_CHARS]
         for lexeme in one.lexemes
-        if lexeme.kind == UNSUPPORTED
+        if lexeme.kind == 'UNSUPPORTED'
     }
-    writer = Writer(one.slots, {'': text[:MAX_NAME_CHARS], **about})
+    writer = meaning.Writer(one.slots, {'': text[: fields.MAX_NAME_CHARS], **about})
     found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in best.clauses]})
     reason = '' if best.share == 1.0 and best.score >= CLAIMED else 'not all readings agree'
     reason = reason or doubt(one, best.clauses, writer.used) or unnamed(one)
     if reason:
         question = vocabulary(one.language).questions['model']
-        said = text[: MAX_QUESTION_CHARS // 3]
+        said = text[: fields.MAX_QUESTION_CHARS // 3]
         if all(isinstance(clause, Unknown) for clause in found.clauses):
             raise Unreadable(reason)
         found = Specification(asked(found.clauses, question.replace('{said}', said)))
-    return Interpretation(text, found, NAME, status_of(found), reason)
+    return Interpretation(text, found, NAME, interpretation.status_of(found), reason)
 
 
 def unnamed(one: Lifted) -> str:
     """Return a word that would be read as a place if the map had it, '' for none."""
     found = strange(one)
     new = f'R{sum(name[0] == "R" for name in one.slots) + 1}'
-    if new not in TOKENS or len(found) > MOST_STRANGE:
+    if new not in meaning.TOKENS or len(found) > MOST_STRANGE:
         return 'too many words that nobody knows'
     probes = [(*one.tokens[:at], f'@{new}', *one.tokens[at + 1 :]) for at in found]
     names = {name: name for name in (*one.slots, new)}

@@ -7,8 +7,6 @@
 descriptions ('the second aisle from the west'), are matched by the words of the grammar.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,28 +15,21 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
+from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
-from llm_astar_planner.instructions.grammar.lexemes import LENGTH, POINT, TIMES, UNKNOWN, Lexeme
-from llm_astar_planner.instructions.grammar.lexer import ADJECTIVES, NOUN, PLACE, TAG
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
-from llm_astar_planner.instructions.regions import (
-    MAX_JOINED,
-    AnyOf,
-    Disc,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions.regions import NamedPlace, Region
 
-SIDE = 'SIDE'
 # What slots begin with.
 SIGN = '@'
 # How many slots of a kind a sentence may have.
 SLOTS = {'R': 9, 'L': 4, 'S': 4, 'K': 4}
 # A noun with its adjectives, and with what may follow them, by the kinds of lexemes.
 DESCRIBED = re.compile(
-    f'((?:(?:{"|".join(sorted(ADJECTIVES))}) )*NOUN )(?:TAG )*'
+    f'((?:(?:{"|".join(sorted(KINDS.adjectives))}) )*NOUN )(?:TAG )*'
     '(?:(?:IN |UPON |TO |FROM )?(?:SIDE |CENTER )+(?:SIDENOUN |CORNER )?)?'
 )
 MOST_DESCRIBED = 12
@@ -135,11 +126,11 @@ def noun_phrase(lexemes: Sequence[Lexeme]) -> tuple[int, Slot | None]:
 
 def described(lexemes: Sequence[Lexeme]) -> Slot | None:
     """Return the slot of a noun with adjectives and words for where it lies; None if unclear."""
-    noun = [one.kind for one in lexemes].index(NOUN)
+    noun = [one.kind for one in lexemes].index('NOUN')
     before = [Modifier(one.kind, one.value) for one in lexemes[:noun]]
     after = [Modifier(one.kind, one.value) for one in lexemes[noun + 1 :]]
-    tags = [one for one in after if one.kind == TAG]
-    where = [one for one in after if one.kind in (SIDE, 'CENTER')]
+    tags = [one for one in after if one.kind == 'TAG']
+    where = [one for one in after if one.kind in ('SIDE', 'CENTER')]
     try:
         found = select_group(lexemes[noun].value, [*before, *tags], where)
     except Unclear:
@@ -147,7 +138,7 @@ def described(lexemes: Sequence[Lexeme]) -> Slot | None:
     doubts = tuple(said for one in lexemes for said, _ in one.doubts)
     if len(found.places) == 1 and not found.is_walls:
         return place_slot(found.places[0], doubts)
-    region = found.together or AnyOf(found.regions[:MAX_JOINED])
+    region = found.together or regions.AnyOf(found.regions[: regions.MAX_JOINED])
     shown = 'Y' if found.any_one else 'G'
     return None if found.is_walls else Slot('R', region, shown, found.regions, doubts)
 
@@ -161,22 +152,23 @@ def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
     """Return the slot of one lexeme, None of one that is language."""
     doubts = tuple(said for said, _ in lexeme.doubts)
     value = lexeme.value
-    if lexeme.kind == PLACE:
+    if lexeme.kind == 'PLACE':
         return place_slot(value, doubts)
-    if lexeme.kind == LENGTH:
+    if lexeme.kind == 'LENGTH':
         return Slot('L', float(value), doubts=doubts)
-    if lexeme.kind == SIDE:
+    if lexeme.kind == 'SIDE':
         return Slot('S', str(value), doubts=doubts)
-    if lexeme.kind == POINT:
-        return Slot('R', Disc(*value), 'R')
-    if lexeme.kind == TIMES:
+    if lexeme.kind == 'POINT':
+        return Slot('R', regions.Disc(*value), 'R')
+    if lexeme.kind == 'TIMES':
         return Slot('K', value, doubts=doubts) if isinstance(value, tuple) else None
-    if lexeme.kind == TAG:
+    if lexeme.kind == 'TAG':
         found = places.with_tag(str(value))
         if len(found) == 1:
             return place_slot(found[0], doubts)
-        return Slot('R', Tagged(value), 'G', tuple(NamedPlace(one.name) for one in found), doubts)
-    if lexeme.kind == UNKNOWN and len(str(value)) >= SHORTEST_PART:
+        members = tuple(NamedPlace(one.name) for one in found)
+        return Slot('R', regions.Tagged(value), 'G', members, doubts)
+    if lexeme.kind == 'UNKNOWN' and len(str(value)) >= SHORTEST_PART:
         return named_in_part(str(value), places)
     return None
 

@@ -8,8 +8,6 @@ sentence, `V R1 R2 ) V R3 )` visits two in any order and then a third, `W` makes
 follows. Slots are regions R, lengths L, sides S and counts K, numbered as in the sentence.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

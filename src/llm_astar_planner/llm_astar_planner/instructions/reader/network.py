@@ -7,8 +7,6 @@ Its weights are `reader.npz`, which `training/llm_astar_reader` makes. Every tok
 is one that the language of meanings allows there, of slots that the sentence has.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path

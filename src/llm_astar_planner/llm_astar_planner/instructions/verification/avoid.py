@@ -3,8 +3,6 @@
 
 """avoid: the metres of the path in a region and its margin."""
 
-from __future__ import annotations
-
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.verification.geometry import EDGE, total
@@ -30,7 +28,7 @@ def check(measurement: Measurement, clause: Avoid, _: int) -> ClauseOutcome:
     if metres <= NEGLIGIBLE and not ends_inside:
         off = '' if measurement.on_map(area) else ', the region lies off the map'
         return kept(clause, f'0.0 m inside{off}')
-    reference, where = measurement.reference, measurement.first_point(spans)
+    reference, where = measurement.reference, measurement.path.point(float(spans[0, 0]))
     impossible = ends_inside or (
         reference.small_enough and reference.separates(reference.inside(area))
     )

@@ -3,8 +3,6 @@
 
 """before: the path enters the second region only after it has visited the first."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from llm_astar_planner.instructions.clauses.before import Before

@@ -3,8 +3,6 @@
 
 """end_at: how far the last point of the path is from a region."""
 
-from __future__ import annotations
-
 import math
 
 from llm_astar_planner.instructions.clauses.end_at import EndAt

@@ -3,8 +3,6 @@
 
 """keep_distance: how near the path comes to a region, or to the walls."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -42,7 +40,8 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     path keeps the distance, the greatest that one keeps is as far as possible; of a wish, the
     least length that is nearer, too.
     """
-    path, target = measurement.path, target_of(measurement, clause)
+    path, region = measurement.path, clause.region
+    target = measurement.sized(region).area if region else measurement.walls.zone(0.0)
     limit = clause.metres - short_by(clause.metres)
     nearest = target.distance(path.shape)
     if nearest >= limit - EDGE:
@@ -63,11 +62,6 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
             detail += f', {length_text(nearest)} away at {point_text(where)}'
             return broken(clause, detail, metres, where, least, is_least=True)
     return fall_short(measurement, clause, target, middle if len(middle) else spans)
-
-
-def target_of(measurement: Measurement, clause: KeepDistance) -> Area:
-    """Return what the distance is kept from. Raises RegionError."""
-    return measurement.sized(clause.region).area if clause.region else measurement.walls.zone(0.0)
 
 
 def short_by(metres: float) -> float:

@@ -3,8 +3,6 @@
 
 """What every check of a clause needs: the path, the map, and how an outcome is worded."""
 
-from __future__ import annotations
-
 import math
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,13 +16,7 @@ from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.regions import Region
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification.geometry import (
-    ROUNDING,
-    Area,
-    Polyline,
-    Spans,
-    polyline,
-)
+from llm_astar_planner.instructions.verification import geometry
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.regions import RegionError, Regions, Resolved
 from llm_astar_planner.instructions.verification.walls import Walls
@@ -42,19 +34,19 @@ class Measurement:
     """One path, held against the clauses of one specification."""
 
     specification: Specification
-    path: Polyline
+    path: geometry.Polyline
     route: Route
     deadline: float = math.inf
 
     @cached_property
-    def drive(self) -> Polyline:
+    def drive(self) -> geometry.Polyline:
         """The way driven so far and then the path: what order and number are judged on."""
-        return polyline(np.concatenate((self.route.driven, self.path.corners)))
+        return geometry.polyline(np.concatenate((self.route.driven, self.path.corners)))
 
     @cached_property
     def begin(self) -> float:
         """Where on the drive the path begins."""
-        return polyline(np.concatenate((self.route.driven, self.path.corners[:1]))).length
+        return geometry.polyline(np.concatenate((self.route.driven, self.path.corners[:1]))).length
 
     @cached_property
     def walls(self) -> Walls:
@@ -72,7 +64,7 @@ class Measurement:
         return Reference(self.route, self.walls, self.end, self.deadline)
 
     @cached_property
-    def end(self) -> Area | None:
+    def end(self) -> geometry.Area | None:
         """Where a clause asks the path to end, None without such a clause."""
         for clause in reversed(self.specification.clauses):
             if isinstance(clause, EndAt):
@@ -96,20 +88,20 @@ class Measurement:
         require_size(found.area)
         return found
 
-    def ends_in(self, spans: Spans) -> list[bool]:
+    def ends_in(self, spans: geometry.Spans) -> list[bool]:
         """Tell for the ends that every path has whether spans of this one hold them.
 
         The first point, and the last unless a clause sets it.
         """
         first, last = (spans[0, 0], spans[-1, 1]) if len(spans) else (math.inf, -math.inf)
-        ends = [first <= ROUNDING, last >= self.path.length - ROUNDING]
+        ends = [first <= geometry.ROUNDING, last >= self.path.length - geometry.ROUNDING]
         return ends if self.end is None else ends[:1]
 
-    def on_map(self, area: Area) -> bool:
+    def on_map(self, area: geometry.Area) -> bool:
         """Tell whether any of an area lies on the map."""
         return area.wall_distance > 0.0 or area.distance(self.regions.map_outline) <= 0.0
 
-    def unreachable_reason(self, area: Area) -> str:
+    def unreachable_reason(self, area: geometry.Area) -> str:
         """Say why no path can touch an area, '' if one can."""
         if not area.has_size:
             return NO_AREA
@@ -143,17 +135,13 @@ class Measurement:
             how = {'is_least': metres <= self.allowed(least)}
         return broken(clause, detail, metres, where, least, **how)
 
-    def first_point(self, spans: Spans) -> Point:
-        """Return the point of the path at which spans begin."""
-        return self.path.point(float(spans[0, 0]))
-
     def place_text(self, place: float) -> str:
         """Return a place of the drive as details show it: '4.1, 3.0', and if it was driven."""
         driven = ' on the way driven' if place < self.begin else ''
         return point_text(self.drive.point(place)) + driven
 
 
-def require_size(area: Area) -> None:
+def require_size(area: geometry.Area) -> None:
     """Raise RegionError for an area in which no path can lie."""
     if not area.has_size:
         raise RegionError(NO_AREA)

@@ -3,8 +3,6 @@
 
 """never_after: no part of the path is in the second region once it has entered the first."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 
 """pass: where the path crosses the rays from an object to its sides."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

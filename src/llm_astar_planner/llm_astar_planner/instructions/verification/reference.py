@@ -8,8 +8,6 @@ lie in a region. They run only where a path is not beyond doubt already; on a ma
 cells one takes some tenths of a second.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import dataclass

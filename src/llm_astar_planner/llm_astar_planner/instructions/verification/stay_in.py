@@ -3,8 +3,6 @@
 
 """stay_in: the metres of the path outside of a region."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from llm_astar_planner.instructions.clauses.stay_in import StayIn

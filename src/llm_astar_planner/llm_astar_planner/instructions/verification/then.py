@@ -3,8 +3,6 @@
 
 """then: whenever the path is in the first region it visits the second one later, or there."""
 
-from __future__ import annotations
-
 import math
 
 from llm_astar_planner.instructions.clauses.then import Then

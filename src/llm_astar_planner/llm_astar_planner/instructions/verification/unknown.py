@@ -3,8 +3,6 @@
 
 """unknown: nothing is claimed of words that were not understood."""
 
-from __future__ import annotations
-
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.verification.measurement import Measurement

@@ -3,8 +3,6 @@
 
 """unsupported: nothing is claimed of what a path does not have."""
 
-from __future__ import annotations
-
 from llm_astar_planner.instructions.clauses.unsupported import Unsupported
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.verification.measurement import Measurement

@@ -3,8 +3,6 @@
 
 """visit: the places of the path at which it visits regions, in their turn."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import suppress

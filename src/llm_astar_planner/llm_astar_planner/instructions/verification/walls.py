@@ -16,19 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.verification.geometry import (
-    EDGE,
-    NOTHING,
-    Area,
-    Polyline,
-    Spans,
-    Stretches,
-    Vectors,
-    in_box,
-    in_disc,
-    joined,
-    polyline,
-)
+from llm_astar_planner.instructions.verification import geometry
+from llm_astar_planner.instructions.verification.geometry import Spans, Stretches, Vectors
 from llm_astar_planner.lazy import ndimage
 
 
@@ -49,9 +38,9 @@ class Walls:
     def _tree(self) -> shapely.STRtree:
         return shapely.STRtree(shapely.box(*self._boxes.T))
 
-    def _in_cells(self, points: ArrayLike) -> Polyline:
+    def _in_cells(self, points: ArrayLike) -> geometry.Polyline:
         """Return a path in metres as one in cells."""
-        return polyline(self._grid_map.world_to_grid(points))
+        return geometry.polyline(self._grid_map.world_to_grid(points))
 
     @property
     def exist(self) -> bool:
@@ -84,7 +73,7 @@ class Walls:
         x, y = self._grid_map.grid_to_world(shapely.get_coordinates(segment)[:1])[0]
         return float(away.min()), (float(x), float(y))
 
-    def spans(self, path: Polyline, metres: float) -> Spans:
+    def spans(self, path: geometry.Polyline, metres: float) -> Spans:
         """Return where a path is at most `metres`, above 0, from the walls.
 
         All that is so near to one rectangle is convex: two rectangles and four discs.
@@ -95,12 +84,12 @@ class Walls:
 
         def parts(begins: Vectors, ahead: Vectors) -> Iterator[Stretches]:
             for grown in ((radius, 0.0), (0.0, radius)):
-                yield in_box(ahead, low - begins - grown, high - begins + grown)
+                yield geometry.in_box(ahead, low - begins - grown, high - begins + grown)
             for x, y in product((low[:, 0], high[:, 0]), (low[:, 1], high[:, 1])):
-                yield in_disc(ahead, np.column_stack((x, y)) - begins, radius)
+                yield geometry.in_disc(ahead, np.column_stack((x, y)) - begins, radius)
 
         spans = cells.spans_in_convex(segment, parts)
-        return joined(spans) * self._grid_map.resolution
+        return geometry.joined(spans) * self._grid_map.resolution
 
     def outline(self, metres: float) -> BaseGeometry:
         """Return everything within `metres` of the walls as a polygon, to draw."""
@@ -110,7 +99,7 @@ class Walls:
 
     def zone(self, metres: float) -> WallZone:
         """Return everything within `metres`, above 0, of the walls."""
-        return WallZone(NOTHING, np.empty((0, 3)), self, metres)
+        return WallZone(geometry.NOTHING, np.empty((0, 3)), self, metres)
 
     @cached_property
     def centre_distances(self) -> NDArray[np.float64]:
@@ -132,7 +121,7 @@ class Walls:
 
 
 @dataclass(frozen=True, eq=False)
-class WallZone(Area):
+class WallZone(geometry.Area):
     """All that is at most `metres` from the walls."""
 
     walls: Walls
@@ -161,13 +150,13 @@ class WallZone(Area):
         """Return all points that are `by` metres nearer to the walls."""
         return self.walls.zone(self.metres - by)
 
-    def spans(self, path: Polyline) -> Spans:
+    def spans(self, path: geometry.Polyline) -> Spans:
         """Return where a path lies in it."""
         return self.walls.spans(path, self.metres)
 
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
-        return self.walls.distances(points) <= self.metres + EDGE
+        return self.walls.distances(points) <= self.metres + geometry.EDGE
 
     def distance(self, shape: BaseGeometry) -> float:
         """Return the metres from a point or a line to it, inf without walls."""

@@ -123,13 +123,10 @@ class Bond:
         """Publish a heartbeat, or the end of the bond."""
         seconds, nanoseconds = divmod(time.monotonic_ns(), 1_000_000_000)
         status = Status(
-            header=Header(stamp=Time(sec=seconds, nanosec=nanoseconds)),
-            id=self._id,
-            instance_id=self._instance_id,
-            active=is_active,
-            heartbeat_timeout=HEARTBEAT_TIMEOUT_S,
-            heartbeat_period=self._period,
-        )
+            header=Header(stamp=Time(sec=seconds, nanosec=nanoseconds)), id=self._id,
+            instance_id=self._instance_id, active=is_active,
+            heartbeat_timeout=HEARTBEAT_TIMEOUT_S, heartbeat_period=self._period,
+        )  # fmt: skip
         self._publisher.publish(status)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The publishers, subscriptions and services of one part of a node, closed together."""
+"""The publishers, subscriptions and services of one part of a node, and calls of services."""
 
 from __future__ import annotations
 
@@ -9,17 +9,21 @@ import contextlib
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
+from rcl_interfaces.srv import SetParameters
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
+from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities, Waitable
 
 from llm_astar_planner.nodes.common.qos import CALLS
@@ -28,6 +32,8 @@ _T = TypeVar('_T')
 # Requests of one service that wait at most, and that are taken before they are looked at.
 MOST_WAITING, MOST_AT_ONCE = 128, 1024
 QUIET_SECONDS = 1.0
+# Seconds without a response after which a service is asked again; twice as long each time.
+ASK_AGAIN_S = 3.0
 
 
 class Entities:
@@ -171,19 +177,17 @@ class QueuedService(Waitable):
             self._waiting += count
         with contextlib.suppress(RuntimeError):  # of a pool that was closed meanwhile
             for one in taken[:count]:
-                self._pool.submit(self._serve, *one, now)
+                self._pool.submit(self._respond, [one], now)
         if refused := taken[count:]:
             busy = f'busy: {MOST_WAITING} requests are waiting; {len(refused)} more were refused'
             self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
             self._respond(refused, now, busy)
 
-    def _serve(self, request: Any, header: Any, arrived: float) -> None:  # noqa: ANN401
-        with self._lock:
-            self._waiting -= 1
-        self._respond([(request, header)], arrived, '')
-
-    def _respond(self, requests: list[tuple[Any, Any]], arrived: float, busy: str) -> None:
+    def _respond(self, requests: list[tuple[Any, Any]], arrived: float, busy: str = '') -> None:
         """Answer the first request, and all with its response."""
+        if not busy:
+            with self._lock:
+                self._waiting -= 1
         try:
             response = self._answer(requests[0][0], self._kind.Response(), arrived, busy)
             for _, header in requests:
@@ -193,3 +197,32 @@ class QueuedService(Waitable):
         except Exception:  # noqa: BLE001 - its thread serves others too
             if self._context.ok():  # else the process ends, and nobody is told
                 self._logger.error(traceback.format_exc())
+
+
+def ask(client: Client, request: Any, seconds: float, ask_again: float = ASK_AGAIN_S) -> Any:  # noqa: ANN401 - any service
+    """Return the first response to a request, None if none comes within `seconds`.
+
+    The request is sent again after `ask_again` seconds, so it must do no harm twice: a service
+    that has not discovered its caller yet, while the caller has discovered it, drops the response.
+    The caller's node has to be spun by somebody else.
+    """
+    deadline = time.monotonic() + seconds
+    done = threading.Event()
+    asked: list[Future] = []
+    try:
+        while not asked or time.monotonic() < deadline:
+            asked.append(client.call_async(request))
+            asked[-1].add_done_callback(lambda _: done.set())
+            if done.wait(max(0.0, min(ask_again, deadline - time.monotonic()))):
+                return next(future for future in asked if future.done()).result()
+            ask_again *= 2.0
+        return None
+    finally:
+        for future in asked:
+            client.remove_pending_request(future)
+
+
+def setting(values: Mapping[str, Any]) -> SetParameters.Request:
+    """Return the request that sets parameters."""
+    parameters = [Parameter(name, value=value) for name, value in values.items()]
+    return SetParameters.Request(parameters=[one.to_parameter_msg() for one in parameters])

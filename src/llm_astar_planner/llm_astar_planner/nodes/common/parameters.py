@@ -19,8 +19,15 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
-from llm_astar_planner.planning.parameter_file import WILDCARDS, check_sections, read_sections
-from llm_astar_planner.planning.parameters import NODES, OTHERS, ROS_NAMES, check_names
+from llm_astar_planner.planning.parameters import (
+    NODES,
+    OTHERS,
+    ROS_NAMES,
+    WILDCARDS,
+    check_names,
+    check_sections,
+    read_sections,
+)
 
 # What a node with Parameters is made with.
 OVERRIDES = {'automatically_declare_parameters_from_overrides': True}

@@ -9,6 +9,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any
 
@@ -80,15 +81,18 @@ class QuestionServer:
         """Answer a question, or have it answered."""
         self.pace()
         asked = Question(message.data)
-        try:
-            asked = parse_question(message.data, self._limit)
-            question = Question(clean_instruction(asked.text), asked.id, asked.places)
-            reading = self._interpret(question, partial(self.answer, asked))
-        except LlmAstarError as error:
-            self.publish(error_text(asked, error))
-            return
-        if not (self._waits and reading.status is Understanding.PENDING):
-            self.answer(asked, reading)
+        # What is found out later, on another thread, is not said before what is known now.
+        turn = threading.RLock()
+        with turn:
+            try:
+                asked = parse_question(message.data, self._limit)
+                question = Question(clean_instruction(asked.text), asked.id, asked.places)
+                reading = self._interpret(question, partial(self.answer, asked, turn))
+            except LlmAstarError as error:
+                self.publish(error_text(asked, error))
+                return
+            if not (self._waits and reading.status is Understanding.PENDING):
+                self.answer(asked, turn, reading)
 
     def pace(self) -> None:
         """Wait where questions come faster than they may."""
@@ -96,9 +100,15 @@ class QuestionServer:
         self._due = max(self._due + 1.0 / RATE, now - BURST / RATE)
         time.sleep(max(0.0, self._due - now))
 
-    def answer(self, question: Question, interpretation: Interpretation) -> None:
-        """Publish the answer to a question."""
-        self.publish(answer_text(question, interpretation))
+    def answer(
+        self,
+        question: Question,
+        turn: AbstractContextManager[object],
+        interpretation: Interpretation,
+    ) -> None:
+        """Publish an answer to a question, in its turn."""
+        with turn:
+            self.publish(answer_text(question, interpretation))
 
     def publish(self, text: str) -> None:
         """Publish a text, unless the node has ended meanwhile."""
@@ -122,20 +132,18 @@ class InterpretationServer:
     def __init__(self, entities: Entities, interpreter: Interpreter) -> None:
         """Serve."""
         self._logger = entities.node.get_logger()
-        self._local = make_interpreter({})
         self._interpreter = interpreter
-        self._background = BackgroundInterpreter(self._local, interpreter, LIMIT_S)
+        self._background = BackgroundInterpreter(make_interpreter({}), interpreter, LIMIT_S)
         self._geojson: Mapping[str, Any] | None = None
         self._places = NO_PLACES
         QuestionServer(entities, self.interpret, limit=MAX_QUESTION_WITH_PLACES, waits=True)
-        entities.on_close(lambda: self._background.close())  # noqa: PLW0108 - it is replaced
+        entities.on_close(self._background.close)
 
     def adopt(self, interpreter: Interpreter) -> None:
-        """Ask this interpreter from now on; questions that wait for another are dropped."""
+        """Ask this interpreter from now on."""
         if interpreter is not self._interpreter:
-            before, self._interpreter = self._background, interpreter
-            self._background = BackgroundInterpreter(self._local, interpreter, LIMIT_S)
-            before.close()
+            self._interpreter = interpreter
+            self._background.ask(interpreter)
 
     def interpret(self, question: Question, on_answer: OnAnswer) -> Interpretation:
         """Return what is understood here. Raises PlacesError for the question's places."""

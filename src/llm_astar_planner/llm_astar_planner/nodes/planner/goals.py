@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration
@@ -77,11 +77,6 @@ class PlanGoal:
     viapoints: tuple[PoseStamped, ...] = ()
     client: str = ''
 
-    @property
-    def is_of_action(self) -> bool:
-        """Whether one of Nav2's actions was called."""
-        return self.client in ACTION_NAMES
-
 
 class CancellationToken:
     """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs.
@@ -141,8 +136,20 @@ class PlanResponse:
     map_age: float | None = None
 
 
-# Plans for a goal: PlannerNode.answer_goal.
+# Plans for a goal: RequestHandler.answer.
 Answer = Callable[..., PlanResponse]
+
+
+class GoalTaker(Protocol):
+    """What takes goals while it is active, and answers each; it never raises."""
+
+    @property
+    def answer(self) -> Answer:
+        """Plans for a goal."""
+
+    @property
+    def is_active(self) -> bool:
+        """Whether goals are taken."""
 
 
 def refusal(code: ResultCode, message: str) -> Plan:
@@ -150,10 +157,8 @@ def refusal(code: ResultCode, message: str) -> Plan:
     return Plan(code, message, '', (0, 0), (0, 0), np.zeros((0, 0), dtype=np.bool_))
 
 
-def serve_goals(
-    entities: Entities, answer: Answer, is_active: Callable[[], bool], introspection: str
-) -> None:
-    """Serve `~/get_plan` and Nav2's path actions; goals of these are taken while `is_active()`.
+def serve_goals(entities: Entities, taker: GoalTaker, introspection: str) -> None:
+    """Serve `~/get_plan` and Nav2's path actions.
 
     `introspection` is one of INTROSPECTION_STATES, for `~/get_plan`. Nothing that takes long to
     import is needed.
@@ -164,14 +169,14 @@ def serve_goals(
     ) -> GetPlan.Response:
         tolerance = float(request.tolerance)
         goal = PlanGoal((request.goal,), request.start, tolerance, client=GET_PLAN)
-        response.plan = answer(goal, CancellationToken(arrived, busy)).path
+        response.plan = taker.answer(goal, CancellationToken(arrived, busy)).path
         return response
 
     calls = QueuedService(entities, GetPlan, GET_PLAN, on_get_plan, threads=CALLERS)
     state = INTROSPECTION_STATES[introspection]
     calls.service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():
-        PathAction(entities, kind, name, answer, is_active)
+        PathAction(entities, kind, name, taker)
     served = 'with' if ACTIONS else 'without nav2_msgs, so without'
     entities.node.get_logger().info(f"{served} Nav2's planner actions")
 
@@ -239,31 +244,23 @@ class PathAction:
         entities: Entities,
         kind: Any,  # noqa: ANN401 - an action type
         name: str,
-        answer: Answer,
-        is_active: Callable[[], bool],
+        taker: GoalTaker,
     ) -> None:
-        """Serve the action; goals are taken while `is_active()`."""
+        """Serve the action."""
         self._kind, self._name = kind, name
         self._logger = entities.node.get_logger()
-        self._answer, self._is_active = answer, is_active
+        self._taker = taker
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
         server = ActionServer(
-            entities.node,
-            kind,
-            name,
-            self.execute,
+            entities.node, kind, name, self.execute,
             # One at a time: in a reentrant group, goals sent one right after the other may be
             # accepted in another order, and the newest be preempted. Plans run outside of it.
-            callback_group=MutuallyExclusiveCallbackGroup(),
-            goal_callback=self.on_goal,
-            handle_accepted_callback=self.on_accepted,
-            cancel_callback=self.on_cancel,
-            result_timeout=RESULT_SECONDS,
-            goal_service_qos_profile=CALLS,
-            result_service_qos_profile=CALLS,
-            cancel_service_qos_profile=CALLS,
-        )
+            callback_group=MutuallyExclusiveCallbackGroup(), goal_callback=self.on_goal,
+            handle_accepted_callback=self.on_accepted, cancel_callback=self.on_cancel,
+            result_timeout=RESULT_SECONDS, goal_service_qos_profile=CALLS,
+            result_service_qos_profile=CALLS, cancel_service_qos_profile=CALLS,
+        )  # fmt: skip
         entities.on_close(server.destroy)
         entities.on_close(lambda: self._slot.cancel('the node ends'))
 
@@ -273,7 +270,8 @@ class PathAction:
         if is_busy:
             busy = f'{self._name}: busy: {len(self._tokens)} goals are waiting'
             self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
-        return GoalResponse.ACCEPT if self._is_active() and not is_busy else GoalResponse.REJECT
+        is_taken = self._taker.is_active and not is_busy
+        return GoalResponse.ACCEPT if is_taken else GoalResponse.REJECT
 
     def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Cancel the previous goal and execute this one."""
@@ -293,7 +291,7 @@ class PathAction:
         """Plan for a goal and finish it."""
         goal, token = plan_goal(handle.request, self._name), self.token_of(handle)
         feedback = self._kind.Feedback()
-        response = self._answer(goal, token, lambda: handle.publish_feedback(feedback))
+        response = self._taker.answer(goal, token, lambda: handle.publish_feedback(feedback))
         if token.reason == CANCELED:
             wait_for_cancel(handle)
         if handle.is_cancel_requested:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,33 +46,27 @@ class ValidityError(LlmAstarError, ValueError):
     """A path that cannot be checked; the message says why."""
 
 
+@dataclass(eq=False)
 class PathValidityService:
     """Tells whether a path, of any planner, can still be followed on the newest map.
 
-    That is the newest map that has arrived, although it may not be ready to be planned on: a
-    behaviour tree waits 20 ms for the answer. Nothing is waited for.
+    That is what `newest` returns: the newest map that has arrived, although it may not be ready to
+    be planned on: a behaviour tree waits 20 ms for the answer. Nothing is waited for. Where there
+    is no polygon, the robot is a disc of the costmap's radius.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        settings: Parameters,
-        frames: Frames,
-        newest: Callable[[], tuple[Costmap, CollisionChecker] | None],
-        footprint: RobotFootprint,
-    ) -> None:
-        """Serve `is_path_valid` if nav2_msgs is installed, on what `newest` returns.
+    entities: Entities
+    settings: Parameters
+    frames: Frames
+    newest: Callable[[], tuple[Costmap, CollisionChecker] | None]
+    footprint: RobotFootprint
 
-        Where there is no polygon, the robot is a disc of the costmap's radius.
-        """
-        self._settings = settings
-        self._frames = frames
-        self._newest = newest
-        self._logger = entities.node.get_logger()
-        self._footprint = footprint
+    def __post_init__(self) -> None:
+        """Serve `is_path_valid` if nav2_msgs is installed."""
+        self._logger = self.entities.node.get_logger()
         if IsPathValid is not None:
             checks = MutuallyExclusiveCallbackGroup()
-            entities.service(IsPathValid, 'is_path_valid', self.fill, checks)
+            self.entities.service(IsPathValid, 'is_path_valid', self.fill, checks)
 
     def fill(self, request: Any, response: Any) -> Any:  # noqa: ANN401 - IsPathValid's
         """Fill the response, checking from the pose nearest to the robot on, if that is known.
@@ -99,7 +93,7 @@ class PathValidityService:
 
         Raises ValidityError, FrameError, GridMapError, FootprintError.
         """
-        newest = self._newest()
+        newest = self.newest()
         if newest is None:
             raise ValidityError('no map has arrived yet')
         if not request.path.poses:
@@ -120,7 +114,7 @@ class PathValidityService:
             checker = point_checker(costmap)
         cells = costmap.grid_map.world_to_cells(ahead[:, :2])
         invalid = invalid_poses(cells, checker, allow_unknown=allow_unknown, cost_limit=limit)
-        footprint = own or self._footprint.current
+        footprint = own or self.footprint.current
         if footprint is not None:
             allowed = allow_unknown and costmap.config.allow_unknown
             body = FootprintChecker(costmap, footprint, allow_unknown=allowed)
@@ -144,7 +138,7 @@ class PathValidityService:
         for name in set(names):
             if name in ('', frame_id):
                 continue
-            matrix = self._frames.matrix(name, frame_id, 'path')
+            matrix = self.frames.matrix(name, frame_id, 'path')
             of_frame = np.array([one == name for one in names])
             poses[of_frame] = moved_poses(poses[of_frame], matrix)
         return poses
@@ -152,7 +146,7 @@ class PathValidityService:
     def first_index(self, poses: NDArray[np.float64], frame_id: str) -> int:
         """Return the index of the pose [n, 3] nearest to the robot, 0 if that is not known."""
         try:
-            robot = self._frames.robot(self._settings['robot_base_frame'], frame_id)
+            robot = self.frames.robot(self.settings['robot_base_frame'], frame_id)
         except (FrameError, GridMapError):
             return 0
         return nearest_pose(poses[:, :2], robot.x, robot.y)

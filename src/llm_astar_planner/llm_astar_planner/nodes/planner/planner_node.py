@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.srv import ChangeState
@@ -22,7 +22,7 @@ from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.spin import RCLError, run_node
 from llm_astar_planner.nodes.planner.goals import (
     CALLERS,
-    CancellationToken,
+    Answer,
     PlanGoal,
     PlanResponse,
     refusal,
@@ -52,6 +52,8 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._goals: Entities | None = None
         self._server: PlannerServer | None = None
         self._problem = ''
+        # Plans for a goal. Those that come before the start wait for it.
+        self.answer: Answer = self.answer_after_start
         # What both the executor and the thread that ends the process change.
         self._lock = threading.RLock()
         self._is_leaving = False
@@ -84,20 +86,13 @@ class PlannerNode(LifecycleNodeMixin, Node):
             self._server is not None and self._server.handler.is_active
         )
 
-    def answer_goal(
-        self,
-        goal: PlanGoal,
-        token: CancellationToken | None = None,
-        on_better: Callable[[], None] | None = None,
-    ) -> PlanResponse:
-        """Plan, publish and watch the path; never raises. See RequestHandler.answer."""
+    def answer_after_start(self, goal: PlanGoal, *arguments: Any) -> PlanResponse:  # noqa: ANN401 - see RequestHandler.answer
+        """Answer a goal as `RequestHandler.answer` does, once the node is configured."""
         self._started.wait()
         server = self._server
         if server is None:
             return PlanResponse(goal, refusal(ResultCode.UNKNOWN, NOT_CONFIGURED), Path())
-        response = server.handler.answer(goal, token, on_better)
-        server.monitor.watch(response)
-        return response
+        return server.handler.answer(goal, *arguments)
 
     def start(self) -> None:
         """Configure and activate. Raises ParameterError if that fails."""
@@ -137,20 +132,19 @@ class PlannerNode(LifecycleNodeMixin, Node):
         with self._lock:
             self._goals = Entities(self)
             introspection = self._settings['introspection_mode']
-            serve_goals(self._goals, self.answer_goal, lambda: self.is_active, introspection)
-        from llm_astar_planner.nodes.planner.planner_server import (  # noqa: PLC0415
-            PlannerServer,
-        )
+            serve_goals(self._goals, self, introspection)
+        from llm_astar_planner.nodes.planner.planner_server import PlannerServer  # noqa: PLC0415
 
         with self._lock:
             if self._is_leaving:
                 raise ExternalShutdownException
-            self._server = PlannerServer(self, self._settings, self.answer_goal)
+            self._server = PlannerServer(self, self._settings, self)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Answer goals."""
         if self._server is not None:
             self._server.activate()
+            self.answer = self._server.handler.answer
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -188,6 +182,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         """Leave the graph, but for the lifecycle services."""
         with self._lock:
             if self._server is not None:
+                self.answer = self.answer_after_start
                 self._server.close()
                 self._server = None
             if self._goals is not None:

@@ -26,7 +26,12 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
-from llm_astar_planner.nodes.planner.goals import GOAL_POSE, Answer, PlanGoal, PreemptingGoalSlot
+from llm_astar_planner.nodes.planner.goals import (
+    GOAL_POSE,
+    GoalTaker,
+    PlanGoal,
+    PreemptingGoalSlot,
+)
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
@@ -39,7 +44,6 @@ from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
 from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
-from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
@@ -51,16 +55,15 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: Node, settings: Parameters, answer: Answer) -> None:
-        """Join the graph, not active yet; `answer` takes the goals of RViz."""
+    def __init__(self, node: Node, settings: Parameters, taker: GoalTaker) -> None:
+        """Join the graph, not active yet; `taker` answers the goals of RViz."""
         self._node = node
-        self._answer = answer
+        self._taker = taker
         self._settings = settings
         self._entities = entities = Entities(node)
         self._goals = PreemptingGoalSlot()
         self._bond: Bond | None = None
         self._initial_pose: PoseStamped | None = None
-        self._cache: CachedWaypointSource | None = None
         self._places = PlacesServer(entities, settings)
         self._instructions = InstructionServer(
             entities, settings, lambda: self._places.places, self.on_understood,
@@ -68,14 +71,10 @@ class PlannerServer:
         )  # fmt: skip
         name = settings['llm_client']
         self._client = WaypointClient(entities, name, self.on_client_change) if name else None
-        self._cache = CachedWaypointSource(self._client) if self._client else None
         compiler = self.make_compiler()
         frames = listen(entities)
         self._maps = MapManager(
-            node.get_logger(),
-            lambda: costmap_config(settings.values()),
-            self.on_planner,
-            compiler,
+            node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner, compiler
         )
         side = side_node(node, 'maps')
         entities.on_close(side.destroy_node)
@@ -83,24 +82,21 @@ class PlannerServer:
         self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
         replans = PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities, replans)
+        cache = self._client.cache if self._client else None
+        self.monitor = PathMonitor(
+            node.get_logger(), settings, self._maps, replans, cache, self._footprint
+        )
         self.handler = RequestHandler(
-            node,
-            settings,
-            self._maps,
-            RequestConverter(settings, frames, self._cache, self._footprint),
+            node=node,
+            settings=settings,
+            maps=self._maps,
+            converter=RequestConverter(settings, frames, self._client, self._footprint),
             compiler=compiler,
             publisher=self._publisher,
             instructions=self._instructions,
+            monitor=self.monitor,
         )
-        self.monitor = PathMonitor(
-            node,
-            settings,
-            self._maps,
-            self.handler,
-            replans=replans,
-            cache=self._cache,
-            footprint=self._footprint,
-        )
+        self.monitor.start(self.handler)
         self._diagnostics = DiagnosticsPublisher(entities, self.state)
         # Last of all: the executor may call back at once.
         self._instructions.start()
@@ -119,7 +115,7 @@ class PlannerServer:
         """Refuse goals from now on; cancel what is being planned."""
         self.handler.deactivate('the node was deactivated')
         # The path must not be replanned when the node is activated again.
-        self.monitor.forget()
+        self.monitor.tasks.put(self.monitor.forget)
         if self._bond is not None:
             self._bond.close()
             self._bond = None
@@ -136,7 +132,7 @@ class PlannerServer:
         token = self._goals.begin('a newer goal came')
         goal = PlanGoal((message,), fallback_start=self._initial_pose, client=GOAL_POSE)
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
-        self._node.executor.create_task(self._answer, goal, token)
+        self._node.executor.create_task(self._taker.answer, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
@@ -179,7 +175,7 @@ class PlannerServer:
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
         settings = self._settings.current
-        source = self._cache if settings['use_waypoints'] else None
+        source = self._client if settings['use_waypoints'] else None
         compiler = KernelCompiler(
             costmap_config(settings),
             PlanRequest((0, 0), (0, 0), source=source, **request_fields(settings)),
@@ -191,8 +187,8 @@ class PlannerServer:
     def on_client_change(self) -> None:
         """Drop the client's answers: it may answer differently from now on."""
         self._instructions.on_client_change()
-        if self._cache is not None:
-            self._cache.clear()
+        if self._client is not None:
+            self._client.cache.clear()
 
     def subscribe(self) -> None:
         """Subscribe."""

@@ -5,18 +5,23 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
+from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.markers import (
+    expanded_to_message,
+    reasons_to_markers,
+    waypoints_to_markers,
+)
 from llm_astar_msgs_adapter.messages.writing import (
     path_to_message,
     report_to_message,
@@ -30,17 +35,13 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSlot
-from llm_astar_planner.planning.endpoints import (
-    Ends,
-    ends_that_fit,
-    with_eased_ends,
-    with_exact_ends,
-)
 from llm_astar_planner.planning.footprint_search import FootprintSearch
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import (
     Plan,
     PlanRequest,
+    Point,
     ResultCode,
     finite_or_none,
     plan_report,
@@ -58,6 +59,15 @@ NEWER_PATH = 'a newer path was published'
 PERIOD_S = 1.0
 # Of the last plan, besides its code.
 LAST = ('guided_by', 'ratio', 'source_status', 'source_detail')
+
+# An end this near to the centre of its cell, in cells, is at it.
+AT_CENTRE = 1e-9
+# Ends of a path of one cell that are this near to each other, in cells, are the same place.
+SAME_PLACE = 1e-3
+# Points of a smooth path over which its ends are moved to where they have to be.
+EASED = 10
+# Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
+Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 
 
 class PathWriter:
@@ -152,6 +162,111 @@ class PathWriter:
         return path, (warning,)
 
 
+def with_exact_ends(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64] | None,
+    goal: NDArray[np.float64] | None,
+    checker: CollisionChecker,
+) -> NDArray[np.float64]:
+    """Return a path [n, 2] in grid coordinates that begins at `start` and ends at `goal`, [2].
+
+    These lie in the cells of its first and its last point; None leaves an end as it is. A path of
+    one cell leads from `start` straight to `goal`; where they are the same place it stays one
+    point.
+    """
+    if len(points) == 1:
+        ends = [end for end in (start, goal) if end is not None]
+        if len(ends) == 2 and np.abs(ends[1] - ends[0]).max() <= SAME_PLACE:
+            del ends[1]
+        return np.array(ends) if ends else points
+    if start is not None:
+        points = with_exact_goal(points[::-1], start, checker)[::-1]
+    return points if goal is None else with_exact_goal(points, goal, checker)
+
+
+def with_eased_ends(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64] | None,
+    goal: NDArray[np.float64] | None,
+    checker: CollisionChecker,
+) -> NDArray[np.float64]:
+    """Return a smooth path [n, 2] as `with_exact_ends` does, without a kink near its ends.
+
+    The first and the last EASED points, at most a cell apart, are moved, the less the farther on.
+    Where the path does not stay on free cells so, it is as `with_exact_ends` makes it.
+    """
+    eased, count = points.copy(), min(EASED, len(points) // 2)
+    shares = (1.0 - np.arange(count) / max(count, 1))[:, None]
+    if start is not None:
+        eased[:count] += shares * (start - points[0])
+    if goal is not None:
+        eased[len(eased) - count :] += shares[::-1] * (goal - points[-1])
+    eased = interpolate(eased)
+    if count and checker.is_free_curve(eased):
+        return eased
+    return with_exact_ends(points, start, goal, checker)
+
+
+def ends_that_fit(
+    points: NDArray[np.float64],
+    ends: Ends,
+    checker: CollisionChecker,
+    fits: Callable[[NDArray[np.float64]], bool],
+) -> Ends:
+    """Return the ends with which a path [n, 2] `fits`: both if possible, else one of them."""
+    start, goal = ends
+    for kept in (ends, (None, goal), (start, None)):
+        if fits(with_exact_ends(points, *kept, checker)):
+            return kept
+    return None, None
+
+
+def with_exact_goal(
+    points: NDArray[np.float64], goal: NDArray[np.float64], checker: CollisionChecker
+) -> NDArray[np.float64]:
+    """Return a path [n, 2] that ends at `goal`, [2], which lies in the cell of its last point.
+
+    The straight line to `goal` replaces the points in that cell if it passes through free cells
+    alone. Else it leads on from the last point, which never leaves the cell.
+    """
+    if np.abs(points[-1] - goal).max() <= AT_CENTRE:
+        return points
+    last = len(points) - 1
+    cell = cell_of(points[-1])
+    while last > 0 and cell_of(points[last]) == cell:
+        last -= 1
+    if not checker.is_free(crossed_cells(points[last], goal)):
+        last = len(points) - 1
+    return np.concatenate((points[: last + 1], goal[None]))
+
+
+def cell_of(point: NDArray[np.float64]) -> tuple[int, int]:
+    """Return the cell (x, y) of a point [2] in grid coordinates."""
+    x, y = point.tolist()
+    shift = 0.5 + BORDER_TOLERANCE
+    return math.floor(x + shift), math.floor(y + shift)
+
+
+def crossed_cells(begin: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the cells (x, y) that a straight line passes through, int64 [n, 2]: all of them.
+
+    `begin` and `end` [2] are points in grid coordinates.
+    """
+    (left, low), (right, high) = sorted((begin.tolist(), end.tolist()))
+    shift = 0.5 + BORDER_TOLERANCE
+    cells = []
+    for column in range(math.floor(left + shift), math.floor(right + shift) + 1):
+        # Where the line enters and leaves the column.
+        enters, leaves = low, high
+        if left < column - 0.5:
+            enters += (column - 0.5 - left) / (right - left) * (high - low)
+        if right > column + 0.5:
+            leaves += (column + 0.5 - right) / (right - left) * (high - low)
+        rows = sorted((math.floor(enters + shift), math.floor(leaves + shift)))
+        cells += [(column, row) for row in range(rows[0], rows[1] + 1)]
+    return np.array(cells, dtype=np.int64)
+
+
 class PlanPublisher:
     """The topics that plans are published on.
 
@@ -192,12 +307,7 @@ class PlanPublisher:
             self._plan.publish(path)
 
     def publish_report(
-        self,
-        response: PlanResponse,
-        stamp: Time,
-        *,
-        is_cancelled: bool,
-        is_routine: bool = False,
+        self, response: PlanResponse, stamp: Time, *, is_cancelled: bool, is_routine: bool = False
     ) -> None:
         """Count, publish and log the plan of a response.
 
@@ -261,6 +371,8 @@ class PlanPublisher:
             ]
             endpoints = (plan.start, plan.goal)
             markers = waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
+            reasons = reasons_of(plan, grid_map)
+            markers.markers += reasons_to_markers(reasons, grid_map.frame_id, stamp)
             self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
@@ -275,6 +387,13 @@ class PlanPublisher:
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
             if self._node.context.ok():
                 self._node.get_logger().error(traceback.format_exc())
+
+
+def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]]]:
+    """Yield the causes and ways of a plan by name, with their points in metres."""
+    yield from () if plan.why is None else plan.why.places()
+    for number, way in enumerate(plan.alternatives, start=1):
+        yield f'way {number}', grid_map.grid_to_world(way.path).tolist()
 
 
 class PlanStatistics:

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,12 +22,11 @@ from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from rclpy.node import Node
 
-from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
-from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
 from llm_astar_planner.nodes.planner.goals import (
+    ACTION_NAMES,
     GOAL_POSE,
     CancellationToken,
     PlanGoal,
@@ -33,7 +34,8 @@ from llm_astar_planner.nodes.planner.goals import (
     refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
-from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.map_manager import NOT_WAITED, CostmapWait, MapManager, Waited
+from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
@@ -76,18 +78,15 @@ class Job:
     begin: float
     limit: float
 
-    def goes_on(self) -> bool:
-        """Return True. Raises RequestError if the goal was cancelled."""
+    def goes_on(self, limit: float = math.inf) -> bool:
+        """Return True. Raises RequestError if it was cancelled, or `limit` seconds have passed."""
         if self.token.reason:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
-        return True
-
-    def begins(self, limit: float) -> None:
-        """Raise RequestError if its turn came after `limit` seconds, or it was cancelled."""
         seconds = time.monotonic() - self.begin
-        if self.goes_on() and seconds > limit:
+        if seconds > limit:
             message = f'its turn came after {seconds:.1f} s, and it has {limit:g} s'
             raise RequestError(ResultCode.TIMEOUT, message)
+        return True
 
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
@@ -107,21 +106,17 @@ class Converted(NamedTuple):
     goals: tuple[Pose2D, ...]
 
 
+@dataclass(eq=False)
 class RequestConverter:
-    """Converts goals under the node's parameters."""
+    """Converts goals under the node's parameters; `source` is asked for waypoints."""
 
-    def __init__(
-        self,
-        settings: Parameters,
-        frames: Frames,
-        source: WaypointSource | None,
-        footprint: RobotFootprint,
-    ) -> None:
-        """Take the parameters, the transforms, the waypoint source, and the robot's polygon."""
-        self._settings = settings
-        self._frames = frames
-        self._source = source
-        self._footprint = footprint
+    settings: Parameters
+    frames: Frames
+    source: WaypointSource | None
+    footprint: RobotFootprint
+
+    def __post_init__(self) -> None:
+        """Know no values of the parameters yet."""
         self._used: Mapping[str, Any] = {}
         self._fields: dict[str, Any] = {}
 
@@ -155,13 +150,13 @@ class RequestConverter:
             for name, pose in zip(names, [goal.start, *goal.goals, *goal.viapoints]):
                 if pose is None:
                     place = self.robot_pose(goal, grid_map.frame_id, may_wait)
-                elif goal.is_of_action and not pose.header.frame_id:
+                elif not pose.header.frame_id and goal.client in ACTION_NAMES:
                     # As in planner_server. Elsewhere no frame means that of the map.
                     raise FrameError(f'the {name} has no frame_id')
                 elif pose.header.frame_id in ('', grid_map.frame_id):
                     place = pose_from_message(pose.pose, name)
                 else:
-                    place = self._frames.locate(pose, grid_map.frame_id, name, may_wait)
+                    place = self.frames.locate(pose, grid_map.frame_id, name, may_wait)
                 places.append(place)
             cells = tuple(map(tuple, grid_map.world_to_cells(np.array(places)[:, :2]).tolist()))
         except FrameError as error:
@@ -173,7 +168,7 @@ class RequestConverter:
             raise RequestError(code, str(error)) from None
         start, goals = places[0], places[1 : last + 1]
         fields = self.fields(goal) | {'want_expanded': want_expanded, 'time_limit': time_left()}
-        if self._footprint.current is not None:
+        if self.footprint.current is not None:
             fields['start_pose'] = start
             if not self._used['use_final_approach_orientation']:
                 fields['goal_yaw'] = goals[-1].yaw
@@ -184,21 +179,21 @@ class RequestConverter:
 
     def robot_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the robot's pose, else the fallback start of a goal."""
-        base, fallback = self._settings['robot_base_frame'], goal.fallback_start
+        base, fallback = self.settings['robot_base_frame'], goal.fallback_start
         if fallback is None:
-            return self._frames.robot(base, frame_id, may_wait)
+            return self.frames.robot(base, frame_id, may_wait)
         try:
-            return self._frames.robot(base, frame_id)
+            return self.frames.robot(base, frame_id)
         except FrameError:
-            return self._frames.locate(fallback, frame_id, 'start', may_wait)
+            return self.frames.locate(fallback, frame_id, 'start', may_wait)
 
     def fields(self, goal: PlanGoal) -> dict[str, Any]:
         """Return what the parameters and a goal say of a request. Raises RequestError."""
-        settings = self._settings.current
+        settings = self.settings.current
         if settings is not self._used:
             self._used, self._fields = settings, request_fields(settings)
-            self._fields['source'] = self._source if settings['use_waypoints'] else None
-        fields = self._fields | {'footprint': self._footprint.current}
+            self._fields['source'] = self.source if settings['use_waypoints'] else None
+        fields = self._fields | {'footprint': self.footprint.current}
         if goal.planner_id not in OWN_IDS:
             fields['method'] = goal.planner_id
         if fields['method'] not in METHODS and SEARCH_METHODS.problem(fields['method']):
@@ -220,37 +215,32 @@ def way_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, .
     return goal.client, goal.planner_id, x, y
 
 
+@dataclass(eq=False, kw_only=True)
 class RequestHandler:
     """Answers any number of goals at a time, from any thread, while it `is_active`."""
 
-    def __init__(
-        self,
-        node: Node,
-        settings: Parameters,
-        maps: MapManager,
-        converter: RequestConverter,
-        *,
-        compiler: KernelCompiler,
-        publisher: PlanPublisher,
-        instructions: InstructionServer,
-    ) -> None:
-        """Take the parts it works with."""
-        self.is_active = False
+    node: Node
+    settings: Parameters
+    maps: MapManager
+    converter: RequestConverter
+    compiler: KernelCompiler
+    publisher: PlanPublisher
+    instructions: InstructionServer
+    monitor: PathMonitor
+    is_active: bool = False
+
+    def __post_init__(self) -> None:
+        """Have nothing to answer yet."""
         # No goal's time runs before the node is active and what a first plan takes is compiled.
         self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         self._ways = Ways()
         # How many plans began at each of the last times of the clock.
-        self._plans_at: Recent[int, int] = Recent(KEPT_TIMES)
-        self._node = node
-        self._settings = settings
-        self._maps = maps
-        self._waits = CostmapWait(maps, lambda: settings.current['costmap_update_timeout'])
-        self._compiler = compiler
-        self._converter = converter
-        self._publisher = publisher
-        self._instructions = instructions
+        self._plans_at: dict[int, int] = {}
+        self._waits = CostmapWait(
+            self.maps, lambda: self.settings.current['costmap_update_timeout']
+        )
         self._last: PlanResponse | None = None
 
     def activate(self) -> None:
@@ -282,32 +272,36 @@ class RequestHandler:
         """
         token = token or CancellationToken()
         stamp = self.next_stamp()
-        limit = self._settings.current['max_planning_time']
+        limit = self.settings.current['max_planning_time']
         job = Job(goal, token, stamp, max(token.arrived, self._ready_since), limit)
         with self._ended:
             self._running.add(token)
         try:
             try:
-                if self.is_active and not self._compiler.is_ready:
-                    self._compiler.wait(job.goes_on)
+                if not self.is_active:
+                    raise RequestError(ResultCode.UNKNOWN, INACTIVE)
+                if not self.compiler.is_ready:
+                    self.compiler.wait(job.goes_on)
                     self._ready_since = time.monotonic()
                     job = replace(job, begin=self._ready_since)
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
             except Exception as error:  # noqa: BLE001 - a robot waits for its answer
-                self._node.get_logger().error(traceback.format_exc())
+                self.node.get_logger().error(traceback.format_exc())
                 message = f'{type(error).__name__} while planning: see the log'
                 response = self.failed(job, ResultCode.UNKNOWN, message)
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
+            else:
+                self.monitor.tasks.put(partial(self.monitor.watch, response))
             self._last = response
-            self._publisher.publish_report(
+            self.publisher.publish_report(
                 response,
                 stamp,
                 is_cancelled=bool(token.reason),
-                is_routine=bool(replan_reason) or goal.is_of_action,
+                is_routine=bool(replan_reason) or goal.client in ACTION_NAMES,
             )
         finally:
             with self._ended:
@@ -329,10 +323,12 @@ class RequestHandler:
         Callers tell reports apart by it, and simulated time stands still between its messages and
         comes again when a simulation starts anew.
         """
-        now = self._node.get_clock().now().nanoseconds
+        now = self.node.get_clock().now().nanoseconds
         with self._ended:
             earlier = self._plans_at.get(now, 0)
             self._plans_at[now] = earlier + 1
+            if len(self._plans_at) > KEPT_TIMES:
+                del self._plans_at[next(iter(self._plans_at))]
         seconds, nanoseconds = divmod(now + earlier, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
@@ -340,51 +336,53 @@ class RequestHandler:
         self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
     ) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
-        if not self.is_active:
-            raise RequestError(ResultCode.UNKNOWN, INACTIVE)
-        job.begins(max(job.limit, self._settings.current['first_path_time_limit']))
-        waited, maps = NOT_WAITED, self._maps
+        job.goes_on(max(job.limit, self.settings.current['first_path_time_limit']))
+        waited, maps = NOT_WAITED, self.maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
-            self.check_age()
             # A replan follows a new map, and is no retry.
-            is_retry = not replan_reason and self._waits.is_retry(job.goal)
-            waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+            waited = self.wait_for_map(job, may_be_retry=not replan_reason)
             job = replace(job, begin=job.begin + waited.extra)
         newest = maps.newest
         if newest is None:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
-        request, start, goals = self._converter.to_request(
+        request, start, goals = self.converter.to_request(
             job.goal,
             planner.grid_map,
             job.search_seconds,
             job.may_wait,
-            want_expanded=self._publisher.wants_expanded,
+            want_expanded=self.publisher.wants_expanded,
         )
-        keeps_heading = self._settings.current['use_final_approach_orientation']
         writer = PathWriter(
-            planner, job.stamp, start, goals[-1], keeps_heading=keeps_heading, request=request
+            planner,
+            job.stamp,
+            start,
+            goals[-1],
+            keeps_heading=self.settings.current['use_final_approach_orientation'],
+            request=request,
         )
-        if self._instructions.current.instruction is not None:
-            request = self._instructions.add_to(request, planner, start, goals)
-        way = way_key(job.goal, goals[-1], planner.grid_map)
-        request = self._ways.add_to(request, way)
+        way: Hashable = None
+        if request.switch_margin:
+            way = way_key(job.goal, goals[-1], planner.grid_map)
+            request = self._ways.add_to(request, way)
+        if self.instructions.current.instruction is not None:
+            request = self.instructions.add_to(request, planner, start, goals)
         began = time.monotonic()
-        plans = planner.plans(request, job.token.stop)
+        # Who calls gets one path, and RViz shows that one; so where a way may be kept.
+        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
+        anytime = shows_better or on_better is not None
+        plans = planner.plans(request, job.token.stop, anytime=anytime)
         # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
         deadline = job.begin + job.limit
-        # Who calls gets one path, and RViz shows that one; so where a way may be kept.
-        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
         for plan in plans:
-            if plan.is_final or job.token.reason:
-                continue
-            if shows_better:
+            is_better = not (plan.is_final or job.token.reason)
+            if is_better and shows_better:
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
-                self._publisher.publish_path(path, is_replan=bool(replan_reason))
-            if on_better is not None:
+                self.publisher.publish_path(path, is_replan=bool(replan_reason))
+            if is_better and on_better is not None:
                 on_better()
         job.goes_on()
         # A first path that came late is written whole all the same.
@@ -394,11 +392,12 @@ class RequestHandler:
         job.goes_on()
         is_made = plan.code is ResultCode.NONE
         if is_made:
-            self._publisher.publish_path(path, is_replan=bool(replan_reason))
+            self.publisher.publish_path(path, is_replan=bool(replan_reason))
+        if is_made and request.switch_margin:
             self._ways.remember(plan, request, way, planner.costmap)
-            if request.instruction is not None:
-                self._instructions.follow(path)
-        self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
+        if is_made and request.instruction is not None:
+            self.instructions.follow(path)
+        self.publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
         if waited is not NOT_WAITED or left_out:
@@ -406,16 +405,18 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def check_age(self) -> None:
-        """Raise RequestError where the costmap has been silent for longer than it may be."""
-        limit = self._settings.current['costmap_timeout']
-        if limit > 0.0 and (problems := self._maps.arrivals.warnings(limit)):
+    def wait_for_map(self, job: Job, *, may_be_retry: bool) -> Waited:
+        """Wait for the map to plan on; raise RequestError where none has come for too long."""
+        limit = self.settings.current['costmap_timeout']
+        if limit > 0.0 and (problems := self.maps.arrivals.warnings(limit)):
             message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
             raise RequestError(ResultCode.TIMEOUT, message)
+        is_retry = may_be_retry and self._waits.is_retry(job.goal)
+        return self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
-        newest = self._maps.newest
+        newest = self.maps.newest
         frame_id = newest.planner.grid_map.frame_id if newest else ''
         path = path_to_message([], frame_id, job.stamp)
         return PlanResponse(job.goal, refusal(code, message), path, job.begin)

@@ -25,13 +25,13 @@ from rclpy.qos import qos_profile_parameter_events
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.asking import ask, setting
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import Entities, ask, setting
 from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
+from llm_astar_planner.planning.kept_way import WaypointCache
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
 from llm_astar_planner.planning.segment import snap
-from llm_astar_planner.waypoints.auto import best_source
+from llm_astar_planner.waypoints.auto import helps_on
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 LABEL = 'llm_client'
@@ -90,7 +90,10 @@ class WaypointClient:
         self._full_name = parent.resolve_service_name(client)
         self._rules = RemoteRules(self._node, self._full_name)
         self._on_change = on_change
-        self._is_auto = False
+        self.cache = WaypointCache(LABEL)
+        # Where the client chooses by the map to ask nobody it is asked on some maps only: that it
+        # does so is known from its first answer without a source.
+        self.helps_on: Callable[[Costmap], bool] | None = None
         self._node.create_subscription(
             ParameterEvent, '/parameter_events', self.on_event, qos_profile_parameter_events
         )
@@ -101,14 +104,11 @@ class WaypointClient:
         """Whether the client's service is there."""
         return bool(self._client.service_is_ready())
 
-    def helps_on(self, costmap: Costmap) -> bool:
-        """Tell whether the client is worth asking: not where it chooses by the map to ask nobody.
-
-        That it does is known from its first answer without a source.
-        """
-        return not self._is_auto or best_source(costmap) != 'none'
-
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the waypoints of the last plan to the goal if they hold, else ask the client."""
+        return self.cache.find(query) or self.ask(query)
+
+    def ask(self, query: WaypointQuery) -> WaypointReply:
         """Query the client; every failure is a status, within the query's time limit."""
         deadline = time.monotonic() + query.time_limit
         if self.ready:
@@ -127,7 +127,8 @@ class WaypointClient:
                 label=LABEL, status=failure.status, detail=str(failure), seconds=seconds
             )
         # Only `auto` answers so, and decides by the map alone.
-        self._is_auto = exchange is not None and exchange.status == SourceStatus.NONE.value
+        is_auto = exchange is not None and exchange.status == SourceStatus.NONE.value
+        self.helps_on = helps_on if is_auto else None
         places = query.grid_map.world_to_grid(path_from_message(path)).tolist()
         waypoints = tuple((snap(x), snap(y)) for x, y in places)
         return make_reply(waypoints, exchange, time.monotonic() - begin)
@@ -194,7 +195,7 @@ class WaypointClient:
         if event.node == self._full_name and not changed <= set(SET_BY_PLANNER):
             if event.new_parameters:
                 self._rules.reset()
-            self._is_auto = False
+            self.helps_on = None
             self._on_change()
 
 

@@ -206,7 +206,8 @@ class ZoneServer:
                 "transformed; leave it out if the zones are in the map's frame"
             )
         origin = self.pose_in(grid_map, Pose2D(0.0, 0.0), frame_id)
-        return replace(zone, geometry=shapely.transform(zone.geometry, origin.transform))
+        geometry = shapely.transform(zone.geometry, origin.transform)
+        return replace(zone, geometry=geometry, heading=zone.heading + math.degrees(origin.yaw))
 
     def add_text(self, text: str) -> str:
         """Add the zones of a GeoJSON text, in the place of those that have their ids.
@@ -219,7 +220,7 @@ class ZoneServer:
         said = f'added {named(zones)}; {len(self.zones)} in all'
         grid_map = self._grid_map
         if grid_map is not None:
-            off = [one for one in zones if not has_cells(window_of(one.geometry, grid_map))]
+            off = [one for one in zones if not has_cells(window_of(one.area, grid_map))]
             if off:
                 said += f'; off the map as it is now: {named(off)}'
         return said
@@ -275,7 +276,9 @@ class ZoneServer:
         self._is_due = False
         frame_id = DEFAULT_FRAME if self._grid_map is None else self._grid_map.frame_id
         stamp = self._node.get_clock().now().to_msg()
-        drawn = [(zone.label, zone.geometry, zone.cost == KEEPOUT) for zone in self.zones]
+        drawn = [
+            (zone.label, zone.area, zone.cost == KEEPOUT, zone.arrows()) for zone in self.zones
+        ]
         self._markers.publish(zones_to_markers(drawn, frame_id, stamp))
         collection = zones_to_geojson(self.zones, time.monotonic(), frame_id)
         self._geojson.publish(String(data=json.dumps(collection)))

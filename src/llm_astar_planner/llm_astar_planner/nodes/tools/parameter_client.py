@@ -18,7 +18,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from llm_astar_planner.nodes.common.asking import ask
+from llm_astar_planner.nodes.common.entities import ask
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
 Type = Parameter.Type

@@ -1,19 +1,22 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calls a running planner_node: for a plan, for its state, for what a text means to it."""
+"""Calls a running planner_node, and collects what it and its client publish about themselves."""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import queue
 import re
 import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict
+from enum import Enum
+from functools import partial
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -21,7 +24,13 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
-from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
+from llm_astar_msgs_adapter.messages.report import (
+    ExchangeReport,
+    PlanReport,
+    Report,
+    ReportError,
+    report_from_message,
+)
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
@@ -46,8 +55,7 @@ from llm_astar_planner.instructions.messages import (
     parse_object,
 )
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask, setting
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import ASK_AGAIN_S, Entities, ask, setting
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
@@ -62,10 +70,26 @@ POLL_SECONDS = 0.01
 POINT = re.compile(r'\s*-?[\d.]+\s*,\s*-?[\d.]+\s*')
 # Reports on plans of other clients arrive too, and nobody fetches them.
 KEPT_REPORTS = REPORTS_OF_CALLS.depth
+# Events kept for a reader that is busy; more are dropped, as on the topics themselves.
+MAX_WAITING = 1000
 
 
 class PlannerClientError(LlmAstarError, RuntimeError):
     """The graph did not respond; the message says what was missing."""
+
+
+class CalledPlan(NamedTuple):
+    """A planner's answer: its path, its report and the round trip in seconds."""
+
+    path: Path
+    report: PlanReport
+    seconds: float
+
+    @property
+    def points(self) -> list[list[float]]:
+        """The points of the path in metres."""
+        points: list[list[float]] = path_from_message(self.path).tolist()
+        return points
 
 
 class PlannerClient:
@@ -158,8 +182,8 @@ class PlannerClient:
 
     def call(
         self, start: Pose2D, goal: Pose2D, frame_id: str = 'map', seconds: float = 30.0
-    ) -> tuple[Path, PlanReport, float]:
-        """Ask for a plan; return its path, its report and the round trip in seconds.
+    ) -> CalledPlan:
+        """Ask for a plan.
 
         Raises PlannerClientError if no response or no report arrives within `seconds`.
         """
@@ -181,7 +205,7 @@ class PlannerClient:
             return self._reports.get(stamp, (-math.inf,))[0] >= begin
 
         self.wait_for(has_report, 'the report of a plan', seconds)
-        return path, self._reports.pop(stamp)[1], round_trip
+        return CalledPlan(path, self._reports.pop(stamp)[1], round_trip)
 
     def ask(
         self,
@@ -209,18 +233,13 @@ class PlannerClient:
         self._health.update((status.name, status_values(status)) for status in message.status)
 
 
-@dataclass(frozen=True)
-class CalledPlan:
-    """A planner's answer: its path, the points of it in metres, report, round trip in seconds."""
-
-    path: Path
-    points: list[list[float]]
-    report: PlanReport
-    seconds: float
-
-
 class PlannerCaller(PlannerClient):
-    """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError."""
+    """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError.
+
+    It is an Interpreter too: what the graph understands of a text.
+    """
+
+    name = 'graph'
 
     def __init__(self, node: Node, planner: str, seconds: float) -> None:
         """Call the node `planner` from a node that nobody else spins."""
@@ -229,6 +248,8 @@ class PlannerCaller(PlannerClient):
         self.seconds = seconds
         self._answers: dict[str, list[dict[str, Any]]] = {}
         self._places: dict[str, Any] = {}
+        self._maps: list[GridMap] = []
+        self._listens_to_maps = False
         self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
         self._confirm = node.create_publisher(Bool, f'{planner}/confirm', RELIABLE)
         self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
@@ -316,10 +337,30 @@ class PlannerCaller(PlannerClient):
         self.wait_for(have_come, what, self.seconds)
         return places_from_geojson(self._places, what)
 
-    def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
-        """Ask for a plan."""
-        path, report, seconds = self.call(start, goal, frame_id, self.seconds)
-        return CalledPlan(path, path_from_message(path).tolist(), report, seconds)
+    def grid_map(self) -> GridMap:
+        """Return the newest map, to which it listens from the first call on."""
+        if not self._listens_to_maps:
+            self._listens_to_maps = True
+            MapSubscription(Entities(self.node), self._on_map)
+        self.wait_for(lambda: bool(self._maps), 'a map', self.seconds)
+        return self._maps[-1]
+
+    def _on_map(self, grid_map: GridMap, _: float) -> None:
+        """Keep the newest map."""
+        with self._arrived:
+            self._maps = [grid_map]
+            self._arrived.notify_all()
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what the graph understands of a text; its own places and limits hold."""
+        del places, time_limit
+        try:
+            *_, answer = self.interpretations(text)
+            if answer.get('error'):
+                return not_understood(text, str(answer['error']))
+            return interpretation_from_json(answer)
+        except LlmAstarError as error:
+            return not_understood(text, str(error))
 
 
 @contextlib.contextmanager
@@ -332,44 +373,106 @@ def calling(namespace: str, planner: str, seconds: float) -> Iterator[PlannerCal
             yield caller
 
 
-class PlannerState:
-    """The state of one planner, read when asked for; it changes nothing in the graph.
+class EventKind(str, Enum):
+    """What an event is about."""
 
-    It is an Interpreter too: what the graph understands of a text.
+    PLAN = 'plan'
+    EXCHANGE = 'exchange'  # of the waypoint client with its source
+    HEALTH = 'health'  # a node's state, when it changed
+
+
+class MonitorEvent(NamedTuple):
+    """One event: when (nanoseconds of the node's clock), of which node, and its fields.
+
+    The fields of a plan are those of PlanReport, of an exchange those of ExchangeReport; a state
+    has `message` and the values of its diagnostic status.
     """
 
-    name = 'graph'
+    kind: EventKind
+    stamp: int
+    node: str
+    values: dict[str, Any]
 
-    def __init__(self, caller: PlannerCaller) -> None:
-        """Take a caller of the planner."""
-        self._caller = caller
-        self._maps: list[GridMap] = []
-        MapSubscription(Entities(caller.node), self._on_map)
 
-    def _on_map(self, grid_map: GridMap, _: float) -> None:
-        """Keep the newest map."""
-        self._maps = [grid_map]
+class Monitor:
+    """Collects the reports, exchanges and state changes of one planner and one client.
 
-    def grid_map(self) -> GridMap:
-        """Return the newest map. Raises PlannerClientError."""
-        self._caller.wait_for(lambda: bool(self._maps), 'a map', self._caller.seconds)
-        return self._maps[-1]
+    Since the topics are latched, the last ten of each from before it subscribed come first.
+    """
 
-    def places(self) -> Places:
-        """Return the planner's places. Raises PlannerClientError."""
-        return self._caller.places()
+    def __init__(self, node: Node, planner: str, client: str) -> None:
+        """Subscribe on `node`, which the caller spins, to nodes named relative to it."""
+        self._node = node
+        self._waiting: queue.Queue[MonitorEvent] = queue.Queue(MAX_WAITING)
+        # As the nodes name themselves in /diagnostics: with their namespace, without the slash.
+        self.planner, self._client = (
+            node.resolve_service_name(name)[1:] for name in (planner, client)
+        )
+        self._states: dict[str, object] = {}
+        self._heard = False
+        on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
+        on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
+        for topic, on_message, qos in (
+            (f'{planner}/report', on_report, REPORTS),
+            (f'{client}/exchange', on_exchange, REPORTS),
+            ('/diagnostics', self._on_diagnostics, RELIABLE),
+        ):
+            node.create_subscription(DiagnosticArray, topic, on_message, qos)
+        self._report_topic = node.resolve_topic_name(f'{planner}/report')
 
-    def values(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return the planner's parameters of these names. Raises PlannerClientError."""
-        return self._caller.values(names)
+    @property
+    def has_heard_planner(self) -> bool:
+        """Whether any message of the planner has arrived."""
+        return self._heard
 
-    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
-        """Return what the graph understands of a text; its own places and limits hold."""
-        del places, time_limit
+    @property
+    def planner_exists(self) -> bool:
+        """Whether anybody publishes the planner's reports."""
+        return bool(self._node.count_publishers(self._report_topic))
+
+    def next_event(self, seconds: float) -> MonitorEvent | None:
+        """Return the next event, or None where none comes within `seconds`."""
         try:
-            *_, answer = self._caller.interpretations(text)
-            if answer.get('error'):
-                return not_understood(text, str(answer['error']))
-            return interpretation_from_json(answer)
-        except LlmAstarError as error:
-            return not_understood(text, str(error))
+            return self._waiting.get(timeout=seconds)
+        except queue.Empty:
+            return None
+
+    def _on_report(
+        self, kind: EventKind, report: type[Report], node: str, message: DiagnosticArray
+    ) -> None:
+        self._heard = self._heard or node == self.planner
+        try:
+            values = asdict(report_from_message(message, report))
+        except ReportError as error:
+            self._node.get_logger().warning(f'{node}: {error}; is it of another version?')
+            return
+        self._add(kind, stamp_of(message), node, values)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Add a node's state where it differs from the last one."""
+        for status in message.status:
+            values = status_values(status)
+            if status.name == f'{self.planner}: planner':
+                self._heard = True
+                node, state = self.planner, status.message
+            elif status.name == f'{self._client}: waypoints':
+                node, state = self._client, f'waypoints by {values.get("source")}'
+            else:
+                continue
+            if self._states.get(node) != state:
+                self._states[node] = state
+                state_values = {'message': state, **values}
+                self._add(EventKind.HEALTH, stamp_of(message), node, state_values)
+
+    def _add(self, kind: EventKind, stamp: int, node: str, values: dict[str, Any]) -> None:
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait(MonitorEvent(kind, stamp, node, values))
+
+
+@contextlib.contextmanager
+def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
+    """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
+    with joined('llm_astar_watch', check_names(namespace, planner, client)) as node:
+        monitor = Monitor(node, planner, client)
+        with contextlib.closing(SpinThread(node)):
+            yield monitor

@@ -62,14 +62,16 @@ def flood(
 def fill_room(
     lethal: NDArray[np.bool_],
     reach: int,
+    groups: NDArray[np.int32],
     is_open: NDArray[np.bool_],
+    wide_groups: NDArray[np.int32],
     is_wide: NDArray[np.bool_],
     squared: NDArray[np.int32],
 ) -> None:
     """Fill `squared` [height, width] with the squared distance to the nearest lethal cell.
 
-    In cells: 0 where it is not open, and the most, one beyond `reach` squared, where it is wide.
-    Axis by axis, see `costmap._kernels.inflation`.
+    In cells: 0 where the group is not open, and the most, one beyond `reach` squared, where the
+    other group is wide. Axis by axis, see `costmap._kernels.inflation`.
     """
     height, width = lethal.shape
     steps = np.full((height, width), reach + 1, dtype=np.int32)
@@ -84,8 +86,9 @@ def fill_room(
     for y in range(height):
         row = steps[y]
         for x in range(width):
-            best = (reach * reach + 1) * is_open[y, x]
-            for step in range(0 if is_open[y, x] and not is_wide[y, x] else width, reach + 1):
+            best = (reach * reach + 1) * is_open[groups[y, x]]
+            is_narrow = best and not is_wide[wide_groups[y, x]]
+            for step in range(0 if is_narrow else width, reach + 1):
                 if step * step >= best:
                     break
                 nearest = min(row[max(x - step, 0)], row[min(x + step, width - 1)])
@@ -125,31 +128,30 @@ def widest(
     """
     heads = np.full(room.max() + 1, -1, dtype=np.int32)
     following = np.empty(room.size, dtype=np.int32)
-    # Cells, each with the narrowest one on the way to it.
-    stack = np.empty((room.size, 2), dtype=np.int32)
+    stack = np.empty(room.size, dtype=np.int32)
     for cell in edges:
         following[cell] = heads[room[cell]]
         heads[room[cell]] = cell
     for least in range(heads.size - 1, 0, -1):
-        count, head = 0, heads[least]
-        while head >= 0:
-            stack[count] = head
-            count, head = count + 1, following[head]
-        while count:
-            count -= 1
-            cell, narrowest = stack[count, 0], stack[count, 1]
-            if targets[cell]:
-                return cell, least, narrowest
-            for step in steps:
-                other = cell + step
-                width = room[other]
-                if width == 0 or seen[other]:
-                    continue
-                seen[other] = REACHED
-                if width >= least:
-                    stack[count, 0], stack[count, 1] = other, narrowest
-                    count += 1
-                else:
-                    following[other] = heads[width]
-                    heads[width] = other
+        narrowest = heads[least]
+        while narrowest >= 0:
+            stack[0], count = narrowest, 1
+            while count:
+                count -= 1
+                cell = np.int64(stack[count])
+                if targets[cell]:
+                    return int(cell), least, narrowest
+                for step in steps:
+                    other = cell + step
+                    if seen[other]:
+                        continue
+                    seen[other] = REACHED
+                    width = room[other]
+                    if width >= least:
+                        stack[count] = other
+                        count += 1
+                    elif width > 0:
+                        following[other] = heads[width]
+                        heads[width] = other
+            narrowest = following[narrowest]
     return -1, 0, -1

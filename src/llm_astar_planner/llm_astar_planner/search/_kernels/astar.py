@@ -57,7 +57,8 @@ def forward_successors(move: int, mask: int) -> int:
     """Return the moves of `mask` to try in a cell entered by `move`, whatever cells cost.
 
     Left out are the previous cell and those that it reaches by one straight move: that costs
-    less than the way around, and it was tried when the previous cell was expanded.
+    less than the way around, and it was tried when the previous cell was expanded. That needs
+    moves which can be made back.
     """
     steps = [(int(x), int(y)) for x, y in zip(STEP_X + STEP_X[move], STEP_Y + STEP_Y[move])]
     return mask & sum(1 << other for other in range(8) if sum(map(abs, steps[other])) > 1)
@@ -249,7 +250,7 @@ def astar(
     cells: Cells,
     start: int,
     goal: int,
-    every_move: bool,
+    successors: int,
     landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
     generation: int,
@@ -267,8 +268,9 @@ def astar(
     1 << BUCKET_BITS units of f wide and last in, first out: the place of its last entry in
     `pool`, 0 for none. Read as int32 this has the cells in blocks of BLOCK; free blocks are
     linked by their first entries. After NEED_SPACE call again with a longer pool that begins the
-    same. `every_move` also tries the moves that uniform costs make pointless; graded costs need
-    it. The caller may lower `control[A_BEST]` between calls to the cost of a path that it knows.
+    same. `successors` is the first row of the moves to try in CANONICAL_SUCCESSORS: 0 on uniform
+    costs, FORWARD on others, EVERY_MOVE where moves cannot be made back. The caller may lower
+    `control[A_BEST]` between calls to the cost of a path that it knows.
     Where `corridor` is not empty, cells are entered only in its open squares of 8 x 8.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
@@ -334,11 +336,9 @@ def astar(
             break
         y = np.int64((cell + 0.5) * per_width)
         from_goal_x, from_goal_y = cell - y * width - goal_x, y - goal_y
-        row = (state >> 32 & 7) << 8
-        if cell == start:
+        row = successors + ((state >> 32 & 7) << 8)
+        if cell == start or successors == EVERY_MOVE:
             row = np.int64(EVERY_MOVE)
-        elif every_move:
-            row += FORWARD
         mask = np.int64(CANONICAL_SUCCESSORS[np.uint64(row | moves[np.uint64(cell)])])
         price = np.int64(cell_surcharge[np.uint64(cell)]) if graded else 0
         while mask:
@@ -432,6 +432,24 @@ def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[
         # Writing False elsewhere would make the system allocate every page of a large map.
         if records[2 * cell + 1] & mask == wanted:
             flat[cell] = True
+
+
+@jit
+def reach(moves: NDArray[np.uint8], width: int, first: int) -> NDArray[np.bool_]:
+    """Return which cells moves lead to from the cell `first`, that included: bool [cells]."""
+    reached = np.zeros(moves.size, dtype=np.bool_)
+    stack = np.empty(moves.size, dtype=np.int32)
+    stack[0], reached[first], count = first, True, 1
+    while count:
+        count -= 1
+        cell = np.int64(stack[count])
+        for move in range(8):
+            other = cell + STEP_Y[move] * width + STEP_X[move]
+            if moves[cell] >> move & 1 and not reached[other]:
+                reached[other] = True
+                stack[count] = other
+                count += 1
+    return reached
 
 
 @jit

@@ -29,10 +29,10 @@ MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 
 # Slots of the control array: the query, then the state of the queue and the counts.
 (
-    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS,
+    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS, G_SUCCESSORS,
     G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT, G_BEST, G_EXPANSIONS, G_STORAGE,
     G_SIZE,
-) = range(15)  # fmt: skip
+) = range(16)  # fmt: skip
 # Weights are whole numbers, in parts of this one.
 ONE = 1 << 16
 
@@ -281,8 +281,9 @@ def advance(
         index = advance_target(targets, index, x, y, straight, extra, radius)
         target_x, target_y, rest = targets[index, 0], targets[index, 1], targets[index, 2]
         # Canonical moves alone could not turn where the targets do.
-        row = (state >> 32 & 7) << 8
-        row = shared.EVERY_MOVE if cell == control[G_START] else row + shared.FORWARD
+        row = control[G_SUCCESSORS] + ((state >> 32 & 7) << 8)
+        if cell == control[G_START] or control[G_SUCCESSORS] == shared.EVERY_MOVE:
+            row = np.int64(shared.EVERY_MOVE)
         mask = np.int64(CANONICAL_SUCCESSORS[np.uint64(row | moves[np.uint64(cell)])])
         price = np.int64(cell_surcharge[np.uint64(cell)]) if graded else 0
         while mask:

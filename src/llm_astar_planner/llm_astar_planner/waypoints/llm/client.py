@@ -74,6 +74,7 @@ class ChatClient:
         self.dialect = protocol.Dialect(
             settings.max_output_tokens, settings.temperature, settings.response_format,
             is_completion=settings.prompt_form == COMPLETION, stop=stop,
+            seed=settings.sampling_seed if settings.sampling_seed >= 0 else None,
         )  # fmt: skip
         self.budget = resilience.CallBudget(
             settings.max_calls_per_hour, settings.max_tokens_per_day

@@ -46,6 +46,7 @@ class Dialect:
     tokens_field: str = 'max_tokens'
     is_completion: bool = False
     stop: str = ''
+    seed: int | None = None
 
     @property
     def path(self) -> str:
@@ -59,7 +60,7 @@ class Dialect:
         body: dict[str, Any] = {'messages': [message._asdict() for message in messages]}
         if self.is_completion:
             body = {'prompt': text_to_complete(messages), 'stop': self.stop and [self.stop]}
-        body |= {'model': model, 'temperature': self.temperature}
+        body |= {'model': model, 'temperature': self.temperature, 'seed': self.seed}
         if self.response_format != 'text':
             body['response_format'] = {'type': self.response_format}
         if self.response_format == 'json_schema':
@@ -92,6 +93,8 @@ class Dialect:
             return replace(self, tokens_field=other)
         if self.temperature is not None and 'temperature' in error:
             return replace(self, temperature=None)
+        if self.seed is not None and 'seed' in error:
+            return replace(self, seed=None)
         return None
 
 

@@ -186,7 +186,7 @@ class Conversation:
         waypoints = self.lattice.to_cells(answer.waypoints, self.query)
         provenance = sources.Provenance(
             completion.finish_reason[: sources.MAX_NAME], completion.fingerprint, prompt.digest,
-            temperature=client.dialect.temperature,
+            temperature=client.dialect.temperature, seed=client.dialect.seed,
         )  # fmt: skip
         self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
 

@@ -1,5 +1,9 @@
+import re
+from pathlib import Path
+
 import pytest
 from instructions.grammar.hospital import read
+from llm_astar_planner.instructions.grammar.vocabulary import FOLDER, KINDS
 from llm_astar_planner.instructions.interpretation import Understanding
 
 GERMAN = {
@@ -91,3 +95,11 @@ def test_what_may_mean_something_else_makes_no_clause(text):
 )
 def test_a_sentence_about_something_else_asks_nothing(text):
     assert read(text).status is Understanding.IRRELEVANT
+
+
+def test_the_sets_of_kinds_of_words_are_those_that_are_asked_for():
+    modules = Path(FOLDER).parents[1].rglob('*.py')
+    asked = {name for one in modules for name in re.findall(r'KINDS\.(\w+)', one.read_text())}
+    assert asked == set(vars(KINDS))
+    with pytest.raises(AttributeError, match=r'kinds\.yaml has no set .verb.'):
+        KINDS.verb  # noqa: B018

@@ -8,8 +8,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from llm_astar_lab.instruct_bench.comparison import same_specification
-from llm_astar_lab.instruct_bench.suite import load_suite
+from llm_astar_lab.instruct_bench.suite import load_suite, same_specification
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import MUST

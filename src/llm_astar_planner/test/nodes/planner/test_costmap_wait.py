@@ -7,15 +7,15 @@ import pytest
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
-from llm_astar_planner.nodes.planner.costmap_wait import (
+from llm_astar_planner.nodes.planner.goals import PlanGoal
+from llm_astar_planner.nodes.planner.map_manager import (
     MAX_FAILURES,
     MAX_WAITING,
     NOT_WAITED,
     RETRY_SECONDS,
     CostmapWait,
+    MapArrivals,
 )
-from llm_astar_planner.nodes.planner.goals import PlanGoal
-from llm_astar_planner.nodes.planner.map_manager import MapArrivals
 
 
 class Maps:

@@ -1,6 +1,7 @@
 """The path monitor, with maps that come faster than a replan is made."""
 
 import threading
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -52,18 +53,23 @@ def parts():
     errors = []
     logger = SimpleNamespace(info=lambda *_, **__: None, error=errors.append)
     monitor = PathMonitor(
-        SimpleNamespace(get_logger=lambda: logger),
+        logger,
         {'replan_on_map': False},
         maps,
-        handler,
         replans=PreemptingGoalSlot(),
         cache=None,
         footprint=SimpleNamespace(current=None),
     )
+    monitor.start(handler)
     yield SimpleNamespace(maps=maps, handler=handler, monitor=monitor)
     handler.go.release(100)
     monitor.close()
     assert not errors
+
+
+def watch(parts):
+    response = response_of(parts.maps.newest.planner)
+    parts.monitor.tasks.put(partial(parts.monitor.watch, response))
 
 
 def give_map(parts, height):
@@ -72,7 +78,7 @@ def give_map(parts, height):
 
 
 def test_maps_that_come_during_a_replan_do_not_cancel_it_and_are_checked_after_it(parts):
-    parts.monitor.watch(response_of(parts.maps.newest.planner))
+    watch(parts)
     give_map(parts, 12)
     assert parts.handler.asked.acquire(timeout=60)
     for height in (13, 14, 15, 16):
@@ -87,7 +93,7 @@ def test_maps_that_come_during_a_replan_do_not_cancel_it_and_are_checked_after_i
 
 
 def test_another_change_cancels_a_replan(parts):
-    parts.monitor.watch(response_of(parts.maps.newest.planner))
+    watch(parts)
     give_map(parts, 12)
     assert parts.handler.asked.acquire(timeout=60)
     parts.monitor.check(parts.maps.newest.planner, 'the instruction has changed')
