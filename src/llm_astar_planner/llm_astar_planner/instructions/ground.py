@@ -178,7 +178,9 @@ def goal_cell(place: Place, costmap: Costmap) -> Cell:
     ground = Ground(Route(costmap, (0, 0), (0, 0), Places([place])))
     cells = ground.visited(regions.NamedPlace(place.name)).cells
     if not cells.any():
-        raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
+        radius = costmap.config.robot_radius
+        robot = f' for a robot with a radius of {radius:g} m' if radius else ''
+        raise PlaceGoalError(f'no cell of {place.name!r} is free on this map{robot}')
     components = costmap.components[:, :]
     sizes = np.bincount(components.ravel())
     sizes[0] = 0

@@ -46,6 +46,8 @@ from llm_astar_planner.search.methods import EXACT
 INSTEAD, OPENED, LENGTH = 'instead', 'opened', 'length'
 # Metres; what costs less is not worth a word.
 LEAST_PRICE = 0.05
+# Metres; a path that is longer by less is as short.
+LEAST_LENGTH = 0.005
 # Seconds to read a region.
 READING_S = 5.0
 # Seconds that each search may take at least, and zones of which the price is searched for.
@@ -126,6 +128,8 @@ class Questions:
         is_opened = asked.kind == OPENED
         other = self.opened(asked) if is_opened else self.under(self.said + self.clauses(asked))
         template = 'impossible' if other.code else 'possible' if own.code else 'compared'
+        if template == 'compared' and self.metres(other) - self.metres(own) < LEAST_LENGTH:
+            template = 'compared' if is_opened else 'same'
         sentence = words[template].format(
             asked=asked.words, own=self.metres(own), other=self.metres(other),
             message=other.message,

@@ -59,6 +59,8 @@ def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOu
         return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, str(problem))
     if clause.unsure and outcome.status is not ClauseStatus.NOT_UNDERSTOOD:
         fact = f': {outcome.detail}' if outcome.detail else ''
-        detail = f'{clause.unsure} ({outcome.status.value}{fact})'
+        earlier = {one.unsure for one in measurement.specification.clauses[:index]}
+        asked = 'the same question' if clause.unsure in earlier else clause.unsure
+        detail = f'{asked} ({outcome.status.value}{fact})'
         return replace(outcome, status=ClauseStatus.UNSURE, detail=detail)
     return outcome
