@@ -67,8 +67,8 @@ class ZoneLayer:
             paint_mask(mask.grid_map, table, layout, self._costs)
         for zone, window, cells in self.raised(layout):
             costs = zone_costs(np.array(zone.cost), self.config).astype(np.int8)
-            part = self._costs[window.slices(top, left)]
-            np.maximum(part, np.where(cells, costs, TRANSPARENT), out=part)
+            inside = self._costs[window.slices(top, left)]
+            np.maximum(inside, np.where(cells, costs, TRANSPARENT), out=inside)
         # Of each rule the zone, its part of the map, and the moves that it forbids there.
         self.rules_of = [
             (zone, *forbidden_moves(zone, window, layout))
