@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, path_to_message
 from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
 from llm_astar_planner.costmap.zones import ZonesError
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError
 from llm_astar_planner.nodes.planner import zone_server
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode

@@ -33,8 +33,7 @@ from llm_astar_planner.instructions.messages import (
     parse_question,
 )
 from llm_astar_planner.instructions.text import clean_instruction
-from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
 
 # Questions a second, of which so many may come at once: a flood must leave time to plan.
 RATE, BURST = 50.0, 20

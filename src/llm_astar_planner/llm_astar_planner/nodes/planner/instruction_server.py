@@ -37,9 +37,8 @@ from llm_astar_planner.instructions.messages import (
 )
 from llm_astar_planner.instructions.progress import Progress
 from llm_astar_planner.instructions.text import clean_instruction
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import QuestionServer
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.questions import read_question

@@ -25,9 +25,8 @@ from visualization_msgs.msg import MarkerArray
 from llm_astar_planner.instructions.grammar.vocabulary import check_names
 from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import LATCHED, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.resources import find_file
 

@@ -20,10 +20,9 @@ from std_msgs.msg import String
 
 from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.bond import Bond, make_bond
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import RELIABLE, Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
 from llm_astar_planner.nodes.planner.goals import (

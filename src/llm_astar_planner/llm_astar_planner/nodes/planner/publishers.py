@@ -31,8 +31,7 @@ from nav_msgs.msg import GridCells, Path
 from numpy.typing import ArrayLike, NDArray
 from visualization_msgs.msg import MarkerArray
 
-from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
 from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSlot
 from llm_astar_planner.planning.footprint_search import FootprintSearch

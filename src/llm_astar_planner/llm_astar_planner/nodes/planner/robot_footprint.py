@@ -15,9 +15,8 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from llm_astar_planner.costmap.config import COSTMAP_THRESHOLD
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import RELIABLE, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
 

@@ -25,8 +25,7 @@ from rclpy.qos import qos_profile_parameter_events
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.entities import Entities, ask, setting
-from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
+from llm_astar_planner.nodes.common.entities import CALLS, REPORTS, Entities, ask, setting
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.planning.kept_way import WaypointCache
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER

@@ -42,9 +42,8 @@ from llm_astar_planner.costmap.raster import window_of
 from llm_astar_planner.costmap.zone_file import zones_from_text, zones_to_geojson
 from llm_astar_planner.costmap.zone_layer import ZoneLayer, has_cells
 from llm_astar_planner.costmap.zones import KEEPOUT, NO_ZONES, Zone, Zones, ZonesError
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import LATCHED, LATCHED_BY_MANY, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import LATCHED, LATCHED_BY_MANY
 from llm_astar_planner.nodes.common.tf import Frames
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import costmap_config
