@@ -120,6 +120,28 @@ class Entities:
             self._undo.pop()()
 
 
+class LoggedThread(ThreadPoolExecutor):
+    """A thread that runs what is submitted one after the other, and logs each exception."""
+
+    def __init__(self, entities: Entities, name: str, *, drops_rest: bool = False) -> None:
+        """Run until the entities are closed; with `drops_rest` what waits then is not run."""
+        super().__init__(1, name)
+        self._node = entities.node
+        entities.on_close(lambda: self.shutdown(cancel_futures=drops_rest))
+
+    def run(self, task: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401 - the task's
+        """Have a task run on the thread."""
+        self.submit(self._logged, task, *arguments)
+
+    def _logged(self, task: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
+        try:
+            task(*arguments)
+        except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
+            # After a signal nothing can be published any more, which is no failure.
+            if self._node.context.ok():
+                self._node.get_logger().error(traceback.format_exc())
+
+
 class UntakenCallbackGroup(MutuallyExclusiveCallbackGroup):
     """Keeps an executor from taking what is taken in another way."""
 

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -48,6 +49,7 @@ Interpret = Callable[[Question, OnAnswer], Interpretation]
 LIMIT_S = 120.0
 
 
+@dataclass(eq=False)
 class QuestionServer:
     """Takes questions on `~/interpret` and answers on `~/interpretation`, with the id of each.
 
@@ -55,18 +57,14 @@ class QuestionServer:
     newest are, RATE a second; the middleware drops the others.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        interpret: Interpret,
-        *,
-        limit: int = MAX_QUESTION,
-        waits: bool = False,
-    ) -> None:
+    entities: Entities
+    interpret: Interpret
+    limit: int = MAX_QUESTION
+    waits: bool = False
+
+    def __post_init__(self) -> None:
         """Serve. `limit` is in characters; `waits` publishes only the last answer."""
-        self._interpret = interpret
-        self._limit = limit
-        self._waits = waits
+        entities = self.entities
         self._due = -math.inf
         self._lock = threading.Lock()
         self._is_closed = False
@@ -84,13 +82,13 @@ class QuestionServer:
         turn = threading.RLock()
         with turn:
             try:
-                asked = parse_question(message.data, self._limit)
+                asked = parse_question(message.data, self.limit)
                 question = Question(clean_instruction(asked.text), asked.id, asked.places)
-                reading = self._interpret(question, partial(self.answer, asked, turn))
+                reading = self.interpret(question, partial(self.answer, asked, turn))
             except LlmAstarError as error:
                 self.publish(error_text(asked, error))
                 return
-            if not (self._waits and reading.status is Understanding.PENDING):
+            if not (self.waits and reading.status is Understanding.PENDING):
                 self.answer(asked, turn, reading)
 
     def pace(self) -> None:

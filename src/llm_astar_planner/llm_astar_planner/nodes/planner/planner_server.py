@@ -78,7 +78,10 @@ class PlannerServer:
         side = side_node(node, 'maps')
         entities.on_close(side.destroy_node)
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
-        self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
+        again = 'the footprint has changed'
+        self._footprint = RobotFootprint(
+            entities, settings, frames, lambda: self.monitor.check_again(again)
+        )
         replans = PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities, replans)
         cache = self._client.cache if self._client else None
@@ -161,10 +164,6 @@ class PlannerServer:
         self._diagnostics.publish()
         self._places.on_planner(planner)
         self.monitor.check(planner)
-
-    def on_footprint(self) -> None:
-        """Check the last path with another footprint."""
-        self.monitor.check_again('the footprint has changed')
 
     def on_understood(self) -> None:
         """Replan the last path if new maps do, as something else is asked of it now."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ SAME_METRES = 0.005
 QUIET_SECONDS = 10.0
 
 
+@dataclass(eq=False)
 class RobotFootprint:
     """Holds the `current` footprint, None without one.
 
@@ -36,20 +38,15 @@ class RobotFootprint:
     make of a robot's radius is no footprint where the costmap plans for the circle anyway.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        settings: Parameters,
-        frames: Frames,
-        on_change: Callable[[], None],
-    ) -> None:
+    entities: Entities
+    settings: Parameters
+    frames: Frames
+    on_change: Callable[[], None]
+
+    def __post_init__(self) -> None:
         """Take the parameter; `subscribe` takes the topic. `on_change` is called after changes."""
-        self.current: Footprint | None = Footprint.parse(settings['footprint'])
-        self._entities = entities
-        self._settings = settings
-        self._frames = frames
-        self._on_change = on_change
-        self._logger = entities.node.get_logger()
+        self.current: Footprint | None = Footprint.parse(self.settings['footprint'])
+        self._logger = self.entities.node.get_logger()
         self._received: Footprint | None = None
         self._loud_from = time.monotonic() + QUIET_SECONDS
         self.report()
@@ -57,18 +54,18 @@ class RobotFootprint:
     def subscribe(self) -> None:
         """Take footprints from the topic."""
         group = MutuallyExclusiveCallbackGroup()
-        self._entities.subscription(PolygonStamped, TOPIC, self.on_message, RELIABLE, group)
+        self.entities.subscription(PolygonStamped, TOPIC, self.on_message, RELIABLE, group)
 
     def refresh(self) -> None:
         """Follow a changed parameter."""
         received = self._received
         if received is not None and self.is_planned_for(received):
             received = None
-        self.use(Footprint.parse(self._settings['footprint']) or received)
+        self.use(Footprint.parse(self.settings['footprint']) or received)
 
     def on_message(self, message: PolygonStamped) -> None:
         """Take the footprint of a message, or say in the log why not."""
-        if self._settings.current['footprint']:
+        if self.settings.current['footprint']:
             return
         try:
             received = self.in_base_frame(message)
@@ -86,8 +83,8 @@ class RobotFootprint:
 
     def is_planned_for(self, footprint: Footprint) -> bool:
         """Tell whether a footprint is a circle that the costmap keeps off obstacles already."""
-        is_costmap = self._settings['occupied_threshold'] == COSTMAP_THRESHOLD
-        radius = self._settings['robot_radius']
+        is_costmap = self.settings['occupied_threshold'] == COSTMAP_THRESHOLD
+        radius = self.settings['robot_radius']
         return footprint.is_round and (is_costmap or radius >= footprint.inscribed_radius)
 
     def in_base_frame(self, message: PolygonStamped) -> Footprint:
@@ -101,9 +98,9 @@ class RobotFootprint:
         corners = np.array([(point.x, point.y) for point in points]).reshape(-1, 2)
         if not np.isfinite(corners).all():
             raise FootprintError('footprint: a point is not finite')
-        base = self._settings['robot_base_frame']
+        base = self.settings['robot_base_frame']
         # Where the origin of the message's frame is in the robot's.
-        origin = self._frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
+        origin = self.frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
         return Footprint.of(origin.transform(corners))
 
     def use(self, footprint: Footprint | None) -> None:
@@ -111,7 +108,7 @@ class RobotFootprint:
         if footprint != self.current:
             self.current = footprint
             self.report()
-            self._on_change()
+            self.on_change()
 
     def report(self) -> None:
         """Log which footprint is used."""
