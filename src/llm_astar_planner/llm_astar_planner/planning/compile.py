@@ -38,8 +38,8 @@ from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
 from llm_astar_planner.planning.why import Explainer
-from llm_astar_planner.search import coarse
-from llm_astar_planner.search.landmarks import LandmarkManager
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.replay import FixedReply
@@ -173,8 +173,10 @@ def compile_kernels() -> None:
             for is_graded in (False, True):
                 compile_for(config, replace(request, via=VIA), is_graded)
     compile_footprint_kernels()
-    # The source `auto` takes them on large graded maps.
-    coarse.compile_kernels()
+    # Large maps of graded costs.
+    cost = np.full((24, 200), 50, dtype=np.int8)
+    grid = GridGraph(np.zeros((24, 200), dtype=np.bool_), cost=cost)
+    Landmarks.build(grid, max_bytes=0)
 
 
 def compile_map_kernels(

@@ -21,12 +21,21 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # Expansions between two looks at the stop flag and the clock: about half a millisecond.
 EXPANSION_SLICE = 16384
+EVERYWHERE = np.zeros((0, 0), dtype=np.bool_)
 # How a search ended, by what its kernel returns; the other codes say how to go on.
 ENDED = {
     kernels.FOUND: SearchStatus.FOUND,
     kernels.EXHAUSTED: SearchStatus.EXHAUSTED,
     kernels.STOPPED: SearchStatus.STOPPED,
 }
+
+
+def successors_of(grid: GridGraph) -> int:
+    """Return the first row of the kernels' table of moves to try, whatever cells cost.
+
+    Which moves are pointless is known where each can be made back.
+    """
+    return kernels.EVERY_MOVE if grid.has_rules else kernels.FORWARD
 
 
 class PathTooLongError(LlmAstarError, ArithmeticError):
@@ -112,8 +121,11 @@ class PlainSearch(SlicedSearch):
         enclosed = self.start != self.goal and not grid.without_rules.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
             self.status = SearchStatus.EXHAUSTED
-        # Which moves are pointless is known where each can be made back.
-        self._every_move = every_move or grid.has_rules or grid.cell_surcharge.size > 0
+        # Squares that paths may lie in, empty for all; see the kernel.
+        self.corridor = EVERYWHERE
+        self._successors = 0
+        if every_move or grid.cell_surcharge.size or grid.has_rules:
+            self._successors = successors_of(grid)
         self._control = self.workspace.control
         self._control[:] = 0
         self._control[self.BEST_SLOT] = kernels.NO_PATH
@@ -122,8 +134,9 @@ class PlainSearch(SlicedSearch):
         """Expand up to `quota` cells; see `SlicedSearch.advance`."""
         workspace, control = self.workspace, self._control
         ended = kernels.astar(
-            self._cells, self.start, self.goal, self._every_move, self.distances, self.active,
-            self.generation, workspace.records, workspace.pool, workspace.heads, control, quota,
+            self._cells, self.start, self.goal, self._successors, self.distances, self.active,
+            self.generation, workspace.records, workspace.pool, workspace.heads, control,
+            self.corridor, quota,
         )  # fmt: skip
         _, base, bucket, self.best, self.expansions, self.storage, *_ = control.tolist()
         self.work = self.expansions

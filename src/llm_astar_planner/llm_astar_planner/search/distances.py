@@ -93,15 +93,14 @@ class DistanceRows:
     def fill(self, row: int, source: int, stop: StopFlag, deadline: float = math.inf) -> bool:
         """Measure a row from the cell `source`; False: stopped, out of time or beyond 32 bits.
 
-        The map must be that of a single grid: its moves are pruned if its costs are uniform.
+        The map must be that of a single grid: superfluous moves are left out.
         """
         self._distances[row] = -1
         self._distances[row, source] = 0
         self._clear()
-        canonical = self._map.cell_surcharge.size == 0
         seeds, status = np.array([source]), RUNNING
         while status == RUNNING and time.monotonic() < deadline:
-            status = self._propagate(row, seeds, canonical, FILL_STEP, stop)
+            status = self._propagate(row, seeds, True, FILL_STEP, stop)
         return status == FOUND
 
     def largest_area(self, stop: StopFlag) -> NDArray[np.int32] | None:
@@ -155,12 +154,12 @@ class DistanceRows:
         self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
 
     def _propagate(
-        self, row: int, seeds: NDArray[np.int64], canonical: bool, quota: int, stop: StopFlag
+        self, row: int, seeds: NDArray[np.int64], single: bool, quota: int, stop: StopFlag
     ) -> int:
         """Call the kernel, with a longer pool when it needs one; return how it ended."""
         while True:
             status = kernels.propagate(
-                self._map.cells, canonical, seeds, self._distances[row], self._pool,
+                self._map.cells, single, seeds, self._distances[row], self._pool,
                 self._heads, self._control, quota, stop,
             )  # fmt: skip
             if status != NEED_SPACE:

@@ -27,7 +27,9 @@ from llm_astar_planner.search.astar import (
     PathTooLongError,
     PlainSearch,
     SlicedSearch,
+    successors_of,
 )
+from llm_astar_planner.search.borders import Borders, Crossing, is_far
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
@@ -54,6 +56,8 @@ FAR = 64
 PLAIN_FIRST = 1024
 # Jump points pay where there are so few, in parts of the cells (docs/guided-search.md).
 MOST_JUMP_POINTS = 0.35
+# The least suboptimality for which a corridor is searched: the borders prove no more.
+LEAST_OF_CORRIDOR = 1.05
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 # The fewest expansions of the plain search at a time; later this share of those done.
@@ -65,7 +69,8 @@ _PLAIN_SHARE = 4
 class GuidedResult(BoundedResult):
     """A bounded result and what its expansions were for.
 
-    `guided_expansions` followed the waypoints, `plain_expansions` are those of the plain A*.
+    `guided_expansions` followed the waypoints or searched a corridor, `plain_expansions` are those
+    of the plain A*.
     """
 
     guided_expansions: int = 0
@@ -85,8 +90,9 @@ class GuidedSearch:
 
     `solutions()` runs it and yields each better path; `result()` then returns the outcome.
     `guide(waypoints)` may be called before the run or during it, from any thread, and again;
-    without waypoints the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
-    when the path is proven to cost at most w times the optimum, without it at the first path.
+    without waypoints the search is a plain exact A*, after one in a corridor where the landmarks
+    have `borders` and that is enough. With `max_suboptimality` w >= 1 it ends when the path is
+    proven to cost at most w times the optimum, without it at the first path.
     `landmarks`, which must be admissible on the grid, make search and proof cheap. It also ends
     at `deadline` (monotonic seconds, looked at between slices of the search), without a path at
     `first_path_deadline` if that is later, and when another thread sets `stop[0] = 1`; the
@@ -184,9 +190,8 @@ class GuidedSearch:
                 self._result = self._describe(want_expanded=want_expanded)
                 raise
             finally:
-                for search in (self._plain, self._led):
-                    if search is not None:
-                        search.grid.give_back(search.workspace)
+                for search in (self._plain, *self._others()):
+                    search.grid.give_back(search.workspace)
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
@@ -218,6 +223,15 @@ class GuidedSearch:
         # Rounded down: the bound reported is never above the one asked for.
         limit = (self.max_suboptimality or 0.0) / grid.rounding * kernels.ONE
         self._limit = math.floor(limit)
+        self._corridor: CorridorSearch | None = None
+        borders = None if landmarks is None else landmarks.borders
+        pays = self._limit >= LEAST_OF_CORRIDOR * kernels.ONE and not self.inbox
+        if borders and pays and self._status is None and is_far(self.start, self.goal):
+            self._corridor = CorridorSearch(self, self._plain, borders, self._limit)
+
+    def _others(self) -> list[WaypointSearch | CorridorSearch]:
+        """Return the searches that run besides the plain one."""
+        return [search for search in (self._led, self._corridor) if search is not None]
 
     def _step(self) -> AnytimeSolution | None:
         """Search one slice; return the path that it found, None if it is not better."""
@@ -225,19 +239,19 @@ class GuidedSearch:
         if self.stop[0] or time.monotonic() >= deadline:
             self._status = SearchStatus.STOPPED
             return None
-        if self.inbox:
+        if self.inbox and (self._corridor is None or self._corridor.status is not None):
             self._take_waypoints()
         searched, quota = self._next()
         if self.recorder is None:
             searched.advance(quota)
         else:
             self.recorder.advance(searched, quota, self._expansions - searched.expansions)
-        led_expansions = 0 if self._led is None else self._led.expansions
-        self._expansions = self._plain.expansions + led_expansions
+        self._expansions = self._plain.expansions + sum(it.expansions for it in self._others())
         if searched is self._plain:
             self._status = searched.status
-        elif searched.status is SearchStatus.EXHAUSTED or (
-            searched.status is SearchStatus.FOUND and self.max_suboptimality is None
+        elif searched is self._led and (
+            searched.status is SearchStatus.EXHAUSTED
+            or (searched.status is SearchStatus.FOUND and self.max_suboptimality is None)
         ):
             is_known = searched.best < plain_kernels.NO_PATH
             self._status = SearchStatus.FOUND if is_known else SearchStatus.EXHAUSTED
@@ -249,6 +263,8 @@ class GuidedSearch:
     def _next(self) -> tuple[PlainSearch | WaypointSearch, int]:
         """Return which search goes on, and how many cells it may expand."""
         plain, led = self._plain, self._led
+        if self._corridor is not None and self._corridor.status is None:
+            return self._corridor, EXPANSION_SLICE
         if self._waypoints is None or (led is not None and led.status is not None):
             return plain, EXPANSION_SLICE
         if plain.expansions < self._plain_first:
@@ -301,23 +317,22 @@ class GuidedSearch:
 
     def _describe(self, *, want_expanded: bool) -> GuidedResult:
         """Return what is known now."""
-        plain, led, best = self._plain, self._led, self._solution
+        plain, others, best = self._plain, self._others(), self._solution
         status = SearchStatus.STOPPED if self._status is None else self._status
         expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
         if want_expanded and not self.stop[0]:
-            plain.add_expanded(expanded)
-            if led is not None:
-                led.add_expanded(expanded)
+            for search in (plain, *others):
+                search.add_expanded(expanded)
         costs = math.inf, math.inf, math.inf
         if best is not None:
             costs = plain.grid.proven(best.path, self._units, plain.bound)
         elif status is not SearchStatus.EXHAUSTED:
             costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
-        storage, led_expansions = (led.storage, led.expansions) if led else (0, 0)
+        storage = plain.storage + sum(search.storage for search in others)
         found = (best.path, best.length) if best else (empty_path(), math.nan)
         return GuidedResult(
-            status, self._expansions, plain.storage + storage, expanded, *found, *costs,
-            *self._first, led_expansions, plain.expansions,
+            status, self._expansions, storage, expanded, *found, *costs,
+            *self._first, self._expansions - plain.expansions, plain.expansions,
         )  # fmt: skip
 
 
@@ -350,6 +365,33 @@ def guided(
     return search.result()
 
 
+class CorridorSearch(PlainSearch):
+    """An exact A* in the tiles at a route over borders; these also prove how good its path is.
+
+    Its status is FOUND at its end, with or without a path.
+    """
+
+    def __init__(
+        self, query: GuidedSearch, plain: PlainSearch, borders: Borders, limit: int
+    ) -> None:
+        """Search for `plain`, which learns the result; `limit` is the bound in parts of ONE."""
+        super().__init__(plain.grid, query.start, query.goal)
+        self.distances, self.active = plain.distances, plain.active
+        self._plain, self._limit = plain, limit
+        self._crossing = Crossing(borders, plain.grid, query.start, query.goal)
+        self.corridor = self._crossing.corridor()
+
+    def advance(self, quota: int) -> None:
+        """Expand up to `quota` cells; see `PlainSearch.advance`."""
+        super().advance(quota)
+        if self.status is not None:
+            self.status, bound = SearchStatus.FOUND, 0
+            enough = -(-self.best * kernels.ONE // self._limit)
+            if self._plain.bound < enough and self.best < plain_kernels.NO_PATH:
+                bound = self._crossing.lower_bound(enough)
+            self._plain.learn(self.best, bound)
+
+
 class WaypointSearch(SlicedSearch):
     """The search along waypoints: its records, its queue and its counts.
 
@@ -362,7 +404,8 @@ class WaypointSearch(SlicedSearch):
         self._plain = plain
         self._control = np.array([
             self.start, self.goal, self.generation, round(query.weight * kernels.ONE),
-            round(PASSING_RADIUS * plain.grid.straight), *[0] * (kernels.G_SIZE - kernels.G_FREE),
+            round(PASSING_RADIUS * plain.grid.straight), successors_of(plain.grid),
+            *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)

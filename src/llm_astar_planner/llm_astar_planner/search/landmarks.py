@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import choose_landmarks
+from llm_astar_planner.search.borders import Borders, Crossing
 from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
@@ -64,18 +65,31 @@ def landmark_count(grid: GridGraph, count: int | None = None, max_bytes: int = M
     return fitting if fitting >= min(MIN_COUNT, count) else 0
 
 
+def can_measure(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_BYTES) -> bool:
+    """Tell whether there is anything to measure on a grid: landmarks, else borders of tiles.
+
+    These serve where costs are graded: on uniform ones the search for jump points needs none.
+    """
+    return grid.cell_surcharge.size > 0 or landmark_count(grid, count, max_bytes) > 0
+
+
 class Landmarks:
     """Distances from a few landmarks to every cell of a grid: int32 [count, cells], units.
 
-    Made by `Landmarks.build`. They prove lower bounds on that grid and on every grid that only
-    blocks more cells or raises costs; `merge` and `repair` make them follow others.
+    Made by `Landmarks.build`, with the `borders` of tiles where none fit. They prove lower
+    bounds on that grid and on every grid that only blocks more cells or raises costs; `merge` and
+    `repair` make them follow others.
     """
 
     def __init__(
-        self, freest: FreestMap, distances: NDArray[np.int32], rows: DistanceRows
+        self,
+        freest: FreestMap,
+        distances: NDArray[np.int32],
+        rows: DistanceRows,
+        borders: Borders | None = None,
     ) -> None:
         """Keep the `distances` measured on `freest`; -1 where a landmark does not reach a cell."""
-        self.distances = distances
+        self.distances, self.borders = distances, borders
         self.freest = freest
         self._rows = rows
 
@@ -91,22 +105,28 @@ class Landmarks:
         """Measure `count` landmarks, each the cell farthest from those before it.
 
         The default is COUNT, up to MAX_COUNT on small maps; fewer if they would not fit in
-        `max_bytes` (4 bytes per cell each). Returns None if fewer than MIN_COUNT fit, no cell is
-        free, `stop` was raised or a distance does not fit 32 bits.
+        `max_bytes` (4 bytes per cell each). Returns None if fewer than MIN_COUNT fit and no
+        borders are needed, no cell is free, `stop` was raised or a distance does not fit 32 bits.
         """
-        count = landmark_count(grid, count, max_bytes)
-        if count == 0:
+        if not can_measure(grid, count, max_bytes):
             return None
+        count = landmark_count(grid, count, max_bytes)
         stop = no_stop() if stop is None else stop
         freest = FreestMap(grid)
         distances = np.empty((count, grid.moves.size), dtype=np.int32)
         rows = DistanceRows(freest, distances)
-        nearest = rows.largest_area(stop)
+        nearest = rows.largest_area(stop) if count else None
         for row in range(len(distances)):
             if nearest is None or not rows.fill(row, int(nearest.argmax()), stop):
                 return None
             nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
-        return cls(freest, distances, rows)
+        borders = None if count else Borders(freest.cells)
+        if borders is not None:
+            if not any(borders.measure(borders.every, stop)):
+                return None
+            # Compiled here in the background, a plan need not wait for what reads them.
+            Crossing(borders, grid, (0, 0), (grid.width - 1, grid.height - 1)).corridor()
+        return cls(freest, distances, rows, borders)
 
     @property
     def count(self) -> int:
@@ -116,7 +136,8 @@ class Landmarks:
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        return self.distances.nbytes + self.freest.nbytes
+        borders = 0 if self.borders is None else self.borders.rows.nbytes
+        return self.distances.nbytes + self.freest.nbytes + borders
 
     @property
     def is_stale(self) -> bool:
@@ -150,7 +171,7 @@ class Landmarks:
         1: no gain. The pairs are drawn at random, the same at each call.
         """
         drawn = np.random.default_rng(0).integers(0, grid.moves.size, 256)
-        reached = drawn[self.distances[0, drawn] >= 0][:64].tolist()
+        reached = drawn[(self.distances[:1, drawn] >= 0).any(axis=0)][:64].tolist()
         cells = [(number % grid.width, number // grid.width) for number in reached]
         pairs = [pair for pair in zip(cells[::2], cells[1::2]) if pair[0] != pair[1]]
         gains = [
@@ -176,7 +197,18 @@ class Landmarks:
         does not fit 32 bits, and the landmarks are of no more use. No search may read them
         meanwhile.
         """
-        return self._rows.repair(changed, no_stop() if stop is None else stop)
+        stop = no_stop() if stop is None else stop
+        steps = [self._rows.repair(changed, stop)]
+        if self.borders is not None:
+            steps.append(self.borders.repair(changed, stop))
+        for repair in steps:
+            done = False
+            for done in repair:
+                if not done:
+                    yield False
+            if not done:
+                return
+        yield True
 
 
 class LandmarkManager:
@@ -304,7 +336,7 @@ class LandmarkManager:
         if self._repair is not None:
             return True
         if self.current is None or self._is_stale():
-            fits = landmark_count(self._newest, self._count, self._max_bytes) > 0
+            fits = can_measure(self._newest, self._count, self._max_bytes)
             return fits and self._newest not in self._tried
         return self._newest not in self._admitted
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.search.landmarks import landmark_count
 from llm_astar_planner.waypoints.config import SourceContext, make_source
 from llm_astar_planner.waypoints.source import (
     SAVES_NOTHING,
@@ -20,16 +19,12 @@ from llm_astar_planner.waypoints.source import (
 
 
 def best_source(costmap: Costmap) -> str:
-    """Return the source that helps on a costmap: `embedded`, `coarse` or `none`.
+    """Return the source that helps on a costmap: `embedded` or `none`.
 
-    The embedded model is for maps of the paper's kind, a few dozen straight barriers. A coarse
-    route pays where costs are graded and the map is too large for landmarks. Elsewhere the search
-    takes less time than any source.
+    The embedded model is for maps of the paper's kind, a few dozen straight barriers. Elsewhere
+    the search takes less time than any source.
     """
-    if costmap.is_barrier_map:
-        return 'embedded'
-    graph = costmap.grid_graph
-    return 'coarse' if graph.cell_surcharge.size and not landmark_count(graph) else 'none'
+    return 'embedded' if costmap.is_barrier_map else 'none'
 
 
 def helps_on(costmap: Costmap) -> bool:

@@ -33,10 +33,9 @@ class SourceSettings:
     source: str = parameter(
         'auto',
         'Where waypoints come from. `auto` is `embedded` on maps of a few dozen straight '
-        'barriers, `coarse` on maps with graded costs that are too large for landmarks, and '
-        '`none` on others, where the search takes less time than any source. `embedded` is a '
-        'learned waypoint model, not an LLM; `endpoint` is a language model behind an '
-        'OpenAI-compatible API; `replay` answers from '
+        'barriers, and `none` on others, where the search takes less time than any source. '
+        '`embedded` is a learned waypoint model, not an LLM; `endpoint` is a language model '
+        'behind an OpenAI-compatible API; `replay` answers from '
         'a recorded transcript; `coarse` is the cheapest route on a coarser map, without a model; '
         'the last five are baselines to compare with. Or the name of an installed plug-in, or, at '
         'the start only, its `package.module:factory` (docs/plugins.md)',

@@ -8,7 +8,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search import coarse, landmarks
+from llm_astar_planner.search import landmarks
 from llm_astar_planner.waypoints.auto import best_source
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 
@@ -62,12 +62,6 @@ def test_on_other_maps_nobody_is_asked_and_the_plan_says_why(grid_map, auto):
     assert plan.expansions == alone.expansions
 
 
-def test_a_coarse_route_leads_on_graded_maps_too_large_for_landmarks(auto, monkeypatch):
-    assert best_source(Costmap(boxes(), GRADED)) == 'none'
+def test_nobody_is_asked_on_graded_maps_too_large_for_landmarks(monkeypatch):
     monkeypatch.setattr(landmarks.landmark_count, '__defaults__', (None, 1000))
-    assert best_source(Costmap(boxes(), GRADED)) == 'coarse'
-    assert best_source(Costmap(boxes())) == 'none'
-    coarse.compile_kernels()
-    request = PlanRequest((2, 2), (95, 75), source=auto, search_while_waiting=False)
-    plan = Planner(boxes(), GRADED).plan(request)
-    assert plan.reply.label == 'coarse'
+    assert best_source(Costmap(boxes(), GRADED)) == 'none'

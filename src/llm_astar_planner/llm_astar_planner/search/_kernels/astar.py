@@ -8,6 +8,9 @@ bits 0 to 3 are +x, +y, -x, -y, bits 4 to 7 the diagonals +x+y, -x+y, -x-y, +x-y
 whole numbers, `straight` and `diagonal` units per step. Each cell has a record of two int32:
 its g, and a tag `generation << 12 | counted << 11 | target << 4 | closed << 3 | move that led
 here`. A record of another generation counts as never seen, so a query clears nothing.
+
+What runs once for each move reads a record at once, as int64, and indexes by unsigned numbers,
+which numba does not look at for negative ones.
 """
 
 from __future__ import annotations
@@ -50,17 +53,34 @@ def canonical_successors(move: int, mask: int) -> int:
     return kept & mask
 
 
-# Indexed by move << 8 | legal moves; row 8 keeps all moves, for the start and graded costs.
-EVERY_MOVE = 8 << 8
+def forward_successors(move: int, mask: int) -> int:
+    """Return the moves of `mask` to try in a cell entered by `move`, whatever cells cost.
+
+    Left out are the previous cell and those that it reaches by one straight move: that costs
+    less than the way around, and it was tried when the previous cell was expanded. That needs
+    moves which can be made back.
+    """
+    steps = [(int(x), int(y)) for x, y in zip(STEP_X + STEP_X[move], STEP_Y + STEP_Y[move])]
+    return mask & sum(1 << other for other in range(8) if sum(map(abs, steps[other])) > 1)
+
+
+# Indexed by move << 8 | legal moves: those that uniform costs need, then from EVERY_MOVE on all,
+# for the start, then from FORWARD on those that other costs need.
+EVERY_MOVE, FORWARD = 8 << 8, 9 << 8
 CANONICAL_SUCCESSORS = np.array(
     [canonical_successors(move, mask) for move in range(8) for mask in range(256)]
-    + list(range(256)),
+    + list(range(256))
+    + [forward_successors(move, mask) for move in range(8) for mask in range(256)],
     dtype=np.uint8,
 )
 
 TAG_BITS = 12
 CLOSED = 8
 BUCKET_BITS = 6
+# Entries of a block of a bucket; the first is the last entry of the block below.
+BLOCK = 16
+# A corridor is given by squares of 2^SQUARE_BITS cells a side.
+SQUARE_BITS = 3
 POLL_MASK = 2047
 LIMIT = 2**31 - 2**24  # a g above it may not fit an int32 after one more move
 NO_PATH = 2**62
@@ -101,7 +121,8 @@ def estimate_to_goal(
 ) -> int:
     """Return a lower bound on a cell's cost to the goal: the octile `distance` or a landmark's."""
     for number in range(active.shape[0]):
-        gap = np.int64(landmark_distances[active[number, 0], cell]) - active[number, 1]
+        row = np.uint64(active[number, 0])
+        gap = np.int64(landmark_distances[row, np.uint64(cell)]) - active[number, 1]
         distance = max(distance, abs(gap))
     return distance
 
@@ -116,12 +137,12 @@ def push(
     """
     entry: Any = free
     if free:
-        free = pool[entry - 1]
+        free = pool[np.uint64(entry - 1)]
     else:
         top += 1
         entry = top
-    pool[entry - 1] = item | heads[slot]
-    heads[slot] = entry
+    pool[np.uint64(entry - 1)] = item | heads[np.uint64(slot)]
+    heads[np.uint64(slot)] = entry
     return entry, free, top
 
 
@@ -130,10 +151,10 @@ def pop(
     pool: NDArray[np.int64], heads: NDArray[np.int32], slot: int, free: int
 ) -> tuple[Any, Any]:
     """Take the last entry queued in a bucket; return its number and the first free entry."""
-    entry = np.int64(heads[slot])
-    item = pool[entry - 1]
-    heads[slot] = item & 0xFFFFFFFF
-    pool[entry - 1] = free
+    entry = np.int64(heads[np.uint64(slot)])
+    item = pool[np.uint64(entry - 1)]
+    heads[np.uint64(slot)] = item & 0xFFFFFFFF
+    pool[np.uint64(entry - 1)] = free
     return item >> 32, entry
 
 
@@ -229,7 +250,7 @@ def astar(
     cells: Cells,
     start: int,
     goal: int,
-    every_move: bool,
+    successors: int,
     landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
     generation: int,
@@ -237,16 +258,20 @@ def astar(
     pool: NDArray[np.int64],
     heads: NDArray[np.int32],
     control: NDArray[np.int64],
+    corridor: NDArray[np.bool_],
     quota: int,
 ) -> int:
     """Run or resume an exact A* for up to `quota` expansions; return how the call ended.
 
     The estimate is the octile distance or what the `active` landmarks prove: their rows in
     `landmark_distances` and their distances to the goal. `heads` is a ring of buckets, each
-    1 << BUCKET_BITS units of f wide and last in, first out; entries live in `pool` as
-    `cell << 32 | next entry`. After NEED_SPACE call again with a longer pool that begins the
-    same. `every_move` also tries the moves that uniform costs make pointless; graded costs need
-    it. The caller may lower `control[A_BEST]` between calls to the cost of a path that it knows.
+    1 << BUCKET_BITS units of f wide and last in, first out: the place of its last entry in
+    `pool`, 0 for none. Read as int32 this has the cells in blocks of BLOCK; free blocks are
+    linked by their first entries. After NEED_SPACE call again with a longer pool that begins the
+    same. `successors` is the first row of the moves to try in CANONICAL_SUCCESSORS: 0 on uniform
+    costs, FORWARD on others, EVERY_MOVE where moves cannot be made back. The caller may lower
+    `control[A_BEST]` between calls to the cost of a path that it knows.
+    Where `corridor` is not empty, cells are entered only in its open squares of 8 x 8.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
@@ -255,18 +280,22 @@ def astar(
     goal_x = goal - goal_y * width
     extra = diagonal - straight
     per_width = 1.0 / width
-    tag = generation << TAG_BITS
+    offsets = STEP_Y * width + STEP_X
+    lengths = np.array([straight] * 4 + [diagonal] * 4)
+    states, entries = records.view(np.int64), pool.view(np.int32)
+    tag = np.int64(generation) << 32 + TAG_BITS
+    closed = np.int64(CLOSED) << 32
     if control[A_STARTED] == 0:
         control[A_STARTED] = 1
         heads[:] = 0
         distance = octile(straight, extra, start % width - goal_x, start // width - goal_y)
         # Buckets begin at the estimate: where that is exact, the first path ends the search.
         control[A_BASE] = estimate_to_goal(landmark_distances, active, start, distance)
-        records[2 * start] = 0
-        records[2 * start + 1] = tag
-        pool[0] = np.int64(start) << 32
-        heads[0] = 1
-        control[A_TOP] = control[A_LIVE] = control[A_STORAGE] = 1
+        states[start] = tag
+        entries[BLOCK], entries[BLOCK + 1] = 0, start
+        heads[0] = BLOCK + 1
+        control[A_TOP] = 2 * BLOCK
+        control[A_LIVE] = control[A_STORAGE] = 1
         if start == goal:
             control[A_BEST] = 0
     base, bucket, best = control[A_BASE], control[A_BUCKET], control[A_BEST]
@@ -274,7 +303,7 @@ def astar(
     free, top, live = control[A_FREE], control[A_TOP], control[A_LIVE]
     limit = expansions + quota
     while True:
-        while live > 0 and heads[bucket & ring] == 0:
+        while live > 0 and heads[np.uint64(bucket & ring)] == 0:
             bucket += 1
         if live == 0 or base + (bucket << BUCKET_BITS) >= best:
             status = FOUND if best < NO_PATH else EXHAUSTED
@@ -282,51 +311,76 @@ def astar(
         if expansions >= limit:
             status = RUNNING
             break
-        if top + 8 > pool.size:
+        if top + 8 * BLOCK > entries.size:
             status = NEED_SPACE
             break
-        cell, free = pop(pool, heads, bucket & ring, free)
+        slot = np.uint64(bucket & ring)
+        place = np.int64(heads[slot])
+        cell = np.int64(entries[np.uint64(place)])
+        if place & BLOCK - 1 == 1:
+            place -= 1
+            heads[slot] = entries[np.uint64(place)]
+            entries[np.uint64(place)] = free
+            free = place
+        else:
+            heads[slot] = place - 1
         live -= 1
-        cell_tag = records[2 * cell + 1]
-        if cell_tag & CLOSED:
+        state = states[np.uint64(cell)]
+        if state & closed:
             continue
-        records[2 * cell + 1] = cell_tag | CLOSED
+        states[np.uint64(cell)] = state | closed
         expansions += 1
-        g = np.int64(records[2 * cell])
+        g = state & 0xFFFFFFFF
         if g > LIMIT:
             status = OVERFLOW
             break
         y = np.int64((cell + 0.5) * per_width)
-        x = cell - y * width
-        row = EVERY_MOVE if every_move or cell == start else (cell_tag & 7) << 8
-        mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
+        from_goal_x, from_goal_y = cell - y * width - goal_x, y - goal_y
+        row = successors + ((state >> 32 & 7) << 8)
+        if cell == start or successors == EVERY_MOVE:
+            row = np.int64(EVERY_MOVE)
+        mask = np.int64(CANONICAL_SUCCESSORS[np.uint64(row | moves[np.uint64(cell)])])
+        price = np.int64(cell_surcharge[np.uint64(cell)]) if graded else 0
         while mask:
-            move = LOWEST[mask]
+            move = np.uint64(LOWEST[np.uint64(mask)])
             mask &= mask - 1
-            other_x = x + STEP_X[move]
-            other_y = y + STEP_Y[move]
-            other = other_y * width + other_x
-            length = straight if move < 4 else diagonal
-            other_g = g + length
+            other = np.uint64(cell + offsets[move])
+            other_g = g + lengths[move]
             if graded:
-                other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
-            new = records[2 * other + 1] >> TAG_BITS != generation
-            if not new and other_g >= records[2 * other]:
+                other_g += lengths[move] * (price + np.int64(cell_surcharge[other])) >> 9
+            known = states[other]
+            new = known >> 32 + TAG_BITS != generation
+            if not new and other_g >= known & 0xFFFFFFFF:
                 continue
             distance = octile(
-                straight, extra, x + STEP_X[move] - goal_x, y + STEP_Y[move] - goal_y
+                straight, extra, from_goal_x + STEP_X[move], from_goal_y + STEP_Y[move]
             )
             f = other_g + estimate_to_goal(landmark_distances, active, other, distance)
             if f >= best:
                 continue
+            if corridor.size > 0:
+                row_of_squares = np.uint64(y + STEP_Y[move] >> SQUARE_BITS)
+                square = np.uint64(cell - y * width + STEP_X[move] >> SQUARE_BITS)
+                if not corridor[row_of_squares, square]:
+                    continue
             storage += new
-            records[2 * other] = other_g
-            records[2 * other + 1] = tag | move
-            if other == goal:
+            states[other] = tag | np.int64(move) << 32 | other_g
+            if np.int64(other) == goal:
                 best = other_g
                 continue
-            slot = (f - base >> BUCKET_BITS) & ring
-            _, free, top = push(pool, heads, slot, other << 32, free, top)
+            slot = np.uint64(f - base >> BUCKET_BITS & ring)
+            place = np.int64(heads[slot]) + 1
+            if place & BLOCK - 1 <= 1:
+                block, below = free, place - 1
+                if block:
+                    free = np.int64(entries[np.uint64(block)])
+                else:
+                    block = top
+                    top += BLOCK
+                entries[np.uint64(block)] = below
+                place = block + 1
+            entries[np.uint64(place)] = np.int64(other)
+            heads[slot] = place
             live += 1
     control[A_BASE], control[A_BUCKET], control[A_BEST] = base, bucket, best
     control[A_EXPANSIONS], control[A_STORAGE] = expansions, storage

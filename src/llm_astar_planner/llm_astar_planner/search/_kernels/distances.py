@@ -25,14 +25,14 @@ D_BUCKET, D_SEED, D_FREE, D_TOP, D_LIVE, D_EXPANDED, D_SIZE = range(7)
 # A queue entry holds cell << 32 | move that led there << 28 | number of the next entry.
 _MOVE_SHIFT = 28
 _NEXT_MASK = (1 << _MOVE_SHIFT) - 1
-# The row of CANONICAL_SUCCESSORS that keeps all moves.
+# Instead of a move: the row of CANONICAL_SUCCESSORS that keeps all moves.
 _ANY_MOVE = 8
 
 
 @jit
 def propagate(
     cells: Cells,
-    canonical: bool,
+    single: bool,
     seeds: NDArray[np.int64],
     distances: NDArray[np.int32],
     pool: NDArray[np.int64],
@@ -44,14 +44,16 @@ def propagate(
     """Lower the `distances` of all cells that the seeds bring nearer: Dijkstra's algorithm.
 
     `seeds` holds distance << 32 | cell in ascending order, cells whose lower distance is already
-    in `distances`. `canonical` skips superfluous moves, which is exact only on uniform costs and
-    from a single source. `heads` and `control` are zero at first. At most `quota` cells are
-    expanded. Returns FOUND when all is done, STOPPED, OVERFLOW, RUNNING (the quota is used up) or
-    NEED_SPACE (the pool is full): after the last two call again, with a longer copy of the pool.
+    in `distances`. `single` skips superfluous moves, which is exact only from a single source and
+    on a single map, where a move joins any two free cells side by side. `heads` and `control` are
+    zero at first. At most `quota` cells are expanded. Returns FOUND when all is done, STOPPED,
+    OVERFLOW, RUNNING (the quota is used up) or NEED_SPACE (the pool is full): after the last two
+    call again, with a longer copy of the pool.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
     offsets = STEP_Y * width + STEP_X
+    lengths = np.array([straight] * 4 + [diagonal] * 4)
     ring = heads.size - 1
     bucket, seed = control[D_BUCKET], control[D_SEED]
     free, top, live = control[D_FREE], control[D_TOP], control[D_LIVE]
@@ -74,13 +76,13 @@ def propagate(
             seed += 1
             due = seeds[seed] >> 32 + shared.BUCKET_BITS if seed < seeds.size else shared.NO_PATH
             continue
-        entry = np.int64(heads[slot])
+        entry = np.int64(heads[np.uint64(slot)])
         if entry == 0:
             bucket += 1
             continue
-        item = pool[entry - 1]
+        item = pool[np.uint64(entry - 1)]
         cell = item >> 32
-        g = np.int64(distances[cell])
+        g = np.int64(distances[np.uint64(cell)])
         if g >> shared.BUCKET_BITS == bucket:
             if count >= quota:
                 status = shared.RUNNING
@@ -89,8 +91,8 @@ def propagate(
             if count & shared.POLL_MASK == 0 and stop[0] != 0:
                 status = shared.STOPPED
                 break
-        heads[slot] = item & _NEXT_MASK
-        pool[entry - 1] = free
+        heads[np.uint64(slot)] = item & _NEXT_MASK
+        pool[np.uint64(entry - 1)] = free
         free = entry
         live -= 1
         # A bucket is narrower than a move: a distance is final when its bucket is the current one.
@@ -99,21 +101,24 @@ def propagate(
         if g > shared.LIMIT:
             status = shared.OVERFLOW
             break
-        came = (item >> _MOVE_SHIFT & 15) << 8
-        mask = np.int64(CANONICAL_SUCCESSORS[came | moves[cell]])
-        for move in range(8):
-            if mask >> move & 1 == 0:
-                continue
-            other = cell + offsets[move]
-            length = straight if move < 4 else diagonal
-            other_g = g + length
+        row = (item >> _MOVE_SHIFT & 15) << 8
+        if not single:
+            row = np.int64(shared.EVERY_MOVE)
+        elif graded and row != shared.EVERY_MOVE:
+            row += shared.FORWARD
+        mask = np.int64(CANONICAL_SUCCESSORS[np.uint64(row | moves[np.uint64(cell)])])
+        price = np.int64(cell_surcharge[np.uint64(cell)]) if graded else 0
+        while mask:
+            move = np.uint64(LOWEST[np.uint64(mask)])
+            mask &= mask - 1
+            other = np.uint64(cell + offsets[move])
+            other_g = g + lengths[move]
             if graded:
-                other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
+                other_g += lengths[move] * (price + np.int64(cell_surcharge[other])) >> 9
             # Unsigned, -1 is more than any distance.
             if other_g < np.uint32(distances[other]):
                 distances[other] = other_g
-                kept = move if canonical else _ANY_MOVE
-                item = other << 32 | kept << _MOVE_SHIFT
+                item = np.int64(other) << 32 | np.int64(move) << _MOVE_SHIFT
                 _, free, top = push(
                     pool, heads, other_g >> shared.BUCKET_BITS & ring, item, free, top
                 )

@@ -19,6 +19,7 @@ from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, oct
 from llm_astar_planner.search.kernel_cache import jit
 
 LOWEST, STEP_X, STEP_Y = shared.LOWEST, shared.STEP_X, shared.STEP_Y
+CANONICAL_SUCCESSORS = shared.CANONICAL_SUCCESSORS
 
 # The number of targets that a cell's tag can hold: eight bits, above the closed bit and the move.
 MAX_TARGETS = 256
@@ -28,10 +29,10 @@ MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 
 # Slots of the control array: the query, then the state of the queue and the counts.
 (
-    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS,
+    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS, G_SUCCESSORS,
     G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT, G_BEST, G_EXPANSIONS, G_STORAGE,
     G_SIZE,
-) = range(15)  # fmt: skip
+) = range(16)  # fmt: skip
 # Weights are whole numbers, in parts of this one.
 ONE = 1 << 16
 
@@ -238,7 +239,11 @@ def advance(
     goal_x = goal - goal_y * width
     per_width = 1.0 / width
     last = heads.size - 1
-    tag = generation << shared.TAG_BITS
+    offsets = STEP_Y * width + STEP_X
+    lengths = np.array([straight] * 4 + [diagonal] * 4)
+    states = records.view(np.int64)
+    tag = np.int64(generation) << 32 + shared.TAG_BITS
+    closed = np.int64(shared.CLOSED) << 32
     spent = 0
     status = shared.RUNNING
     while spent < quota:
@@ -257,39 +262,42 @@ def advance(
             break
         cell, free = pop(pool, heads, bucket, free)
         live -= 1
-        cell_tag = records[2 * cell + 1]
-        if cell_tag & shared.CLOSED:
+        state = states[np.uint64(cell)]
+        if state & closed:
             continue
         if cell == goal:
             status = shared.FOUND
             break
-        records[2 * cell + 1] = cell_tag | shared.CLOSED
+        states[np.uint64(cell)] = state | closed
         spent += 1
-        g = np.int64(records[2 * cell])
+        g = state & 0xFFFFFFFF
         if g > shared.LIMIT:
             status = shared.OVERFLOW
             break
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        index = (cell_tag >> TARGET_SHIFT) & (MAX_TARGETS - 1)
+        index = state >> 32 + TARGET_SHIFT & MAX_TARGETS - 1
         # Its successors head for the first target that the cell has not passed.
         index = advance_target(targets, index, x, y, straight, extra, radius)
         target_x, target_y, rest = targets[index, 0], targets[index, 1], targets[index, 2]
-        # Every move: canonical ones alone could not turn where the targets do.
-        mask = np.int64(moves[cell])
+        # Canonical moves alone could not turn where the targets do.
+        row = control[G_SUCCESSORS] + ((state >> 32 & 7) << 8)
+        if cell == control[G_START] or control[G_SUCCESSORS] == shared.EVERY_MOVE:
+            row = np.int64(shared.EVERY_MOVE)
+        mask = np.int64(CANONICAL_SUCCESSORS[np.uint64(row | moves[np.uint64(cell)])])
+        price = np.int64(cell_surcharge[np.uint64(cell)]) if graded else 0
         while mask:
-            move = LOWEST[mask]
+            move = np.uint64(LOWEST[np.uint64(mask)])
             mask &= mask - 1
-            other_x = x + STEP_X[move]
-            other_y = y + STEP_Y[move]
-            other = other_y * width + other_x
-            length = straight if move < 4 else diagonal
-            other_g = g + length
+            other = np.uint64(cell + offsets[move])
+            other_g = g + lengths[move]
             if graded:
-                other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
-            new = records[2 * other + 1] >> shared.TAG_BITS != generation
-            if not new and other_g >= records[2 * other]:
+                other_g += lengths[move] * (price + np.int64(cell_surcharge[other])) >> 9
+            known = states[other]
+            new = known >> 32 + shared.TAG_BITS != generation
+            if not new and other_g >= known & 0xFFFFFFFF:
                 continue
+            other_x, other_y = x + STEP_X[move], y + STEP_Y[move]
             distance = octile(straight, extra, other_x - goal_x, other_y - goal_y)
             estimate = estimate_to_goal(landmark_distances, active, other, distance)
             if other_g + estimate >= best:
@@ -297,13 +305,12 @@ def advance(
             way = octile(straight, extra, other_x - target_x, other_y - target_y) + rest
             key = other_g + (max(way, estimate) * weight >> 16)
             storage += new
-            records[2 * other] = other_g
-            records[2 * other + 1] = tag | index << TARGET_SHIFT | move
-            if other == goal:
+            states[other] = tag | (index << TARGET_SHIFT | np.int64(move)) << 32 | other_g
+            if np.int64(other) == goal:
                 best = other_g
             slot = min(max((key - base) >> shift, 0), last)
             bucket = min(bucket, slot)
-            entry, free, top = push(pool, heads, slot, other << 32, free, top)
+            entry, free, top = push(pool, heads, slot, np.int64(other) << 32, free, top)
             keys[entry - 1] = key
             live += 1
     control[G_FREE], control[G_TOP], control[G_LIVE] = free, top, live

@@ -1,0 +1,362 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Compiled loops over the borders of large tiles: distances between their parts, and routes.
+
+Tiles have SIDE cells a side and share the cells of their borders. Tile t, numbered row by row,
+has border 2 t above it and border 2 t + 1 to its left; those at the edge of the grid are not
+used. A border is divided into PARTS parts, short ones near its ends. `rows[b, p]` has the
+distances from part p of border b within the two tiles at b to the parts of the six borders
+around both, in steps of STEP units, rounded down; FAR where there is no way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.search._kernels.astar import SQUARE_BITS, Cells, octile
+from llm_astar_planner.search.kernel_cache import jit
+
+SIDE_BITS = 6
+SIDE = 1 << SIDE_BITS
+_HALF = (1, 1, 1, 2, 2, 3, 3, 3, 4, 4, 4, 4)
+# A multiple of eight, for the processor's vectors.
+PARTS = 2 * len(_HALF)
+_CUTS = np.cumsum((0, *_HALF, *_HALF[::-1]))
+# The first and the last cell of each part, along a border; both its ends belong to parts.
+FIRST, LAST = _CUTS[:-1], _CUTS[1:] - (_CUTS[1:] < SIDE)
+STEP_BITS = 7
+FAR = 65535
+# The cells of a line of the frame that two tiles are measured in, with one more on either side.
+LINE = 2 * SIDE + 3
+NOWHERE = np.float32(1e9)
+# The ring of buckets of a route, each STEP units of f wide.
+BUCKETS = 1 << 14
+UNSEEN = 1 << 40
+
+
+@jit
+def around(border: int, columns: int, count: int, found: NDArray[np.int64]) -> None:
+    """Write the six borders around the two tiles at a border, -1 for those that are not used."""
+    upright, tile = border & 1, border >> 1
+    row, column = tile // columns, tile % columns
+    # Along the border, then beside its first tile and beside its second one.
+    over, along = (column, row) if upright else (row, column)
+    step, aside = (1, columns) if upright else (columns, 1)
+    overs = columns if upright else count // columns
+    alongs = count // columns if upright else columns
+    for side in range(6):
+        other = tile + (step if side == 1 else 0) - (step if side in (0, 2, 3) else 0)
+        kind = upright if side < 2 else 1 - upright
+        used = over > 1 if side == 0 else over + 1 < overs if side == 1 else True
+        if side >= 2:
+            used = along > 0 if side % 2 == 0 else along + 1 < alongs
+            other += aside if side % 2 else 0
+        found[side] = 2 * other + kind if used else -1
+
+
+@jit
+def pull(
+    frame: NDArray[np.float32],
+    costs: NDArray[np.float32],
+    cell: int,
+    count: int,
+    step: int,
+    gain: NDArray[np.float32],
+) -> None:
+    """Lower the distances of a line of cells over the four neighbours already visited.
+
+    `step` is 1 on the way down, where these are to the left and above, and -1 on the way up.
+    """
+    back = 0 if step < 0 else 1
+    for _ in range(count):
+        by_left, by_above = costs[cell - back, 0], costs[cell - back * LINE, 1]
+        by_one = costs[cell - back * (LINE + 1), 2]
+        by_other = costs[cell - back * (LINE - 1), 3]
+        if min(by_left, by_above, by_one, by_other) < NOWHERE:
+            at, left = np.uint64(cell * PARTS), np.uint64((cell - step) * PARTS)
+            above = np.uint64((cell - step * LINE) * PARTS)
+            one = np.uint64((cell - step * (LINE + 1)) * PARTS)
+            other = np.uint64((cell - step * (LINE - 1)) * PARTS)
+            for number in range(PARTS):
+                part = np.uint64(number)
+                first = min(frame[left + part] + by_left, frame[above + part] + by_above)
+                second = min(frame[one + part] + by_one, frame[other + part] + by_other)
+                before = frame[at + part]
+                least = min(before, first, second)
+                gain[part] += before - least
+                frame[at + part] = least
+        cell += step
+
+
+@jit
+def pull_back(
+    frame: NDArray[np.float32], costs: NDArray[np.float32], cell: int, count: int, step: int
+) -> None:
+    """Lower the distances of a line of cells over the neighbour behind, against `pull`."""
+    for _ in range(count):
+        cost = costs[cell if step > 0 else cell - 1, 0]
+        if cost < NOWHERE:
+            at, behind = np.uint64(cell * PARTS), np.uint64((cell + step) * PARTS)
+            for number in range(PARTS):
+                part = np.uint64(number)
+                frame[at + part] = min(frame[at + part], frame[behind + part] + cost)
+        cell -= step
+
+
+@jit
+def settle(
+    frame: NDArray[np.float32], costs: NDArray[np.float32], height: int, width: int
+) -> None:
+    """Make the distances of a frame [LINE * LINE * PARTS] final, by lines down and up."""
+    gain = np.empty(PARTS, dtype=np.float32)
+    begun = False
+    while True:
+        gain[:] = 0.0
+        for y in range(1, height + 1):
+            pull(frame, costs, y * LINE + 1, width, 1, gain)
+            pull_back(frame, costs, y * LINE + width - 1, width - 1, 1)
+        if begun and gain.max() == 0.0:
+            break
+        gain[:] = 0.0
+        for y in range(height, 0, -1):
+            pull(frame, costs, y * LINE + width, width, -1, gain)
+            pull_back(frame, costs, y * LINE + 2, width - 1, -1)
+        if gain.max() == 0.0:
+            break
+        begun = True
+
+
+@jit
+def load(
+    cells: Cells,
+    window: tuple[int, int, int, int],
+    frame: NDArray[np.float32],
+    costs: NDArray[np.float32],
+) -> None:
+    """Take the moves within a window, (top, left, height, width), into an empty frame."""
+    moves, cell_surcharge, width, straight, diagonal = cells
+    top, left, lines, places = window
+    offsets = np.array([1, width, width + 1, width - 1])
+    lengths = np.array([straight, straight, diagonal, diagonal])
+    bits = np.array([0, 1, 4, 5])
+    frame[: (lines + 2) * LINE * PARTS] = NOWHERE
+    costs[: (lines + 2) * LINE] = NOWHERE
+    for y in range(lines):
+        for x in range(places):
+            cell = (top + y) * width + left + x
+            mask = np.int64(moves[cell])
+            for kind in range(4):
+                inside = kind == 1 or (x > 0 if kind == 3 else x + 1 < places)
+                if mask >> bits[kind] & 1 and inside and (kind == 0 or y + 1 < lines):
+                    price = np.int64(cell_surcharge[cell]) + cell_surcharge[cell + offsets[kind]]
+                    cost = lengths[kind] + (lengths[kind] * price >> 9)
+                    costs[(y + 1) * LINE + x + 1, kind] = cost
+
+
+@jit
+def measure(cells: Cells, borders: NDArray[np.int64], rows: NDArray[np.uint16]) -> None:
+    """Measure from the parts of each of some borders: fill in `rows[border]`."""
+    moves, width = cells.moves, cells.width
+    height = moves.size // width
+    columns = (width + SIDE - 1) >> SIDE_BITS
+    frame = np.empty(LINE * LINE * PARTS, dtype=np.float32)
+    costs = np.empty((LINE * LINE, 4), dtype=np.float32)
+    nearest = np.empty(PARTS, dtype=np.float32)
+    for border in borders:
+        upright = border & 1
+        top = ((border >> 1) // columns - (1 - upright)) << SIDE_BITS
+        left = ((border >> 1) % columns - upright) << SIDE_BITS
+        lines = min((SIDE << 1 - upright) + 1, height - top)
+        places = min((SIDE << upright) + 1, width - left)
+        load(cells, (top, left, lines, places), frame, costs)
+        for part in range(PARTS):
+            for place in range(FIRST[part], LAST[part] + 1):
+                y, x = (place, SIDE) if upright else (SIDE, place)
+                if y < lines and x < places and moves[(top + y) * width + left + x]:
+                    frame[((y + 1) * LINE + x + 1) * PARTS + part] = 0.0
+        settle(frame, costs, lines, places)
+        for side in range(6):
+            for part in range(PARTS):
+                nearest[:] = NOWHERE
+                for place in range(FIRST[part], LAST[part] + 1):
+                    across, along = 2 * SIDE * side, place
+                    if side >= 2:
+                        across, along = place + SIDE * (side // 4), SIDE * (side % 2)
+                    y, x = (along, across) if upright else (across, along)
+                    if y < lines and x < places:
+                        at = ((y + 1) * LINE + x + 1) * PARTS
+                        nearest = np.minimum(nearest, frame[at : at + PARTS])
+                for source in range(PARTS):
+                    steps = int(nearest[source]) >> STEP_BITS
+                    is_far = nearest[source] >= NOWHERE
+                    rows[border, source, side * PARTS + part] = (
+                        FAR if is_far else min(steps, FAR - 1)
+                    )
+
+
+@jit
+def reach(cells: Cells, cell: int, found: NDArray[np.int64]) -> None:
+    """Measure from a cell within its tile to the parts of the tile's borders.
+
+    Writes units to `found` [4, PARTS]: above, below, to the left and to the right.
+    """
+    moves, width = cells.moves, cells.width
+    top, left = cell // width >> SIDE_BITS << SIDE_BITS, cell % width >> SIDE_BITS << SIDE_BITS
+    lines, places = min(SIDE + 1, moves.size // width - top), min(SIDE + 1, width - left)
+    frame = np.empty(LINE * LINE * PARTS, dtype=np.float32)
+    costs = np.empty((LINE * LINE, 4), dtype=np.float32)
+    load(cells, (top, left, lines, places), frame, costs)
+    frame[((cell // width - top + 1) * LINE + cell % width - left + 1) * PARTS] = 0.0
+    settle(frame, costs, lines, places)
+    for side in range(4):
+        for part in range(PARTS):
+            found[side, part] = UNSEEN
+            for place in range(FIRST[part], LAST[part] + 1):
+                across = SIDE * (side % 2)
+                y, x = (across, place) if side < 2 else (place, across)
+                if y < lines and x < places:
+                    distance = frame[((y + 1) * LINE + x + 1) * PARTS]
+                    # As the steps of `rows`: larger ones than a float counts are cut off.
+                    if distance < NOWHERE:
+                        distance = min(int(distance), FAR - 1 << STEP_BITS)
+                        found[side, part] = min(found[side, part], int(distance))
+
+
+@jit
+def close_ends(distances: NDArray[np.int64], straight: int) -> None:
+    """Let the last way of a route leave the start's tile and come back over the same border."""
+    for side in range(4):
+        before = distances[side].copy()
+        for part in range(PARTS):
+            for other in range(PARTS):
+                gap = max(FIRST[part] - LAST[other], FIRST[other] - LAST[part], 0)
+                distances[side, part] = min(distances[side, part], before[other] + gap * straight)
+
+
+@jit
+def route(
+    cells: Cells,
+    rows: NDArray[np.uint16],
+    start: int,
+    goal: int,
+    to_start: NDArray[np.int64],
+    from_goal: NDArray[np.int64],
+    weight: float,
+    limit: int,
+    costs: NDArray[np.int64],
+    parents: NDArray[np.int32],
+) -> tuple[int, int]:
+    """Find a route from the goal to the start over the parts of borders, if below `limit` units.
+
+    `to_start` and `from_goal` are what `reach` and `close_ends` have made. Returns the cost of
+    the route, else the limit, and its last part or -1. With weight 1 the cost is the least: no
+    path that leaves the goal's tile costs less. A larger weight of the way that is left finds
+    one sooner. Parts are numbered border * PARTS + part; the parts before, -1 at first, are
+    written to `parents`, and `costs` is as long.
+    """
+    _, _, width, straight, diagonal = cells
+    extra = diagonal - straight
+    columns = (width + SIDE - 1) >> SIDE_BITS
+    count = len(rows) // 2
+    start_x, start_y = start % width, start // width
+    goal_tile = (goal // width >> SIDE_BITS) * columns + (goal % width >> SIDE_BITS)
+    start_row, start_column = start_y >> SIDE_BITS, start_x >> SIDE_BITS
+    costs[:] = UNSEEN
+    ways = np.empty(6 * PARTS, dtype=np.int64)
+    is_open = np.zeros(costs.size, dtype=np.bool_)
+    found = np.empty(6, dtype=np.int64)
+    heads = np.zeros(BUCKETS, dtype=np.int32)
+    pool = np.empty((1 << 14, 2), dtype=np.int32)
+    top, live, bucket = np.int64(1), np.int64(0), np.int64(0)
+    best, last = np.int64(limit), np.int64(-1)
+    node = np.int64(-1)
+    while True:
+        if node < 0:
+            # The goal's own tile: its upper, lower, left and right border.
+            ways[: 4 * PARTS] = from_goal.ravel()
+            row, column = goal_tile // columns, goal_tile % columns
+            found[0] = 2 * goal_tile if row > 0 else -1
+            found[1] = 2 * (goal_tile + columns) if row + 1 < count // columns else -1
+            found[2] = 2 * goal_tile + 1 if column > 0 else -1
+            found[3] = 2 * goal_tile + 3 if column + 1 < columns else -1
+            found[4] = found[5] = -1
+        else:
+            before = costs[node]
+            around(node // PARTS, columns, count, found)
+            steps = rows[node // PARTS, node % PARTS]
+            for place in range(ways.size):
+                step = np.int64(steps[place])
+                ways[place] = before + (UNSEEN if step == FAR else step << STEP_BITS)
+        for side in range(6):
+            other = found[side]
+            if other < 0:
+                continue
+            row, column = (other >> 1) // columns, (other >> 1) % columns
+            upright = other & 1
+            # Which border of the start's tile it is, if any.
+            at_start = -1
+            if 0 <= row - start_row <= 1 - upright and 0 <= column - start_column <= upright:
+                at_start = 2 + column - start_column if upright else row - start_row
+            # Most sides have no part that is nearer now: all are looked at together.
+            is_nearer = False
+            for number in range(PARTS):
+                way = ways[np.uint64(side * PARTS + number)]
+                is_nearer |= way < costs[np.uint64(other * PARTS + number)]
+            for number in range(PARTS if is_nearer else 0):
+                cost, target = ways[side * PARTS + number], other * PARTS + number
+                if cost >= costs[target] or cost >= best:
+                    continue
+                left = (column << SIDE_BITS) + (0 if upright else FIRST[number])
+                right = left + (0 if upright else LAST[number] - FIRST[number])
+                above = (row << SIDE_BITS) + (FIRST[number] if upright else 0)
+                below = above + (LAST[number] - FIRST[number] if upright else 0)
+                aside = max(0, left - start_x, start_x - right)
+                rest = octile(straight, extra, aside, max(0, above - start_y, start_y - below))
+                if cost + rest >= best:
+                    continue
+                costs[target], parents[target] = cost, node
+                if at_start >= 0 and cost + to_start[at_start, number] < best:
+                    best, last = cost + to_start[at_start, number], target
+                if top == len(pool):
+                    pool = np.concatenate((pool, np.empty_like(pool)))
+                due = cost + int(rest * weight) >> STEP_BITS
+                bucket = min(bucket, due) if live else due
+                pool[top, 0], pool[top, 1] = target, heads[due & BUCKETS - 1]
+                is_open[target] = True
+                heads[due & BUCKETS - 1] = top
+                top += 1
+                live += 1
+        node = np.int64(-1)
+        while live > 0 and node < 0:
+            while heads[bucket & BUCKETS - 1] == 0:
+                bucket += 1
+            if bucket << STEP_BITS >= best:
+                break
+            entry = heads[bucket & BUCKETS - 1]
+            heads[bucket & BUCKETS - 1] = pool[entry, 1]
+            live -= 1
+            node = np.int64(pool[entry, 0])
+            if not is_open[node]:
+                node = np.int64(-1)
+        if node < 0:
+            return int(best), int(last)
+        is_open[node] = False
+
+
+@jit
+def open_corridor(
+    columns: int, last: int, parents: NDArray[np.int32], corridor: NDArray[np.bool_]
+) -> None:
+    """Open the squares [rows, columns] of the tiles at each border that a route crosses."""
+    size = SIDE >> SQUARE_BITS
+    node = last
+    while node >= 0:
+        border = node // PARTS
+        row, column = (border >> 1) // columns * size, (border >> 1) % columns * size
+        top = row if border & 1 else row - size
+        left = column - size if border & 1 else column
+        # The squares that the shared cells to the right and below are in, too.
+        corridor[top : row + size + 1, left : column + size + 1] = True
+        node = parents[node]
