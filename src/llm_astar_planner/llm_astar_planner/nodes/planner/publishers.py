@@ -320,14 +320,17 @@ class PlanPublisher:
         report = plan_report(plan, planner.grid_map if planner else None, response.map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
+        guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
+        said = '; '.join([report.summary, *guide, *plan.warnings])
+        # A call each: rclpy refuses another severity from the same line.
         if report.code and is_cancelled:
             logger.debug(report.summary)
         elif report.code:
             logger.warning(report.summary)
+        elif is_routine and not plan.warnings:
+            logger.debug(said)
         else:
-            guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
-            say = logger.debug if is_routine and not plan.warnings else logger.info
-            say('; '.join([report.summary, *guide, *plan.warnings]))
+            logger.info(said)
 
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]

@@ -72,9 +72,12 @@ class RobotFootprint:
         except LlmAstarError as error:
             # At the start, the robot's frame may come later than its footprint.
             is_early = isinstance(error, FrameError) and time.monotonic() < self._loud_from
-            say = self._logger.debug if is_early else self._logger.error
             text = f'{TOPIC}: {error}; the last one stays ({self.current})'
-            say(text, throttle_duration_sec=QUIET_SECONDS)
+            # A call each: rclpy refuses another severity from the same line.
+            if is_early:
+                self._logger.debug(text, throttle_duration_sec=QUIET_SECONDS)
+            else:
+                self._logger.error(text, throttle_duration_sec=QUIET_SECONDS)
             return
         before = self._received
         if before is None or not before.is_close_to(received, SAME_METRES):
