@@ -29,7 +29,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.nodes import MODULES
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.planning.planner import Planner
 from nav_msgs.msg import OccupancyGrid

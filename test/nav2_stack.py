@@ -9,7 +9,7 @@ from geometry_msgs.msg import TransformStamped
 from lifecycle_msgs.srv import GetState
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.entities import LATCHED
 from map_msgs.msg import OccupancyGridUpdate
 from nav2_msgs.action import ComputePathThroughPoses, ComputePathToPose
 from nav2_msgs.srv import ClearEntireCostmap

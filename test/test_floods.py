@@ -21,8 +21,13 @@ from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_messa
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
 from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.nodes import llm_client_node
-from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS_OF_CALLS
+from llm_astar_planner.nodes.common.entities import (
+    CALLS,
+    LATCHED,
+    RELIABLE,
+    REPORTS_OF_CALLS,
+    Entities,
+)
 from llm_astar_planner.nodes.llm_client_node import CALLERS, QUERY_THREADS, LlmClientNode
 from llm_astar_planner.nodes.planner.goals import CancellationToken, PlanGoal
 from llm_astar_planner.nodes.planner.instruction_server import MOST_WAITING, InstructionClient

@@ -15,7 +15,7 @@ from graph_tools import PATIENCE, calling, running, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message, status_values, yaw_of
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, quaternion_of
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint

@@ -17,8 +17,8 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, UPDATES
 from llm_astar_planner.nodes.common.map_subscription import OccupancyGridUpdate
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, UPDATES
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.parameter import Parameter

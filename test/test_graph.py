@@ -31,7 +31,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
 from llm_astar_planner.cli.main import main
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest

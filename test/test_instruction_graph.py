@@ -16,7 +16,7 @@ from graph_tools import GOAL, START, calling, set_parameter, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode

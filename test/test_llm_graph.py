@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.messages.report import ExchangeReport, report_from_m
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode, NoMapError
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.parameters import FIXED

@@ -14,7 +14,7 @@ from builtin_interfaces.msg import Time
 from graph_tools import calling, process
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.entities import LATCHED
 from nav_msgs.msg import OccupancyGrid
 from test_soak import usage
 from tqdm import tqdm

@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import GOAL, PATIENCE, START, calling, running, wait_for
 from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
-from llm_astar_planner.nodes.common.qos import REPORTS
+from llm_astar_planner.nodes.common.entities import REPORTS
 from llm_astar_planner.nodes.tools import planner_client
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 from llm_astar_planner.planning.types import Plan, ResultCode, plan_report

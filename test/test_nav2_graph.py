@@ -22,7 +22,7 @@ from llm_astar_msgs_adapter.messages.writing import (
     path_to_message,
     pose_to_message,
 )
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan

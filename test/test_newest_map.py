@@ -15,8 +15,8 @@ from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.planner.request_handler import RequestError

@@ -23,7 +23,7 @@ from llm_astar_msgs_adapter.messages.writing import (
     pose_to_message,
     report_to_message,
 )
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner

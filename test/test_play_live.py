@@ -22,7 +22,7 @@ from llm_astar_lab.play.live import LiveFeed
 from llm_astar_lab.play.maps import PlayError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.types import Plan, ResultCode, plan_report

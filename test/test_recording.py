@@ -19,7 +19,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_planner.cli.main import main
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.resources import find_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory

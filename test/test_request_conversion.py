@@ -38,6 +38,7 @@ from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.methods import SEARCH_METHODS
+from rclpy.logging import LoggingSeverity, get_logger
 
 LONG = 60.0
 NOTHING = np.zeros((0, 0), dtype=np.bool_)
@@ -158,6 +159,23 @@ def test_a_path_that_comes_each_second_is_logged_at_debug_level_unless_it_warns(
     publisher._thread.shutdown()
     node.get_logger().debug.assert_called_once_with('path found: a path')
     node.get_logger().info.assert_called_once_with('path found: a path; 0.20 m off')
+
+
+def test_paths_of_both_severities_are_logged_by_the_real_logger(capfd):
+    """It refuses another severity from a line that has logged with one."""
+    logger = get_logger('severities')
+    logger.set_level(LoggingSeverity.DEBUG)
+    node = Mock(get_logger=lambda: logger)
+    node.get_name.return_value = 'planner_node'
+    publisher = PlanPublisher(Mock(node=node), PreemptingGoalSlot())
+    plan = Plan(ResultCode.NONE, 'a path', '', (0, 0), (0, 0), NOTHING)
+    for is_routine in (True, False):
+        response = PlanResponse(None, plan, None)
+        publisher.publish_report(response, STAMP, is_cancelled=False, is_routine=is_routine)
+    publisher._thread.shutdown()
+    logged = capfd.readouterr().err
+    assert 'path found: a path' in logged
+    assert 'Traceback' not in logged
 
 
 def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():

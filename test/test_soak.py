@@ -22,7 +22,7 @@ from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.resources import find_file

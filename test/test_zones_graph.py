@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, path_to_message
 from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
 from llm_astar_planner.costmap.zones import ZonesError
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError
 from llm_astar_planner.nodes.planner import zone_server
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
@@ -396,7 +396,7 @@ def server():
 def test_a_map_or_mask_that_cannot_be_composed_leaves_the_last_one(server, monkeypatch):
     server.take(grid())
     server.add_text(geojson(zone(id='a')))
-    handed_on = server._on_map
+    handed_on = server.on_map
     assert (handed_on.call_args[0][0].cells[:12, 18:22] == 100).all()
     count = handed_on.call_count
     with monkeypatch.context() as patch:
@@ -416,10 +416,10 @@ def test_zones_before_a_map_wait_for_it_and_those_of_another_frame_are_refused(s
     with pytest.raises(ZonesError, match='no map has arrived yet'):
         server.add_text(geojson(zone(), frame_id='odom'))
     assert server.add_text(geojson(zone(id='a'))) == 'added a; 1 in all'
-    server._on_map.assert_not_called()
+    server.on_map.assert_not_called()
     server.take(grid())
-    assert server._on_map.call_args[0][0].zones == ('a',)
-    server._frames.locate.return_value = Pose2D(10.0, 2.0, np.pi / 2)
+    assert server.on_map.call_args[0][0].zones == ('a',)
+    server.frames.locate.return_value = Pose2D(10.0, 2.0, np.pi / 2)
     server.add_text(geojson(zone((0.0, 0.0, 2.0, 1.0), id='b'), frame_id='odom'))
     assert server.zones.find('b')[0].geometry.bounds == pytest.approx((9.0, 2.0, 10.0, 4.0))
 
@@ -431,18 +431,18 @@ def speed_mask(topic='slow', kind=FilterKind.SPEED_ABSOLUTE, frame_id='map'):
 
 def test_a_mask_that_cannot_be_used_yet_is_tried_again_with_the_next_map(server):
     server.take(grid())
-    server._frames.locate.side_effect = FrameError('no transform')
+    server.frames.locate.side_effect = FrameError('no transform')
     server.use(masks=[speed_mask(frame_id='odom')])
     server.take(grid())
-    cells = server._on_map.call_args[0][0].cells
+    cells = server.on_map.call_args[0][0].cells
     assert (cells == grid().cells).all(), 'the speed of the robot is not known'
-    server._settings['max_speed'] = 1.0
+    server.settings['max_speed'] = 1.0
     server.refresh()
-    assert (server._on_map.call_args[0][0].cells == grid().cells).all(), 'nor the transform'
-    server._frames.locate = Mock(return_value=Pose2D(0.0, 0.0))
+    assert (server.on_map.call_args[0][0].cells == grid().cells).all(), 'nor the transform'
+    server.frames.locate = Mock(return_value=Pose2D(0.0, 0.0))
     server.take(grid())
     # Half of the speed takes twice the time, so the cost of a cell doubles: 1 + 2 * 50 / 100.
-    assert server._on_map.call_args[0][0].cells[0, 0] == 50
+    assert server.on_map.call_args[0][0].cells[0, 0] == 50
     assert server.values() == {'zones': 0, 'filter_masks': 1}
 
 

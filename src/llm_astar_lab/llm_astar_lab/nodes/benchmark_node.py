@@ -31,8 +31,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.cli.flags import at_least, option
-from llm_astar_planner.nodes.common.entities import setting
-from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.entities import LATCHED, setting
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.resources import SAMPLES_FILE, find_file

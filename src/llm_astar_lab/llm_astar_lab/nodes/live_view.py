@@ -15,9 +15,8 @@ from llm_astar_msgs_adapter.maps.places import PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.messages import QuestionError, parse_object
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 from llm_astar_planner.nodes.tools.planner_client import EventKind, Monitor, MonitorEvent
 from nav_msgs.msg import Path

@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message, stamp_of
 from llm_astar_msgs_adapter.messages.markers import expanded_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools import planner_client
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError

@@ -31,10 +31,9 @@ from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.nodes.common.entities import Entities, QueuedService
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities, QueuedService
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.planning.compile import compile_and_report, compile_map_kernels

@@ -21,8 +21,8 @@ from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.node import Node
 
+from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
-from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.resources import find_file
 

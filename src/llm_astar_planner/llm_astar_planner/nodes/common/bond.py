@@ -19,7 +19,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from std_msgs.msg import Header
 
-from llm_astar_planner.nodes.common.qos import BOND, BOND_HEARTBEATS
+from llm_astar_planner.nodes.common.entities import BOND, BOND_HEARTBEATS
 from llm_astar_planner.nodes.common.spin import RCLError, side_node
 
 try:

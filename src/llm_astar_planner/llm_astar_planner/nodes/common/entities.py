@@ -21,14 +21,38 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.service import Service
 from rclpy.task import Future
 from rclpy.waitable import NumberOfEntities, Waitable
 
-from llm_astar_planner.nodes.common.qos import CALLS
-
 _T = TypeVar('_T')
+
+
+def latched(depth: int) -> QoSProfile:
+    """Return a reliable profile by which who subscribes late gets the last messages."""
+    durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+
+
+# As map_server publishes: a subscriber that joins late gets the last map.
+LATCHED = latched(1)
+# As LATCHED, of several publishers: the last message of each.
+LATCHED_BY_MANY = latched(10)
+# Reports that belong to a service's response: a client that is discovered late gets them too.
+REPORTS = latched(10)
+# For who waits for the reports of many calls at once, of which none may be lost.
+REPORTS_OF_CALLS = latched(256)
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+# Map updates: none may be lost, since each changes another part of the map.
+UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+# Requests that wait until a thread is free, and their answers: with the default of 10, those of
+# many callers at once would be lost, on both sides: a client's queue also holds the responses to
+# all other clients until it has looked at them.
+CALLS = QoSProfile(depth=4096, reliability=ReliabilityPolicy.RELIABLE)
+# Heartbeats of a bond as bondcpp sends and takes them, those of all other nodes included.
+BOND_HEARTBEATS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+BOND = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 # Requests of one service that wait at most, and that are taken before they are looked at.
 MOST_WAITING, MOST_AT_ONCE = 128, 1024
 QUIET_SECONDS = 1.0
@@ -94,6 +118,28 @@ class Entities:
         """Destroy everything, in reverse order of creation."""
         while self._undo:
             self._undo.pop()()
+
+
+class LoggedThread(ThreadPoolExecutor):
+    """A thread that runs what is submitted one after the other, and logs each exception."""
+
+    def __init__(self, entities: Entities, name: str, *, drops_rest: bool = False) -> None:
+        """Run until the entities are closed; with `drops_rest` what waits then is not run."""
+        super().__init__(1, name)
+        self._node = entities.node
+        entities.on_close(lambda: self.shutdown(cancel_futures=drops_rest))
+
+    def run(self, task: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401 - the task's
+        """Have a task run on the thread."""
+        self.submit(self._logged, task, *arguments)
+
+    def _logged(self, task: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
+        try:
+            task(*arguments)
+        except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
+            # After a signal nothing can be published any more, which is no failure.
+            if self._node.context.ok():
+                self._node.get_logger().error(traceback.format_exc())
 
 
 class UntakenCallbackGroup(MutuallyExclusiveCallbackGroup):

@@ -19,8 +19,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import LATCHED, UPDATES
+from llm_astar_planner.nodes.common.entities import LATCHED, UPDATES, Entities
 
 try:
     from map_msgs.msg import OccupancyGridUpdate

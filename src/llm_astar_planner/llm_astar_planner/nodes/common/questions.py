@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -33,8 +34,7 @@ from llm_astar_planner.instructions.messages import (
     parse_question,
 )
 from llm_astar_planner.instructions.text import clean_instruction
-from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
 
 # Questions a second, of which so many may come at once: a flood must leave time to plan.
 RATE, BURST = 50.0, 20
@@ -49,6 +49,7 @@ Interpret = Callable[[Question, OnAnswer], Interpretation]
 LIMIT_S = 120.0
 
 
+@dataclass(eq=False)
 class QuestionServer:
     """Takes questions on `~/interpret` and answers on `~/interpretation`, with the id of each.
 
@@ -56,18 +57,14 @@ class QuestionServer:
     newest are, RATE a second; the middleware drops the others.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        interpret: Interpret,
-        *,
-        limit: int = MAX_QUESTION,
-        waits: bool = False,
-    ) -> None:
+    entities: Entities
+    interpret: Interpret
+    limit: int = MAX_QUESTION
+    waits: bool = False
+
+    def __post_init__(self) -> None:
         """Serve. `limit` is in characters; `waits` publishes only the last answer."""
-        self._interpret = interpret
-        self._limit = limit
-        self._waits = waits
+        entities = self.entities
         self._due = -math.inf
         self._lock = threading.Lock()
         self._is_closed = False
@@ -85,13 +82,13 @@ class QuestionServer:
         turn = threading.RLock()
         with turn:
             try:
-                asked = parse_question(message.data, self._limit)
+                asked = parse_question(message.data, self.limit)
                 question = Question(clean_instruction(asked.text), asked.id, asked.places)
-                reading = self._interpret(question, partial(self.answer, asked, turn))
+                reading = self.interpret(question, partial(self.answer, asked, turn))
             except LlmAstarError as error:
                 self.publish(error_text(asked, error))
                 return
-            if not (self._waits and reading.status is Understanding.PENDING):
+            if not (self.waits and reading.status is Understanding.PENDING):
                 self.answer(asked, turn, reading)
 
     def pace(self) -> None:

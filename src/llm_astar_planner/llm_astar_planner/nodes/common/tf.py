@@ -31,6 +31,8 @@ else:
 
 # Seconds to wait for a transform: those of a robot arrive many times a second.
 PATIENCE = 0.2
+# Asks tf2 for the newest transform.
+NEWEST = Time()
 
 # Whether the caller has time to wait; may raise an exception that ends the whole request.
 MayWait = Callable[[], bool]
@@ -66,21 +68,19 @@ class Frames:
         frame = pose.header.frame_id
         if frame in ('', frame_id):
             return place
-        what = f'the {name} is in frame {frame!r}, the map in {frame_id!r}'
         stamp = Time.from_msg(pose.header.stamp)
-        found = self._look_up(frame_id, frame, stamp, may_wait, what)
-        return moved(place, matrix_of(found.transform))
+        return moved(place, self.matrix(frame, frame_id, name, stamp, may_wait))
 
-    def matrix(self, frame: str, frame_id: str, name: str) -> NDArray[np.float64]:
-        """Return the newest transform [4, 4] of a frame into `frame_id` that has arrived.
+    def matrix(
+        self, frame: str, frame_id: str, name: str, stamp: Time = NEWEST, may_wait: MayWait = never
+    ) -> NDArray[np.float64]:
+        """Return the transform [4, 4] of a frame into `frame_id`, waiting as `locate` does.
 
-        An empty frame means `frame_id`. Raises FrameError, with `name` for what is in that frame,
-        if there is none, GridMapError if it is malformed.
+        Raises FrameError, with `name` for what is in that frame, if there is none, GridMapError if
+        it is malformed, and what `may_wait` raises.
         """
-        if frame in ('', frame_id):
-            return np.eye(4)
         what = f'the {name} is in frame {frame!r}, the map in {frame_id!r}'
-        return matrix_of(self._look_up(frame_id, frame, Time(), never, what).transform)
+        return self._look_up(frame_id, frame, stamp, may_wait, what)
 
     def robot(self, base_frame: str, frame_id: str, may_wait: MayWait = never) -> Pose2D:
         """Return the robot's latest pose in `frame_id`, waiting as `locate` does.
@@ -88,19 +88,22 @@ class Frames:
         Raises FrameError, and what `may_wait` raises.
         """
         what = f'the pose of the robot ({base_frame!r} in {frame_id!r}) is needed'
-        found = self._look_up(frame_id, base_frame, Time(), may_wait, what)
-        return flat_pose(matrix_of(found.transform))
+        return flat_pose(self._look_up(frame_id, base_frame, NEWEST, may_wait, what))
 
-    def _look_up(self, target: str, source: str, stamp: Time, may_wait: MayWait, what: str) -> Any:  # noqa: ANN401 - a TransformStamped
+    def _look_up(
+        self, target: str, source: str, stamp: Time, may_wait: MayWait, what: str
+    ) -> NDArray[np.float64]:
         if self._buffer is None:
             raise FrameError(f'{what}, and tf2_ros is not installed')
         # tf2's own wait cannot be cancelled, and never ends while simulated time is paused.
         deadline = time.monotonic() + PATIENCE
         while True:
             try:
-                return self._buffer.lookup_transform(target, source, stamp)
+                found = self._buffer.lookup_transform(target, source, stamp)
             except Exception as error:  # noqa: BLE001 - tf2's exceptions have no common base
                 problem = f'{what}, and no transform is known: {error}'
+            else:
+                return matrix_of(found.transform)
             if not may_wait() or time.monotonic() >= deadline:
                 raise FrameError(problem)
             time.sleep(POLL_PERIOD_S)

@@ -23,8 +23,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.service_introspection import ServiceIntrospectionState
 
-from llm_astar_planner.nodes.common.entities import Entities, QueuedService
-from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE
+from llm_astar_planner.nodes.common.entities import CALLS, RELIABLE, Entities, QueuedService
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 
 # The services are there before what plans is imported: see planner_node.

@@ -9,7 +9,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from threading import Thread
 from typing import Any
 
@@ -37,9 +37,8 @@ from llm_astar_planner.instructions.messages import (
 )
 from llm_astar_planner.instructions.progress import Progress
 from llm_astar_planner.instructions.text import clean_instruction
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import QuestionServer
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.questions import read_question
@@ -54,6 +53,7 @@ POLL_SECONDS = 0.5
 MOST_WAITING = 4
 
 
+@dataclass(eq=False)
 class InstructionServer:
     """What the planner node does with instructions.
 
@@ -63,26 +63,21 @@ class InstructionServer:
     the text is a question about the last plan.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        settings: Parameters,
-        places: Callable[[], Places],
-        on_understood: Callable[[], None],
-        answer: Callable[[str], str],
-    ) -> None:
+    entities: Entities
+    settings: Parameters
+    places: Callable[[], Places]
+    on_understood: Callable[[], None]
+    answer: Callable[[str], str]
+
+    def __post_init__(self) -> None:
         """Make the parts; `start` joins the graph.
 
         `on_understood` is called on any thread when something else is understood. `answer`
         answers a question about the last plan; it may raise LlmAstarError.
         """
-        self._entities = entities
+        entities, name = self.entities, self.settings['llm_client']
         self._node = entities.node
-        self._settings = settings
-        self._places = places
-        self._on_understood = on_understood
-        self._answer, self._is_answering = answer, threading.Lock()
-        name = settings['llm_client']
+        self._is_answering = threading.Lock()
         self._reader = InstructionReader(
             InstructionClient(entities, name) if name else None,
             Confirmations(state_file('confirmations.json')),
@@ -95,7 +90,7 @@ class InstructionServer:
 
     def start(self) -> None:
         """Serve the topics, and understand the instruction that the parameters have."""
-        entities = self._entities
+        entities = self.entities
         # The grammar's tables take a second, and the first question must not wait for them.
         Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         group = MutuallyExclusiveCallbackGroup()
@@ -110,7 +105,7 @@ class InstructionServer:
     ) -> Interpretation:
         """Return what a text means now; a question about the last plan is answered soon."""
         if read_question(question.text) is None:
-            return self._reader.read(question.text, self._places(), on_answer)
+            return self._reader.read(question.text, self.places(), on_answer)
         arguments = question.text, on_answer
         Thread(target=self.answer_question, args=arguments, daemon=True).start()
         return pending(question.text, 'it is a question about the last plan')
@@ -119,7 +114,7 @@ class InstructionServer:
         """Answer a question about the last plan: the sentence is the detail of the answer."""
         with self._is_answering:
             try:
-                detail = self._answer(text)
+                detail = self.answer(text)
             except LlmAstarError as error:
                 detail = str(error)
         about = Understanding.IRRELEVANT
@@ -127,7 +122,7 @@ class InstructionServer:
 
     def refresh(self) -> None:
         """Follow changed parameters and places."""
-        text, places = self._settings['instruction'], self._places()
+        text, places = self.settings['instruction'], self.places()
         if places is not self._prepared:
             self._prepared = places
             self._reader.prepare(places)
@@ -163,7 +158,7 @@ class InstructionServer:
             self._node.get_logger().info(f'instruction {summary}')
             for question in self.current.questions:
                 self._node.get_logger().warning(f'{question} (true or false on ~/confirm)')
-        self._on_understood()
+        self.on_understood()
 
     def on_instruction(self, message: String) -> None:
         """Set the parameter `instruction`; an empty message clears it."""
@@ -185,7 +180,7 @@ class InstructionServer:
             return request
         places, text = [goal[:2] for goal in goals], instruction.interpretation.text
         driven = self._progress.at(start[:2], places, text, planner.grid_map.resolution)
-        policy = self._settings['instruction_policy']
+        policy = self.settings['instruction_policy']
         instruction = replace(instruction, policy=policy, driven=driven, want_prices=False)
         return replace(request, instruction=instruction)
 
@@ -198,12 +193,12 @@ class InstructionServer:
         instruction = self.current.instruction
         understood = instruction.interpretation if instruction else None
         return {
-            'instruction': self._settings['instruction'],
+            'instruction': self.settings['instruction'],
             'instruction_status': understood.status.value if understood else None,
             'instruction_understood': understood.sentence if understood else None,
             'instruction_understood_by': understood.understood_by if understood else None,
             'instruction_driven': round(self._progress.metres, 1),
-            'places': len(self._places()),
+            'places': len(self.places()),
         }
 
 

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped
@@ -314,6 +315,7 @@ class Waited(NamedTuple):
 NOT_WAITED = Waited()
 
 
+@dataclass(eq=False)
 class CostmapWait:
     """Makes requests wait for the map that they are to be planned on.
 
@@ -328,24 +330,20 @@ class CostmapWait:
     which only the last kind of wait is part of the planning time.
     """
 
-    def __init__(
-        self,
-        maps: MapManager,
-        timeout: Callable[[], float],
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Take the maps, the parameter and a clock."""
+    maps: MapManager
+    timeout: Callable[[], float]
+    clock: Callable[[], float] = time.monotonic
+
+    def __post_init__(self) -> None:
+        """Know of no failure yet."""
         # Read without a lock by requests, to which it says that there is nothing to look for.
         self.failures: deque[Failure] = deque(maxlen=MAX_FAILURES)
-        self._maps = maps
-        self._timeout = timeout
-        self._clock = clock
         self._lock = threading.Lock()
         self._waiting = threading.Semaphore(MAX_WAITING)
 
     def note(self, goal: PlanGoal, *, failed: bool) -> None:
         """Remember that a goal failed on the newest map, or forget it since there is a path."""
-        now = self._clock()
+        now = self.clock()
         with self._lock:
             kept = [one for one in self.failures if is_recent(one, now)]
             self.failures.clear()
@@ -355,7 +353,7 @@ class CostmapWait:
 
     def is_retry(self, goal: PlanGoal) -> bool:
         """Tell whether this goal failed a moment ago."""
-        now = self._clock()
+        now = self.clock()
         with self._lock:
             failures = list(self.failures)
         return any(is_recent(one, now) and is_same(one.goal, goal) for one in failures)
@@ -368,13 +366,13 @@ class CostmapWait:
         `planning_time` is all that it has. If there is no map after that, the first warning says
         so; another one that maps have stopped coming. Raises what `may_wait` raises.
         """
-        maps, timeout = self._maps, self._timeout()
+        maps, timeout = self.maps, self.timeout()
         waited, is_due = NOT_WAITED, timeout > 0.0 and maps.arrivals.is_due(timeout)
         if maps.newest is None:
             waited = self.wait_for(FIRST, begin, timeout, may_wait, newer_than=-math.inf)
         elif is_retry and is_due and self._waiting.acquire(blocking=False):
             # Not once none is expected any more.
-            limit = min(timeout, maps.arrivals.latest - self._clock())
+            limit = min(timeout, maps.arrivals.latest - self.clock())
             try:
                 waited = self.wait_for(NEWER, begin, limit, may_wait, newer_than=begin)
             finally:
@@ -393,11 +391,11 @@ class CostmapWait:
         newer_than: float | None = None,
     ) -> Waited:
         """Wait for up to `limit` seconds as `MapManager.wait` does; warn if that was in vain."""
-        is_ready = self._maps.wait(limit, may_wait, newer_than=newer_than)
-        seconds = self._clock() - begin
+        is_ready = self.maps.wait(limit, may_wait, newer_than=newer_than)
+        seconds = self.clock() - begin
         if is_ready:
             return Waited(seconds, seconds)
-        problem = 'the first map is not ready yet' if self._maps.is_preparing else NO_MAP
+        problem = 'the first map is not ready yet' if self.maps.is_preparing else NO_MAP
         said = warning.format(problem=problem, seconds=seconds)
         return Waited(seconds, seconds, (said,))
 

@@ -114,16 +114,15 @@ class PathMonitor:
             self.check(newest.planner, change)
 
     def check_newest(self) -> None:
-        """Do the check that came last, unless it is done."""
-        check, self._to_check = self._to_check, None
-        if check is not None:
-            self.check_now(*check)
+        """Do the check that came last, unless it is done.
 
-    def check_now(self, planner: Planner, token: CancellationToken | None, change: str) -> None:
-        """Check the path, and replan if it is broken or `replan_on_map` is set.
-
-        Without a token, which a replan that ran still had, it begins one.
+        The path is planned again if it is broken or `replan_on_map` is set. Without a token, which
+        a replan that ran still had, the check begins one.
         """
+        check, self._to_check = self._to_check, None
+        if check is None:
+            return
+        planner, token, change = check
         token = token or self.replans.begin('')
         watched = self._watched
         if watched is None or watched.planner is None:

@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import traceback
-from collections.abc import Callable, Hashable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Hashable
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
@@ -25,9 +23,8 @@ from visualization_msgs.msg import MarkerArray
 from llm_astar_planner.instructions.grammar.vocabulary import check_names
 from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import LATCHED, Entities, LoggedThread
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.resources import find_file
 
@@ -63,8 +60,7 @@ class PlacesServer:
         self._markers = entities.publisher(MarkerArray, '~/places', LATCHED)
         self._geojson = entities.publisher(String, '~/places_geojson', LATCHED)
         # Of its own, since a large map with many places takes seconds.
-        self._thread = ThreadPoolExecutor(1, 'places')
-        entities.on_close(lambda: self._thread.shutdown(cancel_futures=True))
+        self._thread = LoggedThread(entities, 'places', drops_rest=True)
         self.refresh()
 
     @property
@@ -104,7 +100,7 @@ class PlacesServer:
         """Check the places on the thread, once for all maps that come until then."""
         if not self._is_queued:
             self._is_queued = True
-            self._thread.submit(self.logged, self.publish_goals)
+            self._thread.run(self.publish_goals)
 
     def publish_goals(self) -> None:
         """Check the places on the map and publish the goal of each.
@@ -138,10 +134,3 @@ class PlacesServer:
         x, y = planner.grid_map.grid_to_world([goal_cell(place, planner.costmap)])[0].tolist()
         stamp = self._node.get_clock().now().to_msg()
         return pose_to_message(Pose2D(x, y), planner.grid_map.frame_id, stamp)
-
-    def logged(self, publish: Callable[[], None]) -> None:
-        """Call something on the thread; an exception is logged."""
-        try:
-            publish()
-        except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
-            self._node.get_logger().error(traceback.format_exc())

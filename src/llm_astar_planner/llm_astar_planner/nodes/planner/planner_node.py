@@ -153,20 +153,12 @@ class PlannerNode(LifecycleNodeMixin, Node):
             self._server.deactivate()
         return super().on_deactivate(state)
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave the graph, to be configured again."""
-        self.close()
-        return super().on_cleanup(state)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave the graph for good."""
-        self.close()
-        return super().on_shutdown(state)
-
-    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Leave the graph, ready to be configured again."""
         self.close()
         return TransitionCallbackReturn.SUCCESS
+
+    on_shutdown = on_error = on_cleanup
 
     def on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response

@@ -20,10 +20,9 @@ from std_msgs.msg import String
 
 from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.bond import Bond, make_bond
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import RELIABLE, Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
 from llm_astar_planner.nodes.planner.goals import (
@@ -79,7 +78,10 @@ class PlannerServer:
         side = side_node(node, 'maps')
         entities.on_close(side.destroy_node)
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
-        self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
+        again = 'the footprint has changed'
+        self._footprint = RobotFootprint(
+            entities, settings, frames, lambda: self.monitor.check_again(again)
+        )
         replans = PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities, replans)
         cache = self._client.cache if self._client else None
@@ -162,10 +164,6 @@ class PlannerServer:
         self._diagnostics.publish()
         self._places.on_planner(planner)
         self.monitor.check(planner)
-
-    def on_footprint(self) -> None:
-        """Check the last path with another footprint."""
-        self.monitor.check_again('the footprint has changed')
 
     def on_understood(self) -> None:
         """Replan the last path if new maps do, as something else is asked of it now."""

@@ -8,9 +8,8 @@ from __future__ import annotations
 import math
 import threading
 import time
-import traceback
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,8 +30,7 @@ from nav_msgs.msg import GridCells, Path
 from numpy.typing import ArrayLike, NDArray
 from visualization_msgs.msg import MarkerArray
 
-from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities, LoggedThread
 from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSlot
 from llm_astar_planner.planning.footprint_search import FootprintSearch
@@ -70,36 +68,32 @@ EASED = 10
 Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 
 
+@dataclass(eq=False)
 class PathWriter:
     """Writes the paths of one goal as messages: one frame, one stamp, the same ends."""
 
-    def __init__(
-        self,
-        planner: Planner,
-        stamp: Time,
-        start: Pose2D,
-        goal: Pose2D,
-        *,
-        keeps_heading: bool,
-        request: PlanRequest | None = None,
-    ) -> None:
-        """Take the planner of the paths, and the poses that were asked for in the map's frame.
+    planner: Planner
+    stamp: Time
+    start: Pose2D
+    goal: Pose2D
+    keeps_heading: bool
+    request: PlanRequest | None = None
+
+    def __post_init__(self) -> None:
+        """Place the ends on the planner's map, in whose frame `start` and `goal` are.
 
         With `keeps_heading` the last pose looks along the path instead of as `goal` does, and the
         only pose of a path of one as the start (Nav2's use_final_approach_orientation). The
         footprint of the `request` has to pass the ends too.
         """
-        self._planner = planner
-        self._stamp = stamp
-        self._start, self._goal = start, goal
         # In grid coordinates, and their cells.
-        places = [start[:2], goal[:2]]
-        self._ends = planner.grid_map.world_to_grid(places)
-        self._cells = planner.grid_map.world_to_cells(places).tolist()
-        self._goal_yaw = None if keeps_heading else goal.yaw
+        places = [self.start[:2], self.goal[:2]]
+        self._ends = self.planner.grid_map.world_to_grid(places)
+        self._cells = self.planner.grid_map.world_to_cells(places).tolist()
+        self._goal_yaw = None if self.keeps_heading else self.goal.yaw
         self._fits: Callable[[NDArray[np.float64]], bool] | None = None
-        if request is not None and request.footprint is not None:
-            self._fits = FootprintSearch(planner.costmap, request).passes_ends
+        if self.request is not None and self.request.footprint is not None:
+            self._fits = FootprintSearch(self.planner.costmap, self.request).passes_ends
         self._last: tuple[NDArray[np.float64], Path] | None = None
 
     def write(self, points: ArrayLike, *, is_smooth: bool = False) -> Path:
@@ -112,7 +106,7 @@ class PathWriter:
         cells = np.asarray(points, dtype=np.float64)
         if self._last is not None and np.array_equal(self._last[0], cells):
             return self._last[1]
-        grid_map, checker = self._planner.grid_map, self._planner.checker
+        grid_map, checker = self.planner.grid_map, self.planner.checker
         ends: Ends = None, None
         if len(cells):
             (start, goal), (begin, end) = self._ends, self._cells
@@ -126,16 +120,16 @@ class PathWriter:
         to_ends = with_eased_ends if is_smooth else with_exact_ends
         places = grid_map.grid_to_world(to_ends(cells, *ends, checker))
         if ends[1] is not None:
-            places[-1] = self._goal[:2]
+            places[-1] = self.goal[:2]
         if ends[0] is not None:
-            places[0] = self._start[:2]
+            places[0] = self.start[:2]
         is_moved = bool(len(cells)) and cells[0].tolist() != self._cells[0]
         if is_moved:
             # The robot gets out of the obstacle first.
-            places = np.concatenate(([self._start[:2]], places))
+            places = np.concatenate(([self.start[:2]], places))
         starts_here = is_moved or ends[0] is not None or len(places) == 1
-        start_yaw = self._start.yaw if starts_here else None
-        path = path_to_message(places, grid_map.frame_id, self._stamp, self._goal_yaw, start_yaw)
+        start_yaw = self.start.yaw if starts_here else None
+        path = path_to_message(places, grid_map.frame_id, self.stamp, self._goal_yaw, start_yaw)
         self._last = (cells, path)
         return path
 
@@ -289,8 +283,7 @@ class PlanPublisher:
         self._to_draw: tuple[Plan, GridMap, Time] | None = None
         self._published: Path | None = None
         self._free = threading.Semaphore(MAX_REPORTS)
-        self._thread = ThreadPoolExecutor(1, 'publisher')
-        entities.on_close(self._thread.shutdown)
+        self._thread = LoggedThread(entities, 'publisher')
 
     @property
     def wants_expanded(self) -> bool:
@@ -315,9 +308,7 @@ class PlanPublisher:
         5 Hz, each replan may preempt the last. So is a path that `is_routine`, one a second.
         """
         self._free.acquire(timeout=LONGEST_WAIT)
-        self._thread.submit(
-            self.logged, self.write_report, response, stamp, is_cancelled, is_routine
-        )
+        self._thread.run(self.write_report, response, stamp, is_cancelled, is_routine)
 
     def write_report(
         self, response: PlanResponse, stamp: Time, is_cancelled: bool, is_routine: bool
@@ -329,14 +320,17 @@ class PlanPublisher:
         report = plan_report(plan, planner.grid_map if planner else None, response.map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
+        guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
+        said = '; '.join([report.summary, *guide, *plan.warnings])
+        # A call each: rclpy refuses another severity from the same line.
         if report.code and is_cancelled:
             logger.debug(report.summary)
         elif report.code:
             logger.warning(report.summary)
+        elif is_routine and not plan.warnings:
+            logger.debug(said)
         else:
-            guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
-            say = logger.debug if is_routine and not plan.warnings else logger.info
-            say('; '.join([report.summary, *guide, *plan.warnings]))
+            logger.info(said)
 
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]
@@ -356,7 +350,7 @@ class PlanPublisher:
             is_waiting = self._to_draw is not None
             self._to_draw = (plan, grid_map, stamp)
         if not is_waiting:
-            self._thread.submit(self.logged, self.draw)
+            self._thread.run(self.draw)
 
     def draw(self) -> None:
         """Publish the markers and expanded cells of the newest plan."""
@@ -376,17 +370,6 @@ class PlanPublisher:
             self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
-
-    def logged(self, publish: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
-        """Call something on the publisher's thread; an exception is logged.
-
-        After a signal nothing can be published any more, which is no failure.
-        """
-        try:
-            publish(*arguments)
-        except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
-            if self._node.context.ok():
-                self._node.get_logger().error(traceback.format_exc())
 
 
 def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]]]:

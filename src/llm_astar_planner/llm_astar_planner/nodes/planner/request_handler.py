@@ -297,11 +297,9 @@ class RequestHandler:
             else:
                 self.monitor.tasks.put(partial(self.monitor.watch, response))
             self._last = response
+            is_routine = bool(replan_reason) or goal.client in ACTION_NAMES
             self.publisher.publish_report(
-                response,
-                stamp,
-                is_cancelled=bool(token.reason),
-                is_routine=bool(replan_reason) or goal.client in ACTION_NAMES,
+                response, stamp, is_cancelled=bool(token.reason), is_routine=is_routine
             )
         finally:
             with self._ended:
@@ -347,24 +345,15 @@ class RequestHandler:
         if newest is None:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
+        wants, grid_map = self.publisher.wants_expanded, planner.grid_map
         request, start, goals = self.converter.to_request(
-            job.goal,
-            planner.grid_map,
-            job.search_seconds,
-            job.may_wait,
-            want_expanded=self.publisher.wants_expanded,
+            job.goal, grid_map, job.search_seconds, job.may_wait, want_expanded=wants
         )
-        writer = PathWriter(
-            planner,
-            job.stamp,
-            start,
-            goals[-1],
-            keeps_heading=self.settings.current['use_final_approach_orientation'],
-            request=request,
-        )
+        keeps_heading = self.settings.current['use_final_approach_orientation']
+        writer = PathWriter(planner, job.stamp, start, goals[-1], keeps_heading, request)
         way: Hashable = None
         if request.switch_margin:
-            way = way_key(job.goal, goals[-1], planner.grid_map)
+            way = way_key(job.goal, goals[-1], grid_map)
             request = self._ways.add_to(request, way)
         if self.instructions.current.instruction is not None:
             request = self.instructions.add_to(request, planner, start, goals)
@@ -397,7 +386,7 @@ class RequestHandler:
             self._ways.remember(plan, request, way, planner.costmap)
         if is_made and request.instruction is not None:
             self.instructions.follow(path)
-        self.publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
+        self.publisher.publish_views(plan, grid_map, job.stamp, writer.write)
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
         if waited is not NOT_WAITED or left_out:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,8 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from llm_astar_planner.costmap.config import COSTMAP_THRESHOLD
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import RELIABLE, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
 
@@ -28,6 +28,7 @@ SAME_METRES = 0.005
 QUIET_SECONDS = 10.0
 
 
+@dataclass(eq=False)
 class RobotFootprint:
     """Holds the `current` footprint, None without one.
 
@@ -37,20 +38,15 @@ class RobotFootprint:
     make of a robot's radius is no footprint where the costmap plans for the circle anyway.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        settings: Parameters,
-        frames: Frames,
-        on_change: Callable[[], None],
-    ) -> None:
+    entities: Entities
+    settings: Parameters
+    frames: Frames
+    on_change: Callable[[], None]
+
+    def __post_init__(self) -> None:
         """Take the parameter; `subscribe` takes the topic. `on_change` is called after changes."""
-        self.current: Footprint | None = Footprint.parse(settings['footprint'])
-        self._entities = entities
-        self._settings = settings
-        self._frames = frames
-        self._on_change = on_change
-        self._logger = entities.node.get_logger()
+        self.current: Footprint | None = Footprint.parse(self.settings['footprint'])
+        self._logger = self.entities.node.get_logger()
         self._received: Footprint | None = None
         self._loud_from = time.monotonic() + QUIET_SECONDS
         self.report()
@@ -58,27 +54,30 @@ class RobotFootprint:
     def subscribe(self) -> None:
         """Take footprints from the topic."""
         group = MutuallyExclusiveCallbackGroup()
-        self._entities.subscription(PolygonStamped, TOPIC, self.on_message, RELIABLE, group)
+        self.entities.subscription(PolygonStamped, TOPIC, self.on_message, RELIABLE, group)
 
     def refresh(self) -> None:
         """Follow a changed parameter."""
         received = self._received
         if received is not None and self.is_planned_for(received):
             received = None
-        self.use(Footprint.parse(self._settings['footprint']) or received)
+        self.use(Footprint.parse(self.settings['footprint']) or received)
 
     def on_message(self, message: PolygonStamped) -> None:
         """Take the footprint of a message, or say in the log why not."""
-        if self._settings.current['footprint']:
+        if self.settings.current['footprint']:
             return
         try:
             received = self.in_base_frame(message)
         except LlmAstarError as error:
             # At the start, the robot's frame may come later than its footprint.
             is_early = isinstance(error, FrameError) and time.monotonic() < self._loud_from
-            say = self._logger.debug if is_early else self._logger.error
             text = f'{TOPIC}: {error}; the last one stays ({self.current})'
-            say(text, throttle_duration_sec=QUIET_SECONDS)
+            # A call each: rclpy refuses another severity from the same line.
+            if is_early:
+                self._logger.debug(text, throttle_duration_sec=QUIET_SECONDS)
+            else:
+                self._logger.error(text, throttle_duration_sec=QUIET_SECONDS)
             return
         before = self._received
         if before is None or not before.is_close_to(received, SAME_METRES):
@@ -87,8 +86,8 @@ class RobotFootprint:
 
     def is_planned_for(self, footprint: Footprint) -> bool:
         """Tell whether a footprint is a circle that the costmap keeps off obstacles already."""
-        is_costmap = self._settings['occupied_threshold'] == COSTMAP_THRESHOLD
-        radius = self._settings['robot_radius']
+        is_costmap = self.settings['occupied_threshold'] == COSTMAP_THRESHOLD
+        radius = self.settings['robot_radius']
         return footprint.is_round and (is_costmap or radius >= footprint.inscribed_radius)
 
     def in_base_frame(self, message: PolygonStamped) -> Footprint:
@@ -102,9 +101,9 @@ class RobotFootprint:
         corners = np.array([(point.x, point.y) for point in points]).reshape(-1, 2)
         if not np.isfinite(corners).all():
             raise FootprintError('footprint: a point is not finite')
-        base = self._settings['robot_base_frame']
+        base = self.settings['robot_base_frame']
         # Where the origin of the message's frame is in the robot's.
-        origin = self._frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
+        origin = self.frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
         return Footprint.of(origin.transform(corners))
 
     def use(self, footprint: Footprint | None) -> None:
@@ -112,7 +111,7 @@ class RobotFootprint:
         if footprint != self.current:
             self.current = footprint
             self.report()
-            self._on_change()
+            self.on_change()
 
     def report(self) -> None:
         """Log which footprint is used."""

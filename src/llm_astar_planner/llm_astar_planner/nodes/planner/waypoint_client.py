@@ -19,20 +19,18 @@ from llm_astar_msgs_adapter.messages.writing import path_to_message
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import SetParameters
-from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.entities import Entities, ask, setting
-from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
+from llm_astar_planner.nodes.common.entities import CALLS, REPORTS, Entities, ask, setting
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.planning.kept_way import WaypointCache
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
 from llm_astar_planner.planning.segment import snap
 from llm_astar_planner.waypoints.auto import helps_on
-from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 LABEL = 'llm_client'
 # The client publishes its exchange just before it answers; the two may arrive in either order.
@@ -88,7 +86,8 @@ class WaypointClient:
         self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self.on_exchange, REPORTS)
         self._full_name = parent.resolve_service_name(client)
-        self._rules = RemoteRules(self._node, self._full_name)
+        self._setter = self._node.create_client(SetParameters, f'{self._full_name}/set_parameters')
+        self._rules, self._rules_lock = CostmapConfig(), threading.Lock()
         self._on_change = on_change
         self.cache = WaypointCache(LABEL)
         # Where the client chooses by the map to ask nobody it is asked on some maps only: that it
@@ -112,7 +111,7 @@ class WaypointClient:
         """Query the client; every failure is a status, within the query's time limit."""
         deadline = time.monotonic() + query.time_limit
         if self.ready:
-            self._rules.put(query.costmap.config, deadline)
+            self.put_rules(query.costmap.config, deadline)
         begin = time.monotonic()
         exchange = None
         try:
@@ -131,7 +130,14 @@ class WaypointClient:
         self.helps_on = helps_on if is_auto else None
         places = query.grid_map.world_to_grid(path_from_message(path)).tolist()
         waypoints = tuple((snap(x), snap(y)) for x, y in places)
-        return make_reply(waypoints, exchange, time.monotonic() - begin)
+        seconds = time.monotonic() - begin
+        if exchange is None:
+            status = SourceStatus.OK if waypoints else SourceStatus.NO_WAYPOINTS
+            return WaypointReply(waypoints, LABEL, status, seconds=seconds)
+        known = exchange.status in SourceStatus.__members__
+        status = SourceStatus(exchange.status) if known else SourceStatus.ERROR
+        said = {name: getattr(exchange, name) for name in SAID}
+        return WaypointReply(waypoints, status=status, seconds=seconds, **said)
 
     def call(self, query: WaypointQuery, deadline: float) -> GetPlan.Response:
         """Call the service. Raises ClientFailure at the deadline, or when the client is gone.
@@ -188,13 +194,29 @@ class WaypointClient:
             self._exchanges[stamp.sec, stamp.nanosec] = exchange
             self._arrived.notify_all()
 
+    def put_rules(self, config: CostmapConfig, deadline: float) -> None:
+        """Set the costmap's rules on the client by `deadline` (monotonic) if it has others.
+
+        GetPlan has no fields for them. What the client has is known from what was set; one that
+        was never set is assumed to have the defaults. A client that does not take them is asked
+        all the same, and its waypoints are checked as any.
+        """
+        with self._rules_lock:
+            if config == self._rules:
+                return
+            patience = min(DISCOVERY_SECONDS, max(0.0, deadline - time.monotonic()))
+            if self._setter.wait_for_service(patience):
+                ask(self._setter, setting(asdict(config)), deadline - time.monotonic())
+            self._rules = config  # once: a client without these parameters has no use of them
+
     def on_event(self, event: ParameterEvent) -> None:
         """Tell when the client may answer differently."""
         changed = {one.name for one in (*event.new_parameters, *event.changed_parameters)}
         # What the planner sets itself belongs to the query.
         if event.node == self._full_name and not changed <= set(SET_BY_PLANNER):
             if event.new_parameters:
-                self._rules.reset()
+                with self._rules_lock:
+                    self._rules = CostmapConfig()  # the client was restarted
             self.helps_on = None
             self._on_change()
 
@@ -206,49 +228,3 @@ def to_message(query: WaypointQuery, seconds: float) -> GetPlan.Request:
     poses = path_to_message(endpoints, grid.frame_id, Time()).poses
     wait = max(0.01, seconds - TRANSPORT_SECONDS)
     return GetPlan.Request(start=poses[0], goal=poses[1], tolerance=min(wait, MAX_SECONDS))
-
-
-def make_reply(
-    waypoints: tuple[Waypoint, ...], exchange: ExchangeReport | None, seconds: float
-) -> WaypointReply:
-    """Return the reply that a path of waypoints and its exchange make."""
-    if exchange is None:
-        status = SourceStatus.OK if waypoints else SourceStatus.NO_WAYPOINTS
-        return WaypointReply(waypoints, LABEL, status, seconds=seconds)
-    known = exchange.status in SourceStatus.__members__
-    status = SourceStatus(exchange.status) if known else SourceStatus.ERROR
-    said = {name: getattr(exchange, name) for name in SAID}
-    return WaypointReply(waypoints, status=status, seconds=seconds, **said)
-
-
-class RemoteRules:
-    """Sets the costmap's rules on a client, as GetPlan has no fields for them. Thread-safe.
-
-    What the client has is known from what was set. A client that was never set is assumed to have
-    the default rules.
-    """
-
-    def __init__(self, node: Node, client: str) -> None:
-        """Set the parameters of node `client` by `node`, which somebody else spins."""
-        self._client = node.create_client(SetParameters, f'{client}/set_parameters')
-        self._lock = threading.Lock()
-        self._config = CostmapConfig()
-
-    def reset(self) -> None:
-        """Assume the defaults again: the client was restarted."""
-        with self._lock:
-            self._config = CostmapConfig()
-
-    def put(self, config: CostmapConfig, deadline: float) -> None:
-        """Set the rules by `deadline` (monotonic) if they differ.
-
-        A client that does not take them is asked all the same, and its waypoints are checked as
-        any.
-        """
-        with self._lock:
-            if config == self._config:
-                return
-            patience = min(DISCOVERY_SECONDS, max(0.0, deadline - time.monotonic()))
-            if self._client.wait_for_service(patience):
-                ask(self._client, setting(asdict(config)), deadline - time.monotonic())
-            self._config = config  # once: a client without these parameters has no use of them

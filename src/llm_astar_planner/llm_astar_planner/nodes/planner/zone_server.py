@@ -11,7 +11,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -42,9 +42,8 @@ from llm_astar_planner.costmap.raster import window_of
 from llm_astar_planner.costmap.zone_file import zones_from_text, zones_to_geojson
 from llm_astar_planner.costmap.zone_layer import ZoneLayer, has_cells
 from llm_astar_planner.costmap.zones import KEEPOUT, NO_ZONES, Zone, Zones, ZonesError
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import LATCHED, LATCHED_BY_MANY, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.qos import LATCHED, LATCHED_BY_MANY
 from llm_astar_planner.nodes.common.tf import Frames
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import costmap_config
@@ -67,6 +66,7 @@ except ImportError:
     CostmapFilterInfo = None
 
 
+@dataclass(eq=False)
 class ZoneServer:
     """Composes zones and filter masks onto every map, and hands the result on.
 
@@ -75,20 +75,17 @@ class ZoneServer:
     and timers have one thread, that of the node `side`.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        side: Node,
-        settings: Parameters,
-        frames: Frames,
-        on_map: Callable[[GridMap, float | None], None],
-    ) -> None:
+    entities: Entities
+    side: Node
+    settings: Parameters
+    frames: Frames
+    on_map: Callable[[GridMap, float | None], None]
+
+    def __post_init__(self) -> None:
         """Serve; `entities` are of planner_node, and `on_map` gets each map with its zones."""
         self.zones = NO_ZONES
+        entities, side = self.entities, self.side
         self._node = entities.node
-        self._settings = settings
-        self._frames = frames
-        self._on_map = on_map
         self._masks: tuple[FilterMask, ...] = ()
         self._grid_map: GridMap | None = None
         self._layer: ZoneLayer | None = None
@@ -155,7 +152,7 @@ class ZoneServer:
         if grid_map is None:
             return
         if not (len(self.zones) or self._masks):
-            self._on_map(grid_map, transit)
+            self.on_map(grid_map, transit)
             return
         layer = self._layer
         if layer is None or not layer.fits(grid_map):
@@ -163,11 +160,11 @@ class ZoneServer:
             layer = ZoneLayer(grid_map, self.zones, masks, *self._rules)
             # With the next map, a mask that cannot be used now is tried again.
             self._layer = layer if len(masks) == len(self._masks) else None
-        self._on_map(layer.compose(grid_map), transit)
+        self.on_map(layer.compose(grid_map), transit)
 
     def rules(self) -> tuple[CostmapConfig, float]:
         """Return the parameters that decide what zones and masks cost."""
-        return costmap_config(self._settings.values()), self._settings['max_speed']
+        return costmap_config(self.settings.values()), self.settings['max_speed']
 
     def usable_masks(self, grid_map: GridMap) -> list[FilterMask]:
         """Return the masks in a map's frame; one that cannot be used is logged and left out."""
@@ -190,7 +187,7 @@ class ZoneServer:
         if frame_id in ('', grid_map.frame_id):
             return pose
         stamped = pose_to_message(pose, frame_id, PoseStamped().header.stamp)
-        return self._frames.locate(stamped, grid_map.frame_id, 'zone or mask')
+        return self.frames.locate(stamped, grid_map.frame_id, 'zone or mask')
 
     def placed(self, zone: Zone, frame_id: str) -> Zone:
         """Return a zone of another frame where it is on the map now.
@@ -325,6 +322,7 @@ def names_of(text: str) -> list[str]:
     return names
 
 
+@dataclass(eq=False)
 class MaskSubscription:
     """Subscribes to the topic of CostmapFilterInfo, and to the masks that its messages name.
 
@@ -333,32 +331,28 @@ class MaskSubscription:
     messages are logged and dropped.
     """
 
-    def __init__(
-        self,
-        side: Node,
-        parent: Node,
-        topic: str,
-        on_masks: Callable[[tuple[FilterMask, ...]], None],
-    ) -> None:
+    side: Node
+    parent: Node
+    topic: str
+    on_masks: Callable[[tuple[FilterMask, ...]], None]
+
+    def __post_init__(self) -> None:
         """Subscribe on the node `side`, if nav2_msgs is installed and a topic is given.
 
         `parent` remaps the names and logs; `on_masks` gets all masks when one has changed.
         Raises ParameterError for a topic that cannot be one.
         """
-        self._side = side
-        self._parent = parent
-        self._on_masks = on_masks
         self._group = MutuallyExclusiveCallbackGroup()
         # By sort: keepout areas (True) or speed limits (False).
         self._infos: dict[bool, FilterInfo] = {}
         self._subscriptions: dict[bool, Entities] = {}
         self._masks: dict[bool, FilterMask] = {}
-        if CostmapFilterInfo is not None and topic:
+        if CostmapFilterInfo is not None and self.topic:
             try:
-                name = parent.resolve_topic_name(topic)
+                name = self.parent.resolve_topic_name(self.topic)
             except InvalidTopicNameException as error:
                 raise ParameterError(f'filter_info_topic: {error}') from None
-            entities = Entities(side)
+            entities = Entities(self.side)
             entities.subscription(
                 CostmapFilterInfo, name, self.on_info, LATCHED_BY_MANY, self._group
             )
@@ -377,8 +371,8 @@ class MaskSubscription:
         is_keepout = info.kind is FilterKind.KEEPOUT
         if self._infos.get(is_keepout) == info:
             return
-        entities = Entities(self._side)
-        name = self._parent.resolve_topic_name(info.topic)
+        entities = Entities(self.side)
+        name = self.parent.resolve_topic_name(info.topic)
         entities.subscription(
             OccupancyGrid, name, partial(self.on_mask, info), LATCHED, self._group
         )
@@ -394,7 +388,7 @@ class MaskSubscription:
             return
         try:
             masks = self._masks | {is_keepout: FilterMask(info, grid_from_message(message))}
-            self._on_masks(tuple(masks.values()))
+            self.on_masks(tuple(masks.values()))
         except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
             self.log(f'filter mask {info.topic}', error)
         else:
@@ -403,4 +397,4 @@ class MaskSubscription:
     def log(self, what: str, error: Exception) -> None:
         """Log that something was refused."""
         name = '' if isinstance(error, LlmAstarError) else f'{type(error).__name__}: '
-        self._parent.get_logger().error(f'{what} refused, the last one stays: {name}{error}')
+        self.parent.get_logger().error(f'{what} refused, the last one stays: {name}{error}')

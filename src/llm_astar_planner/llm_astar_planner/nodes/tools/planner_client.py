@@ -55,9 +55,18 @@ from llm_astar_planner.instructions.messages import (
     parse_object,
 )
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.entities import ASK_AGAIN_S, Entities, ask, setting
+from llm_astar_planner.nodes.common.entities import (
+    ASK_AGAIN_S,
+    CALLS,
+    LATCHED,
+    RELIABLE,
+    REPORTS,
+    REPORTS_OF_CALLS,
+    Entities,
+    ask,
+    setting,
+)
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
 # Seconds after which a planner that may not have discovered the caller is asked again: longer than
