@@ -10,9 +10,8 @@ the parts, over the borders where they touch, times the mean price of the cells 
 
 from __future__ import annotations
 
-from itertools import count
-
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import coarse as kernels
@@ -33,16 +32,17 @@ class CoarseGraph:
         """
         self._tiles = tiles
         self._grid = grid
-        nodes = tiles.components.size
-        self._places = np.zeros(nodes, dtype=np.int64)
+        counts, nodes = tiles.tables.counts, tiles.components.size
+        sizes = np.zeros(nodes, dtype=np.int64)
+        self._places = np.zeros((nodes, 2), dtype=np.int64)
         self._prices = np.ones(nodes if grid.cell_surcharge.size else 0, dtype=np.float32)
-        self._is_open = np.zeros(tiles.tables.counts.shape, dtype=np.bool_)
         kernels.describe_nodes(
-            tiles.tables, grid.cell_surcharge, self._places, self._prices, self._is_open
+            tiles.tables, grid.cell_surcharge, sizes, self._places, self._prices
         )
-        self._highest_price = float(self._prices.max(initial=1.0))
-        self._spare: list[kernels.Workspace] = []
-        self._generations = count(1)
+        # Tiles that are free with all eight around them, none cut off by the edge of the grid.
+        only = tiles.tables.nodes[:-1].reshape(counts.shape) + (counts > 0)
+        is_free = (counts > 0) & (sizes[only] == 1 << 2 * tiles.tables.shift)
+        self._is_open = sliding_window_view(np.pad(is_free, 1), (3, 3)).all(axis=(2, 3))
 
     def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> NDArray[np.int64] | None:
         """Return the cells (x, y), int64 [n, 2], at which a route turns between start and goal.
@@ -57,31 +57,13 @@ class CoarseGraph:
         component = tiles[start[1], start[0]]
         if component == 0 or component != tiles[goal[1], goal[0]]:
             return None
-        points = self._route(start, goal, most)
         rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-        return kernels.taut(rules, tiles.tables.shift, points)
-
-    def _route(self, start: Cell, goal: Cell, most: int) -> NDArray[np.int64]:
-        """Return the cells of a cheapest route, start and goal included: int64 [n, 2]."""
-        try:
-            workspace = self._spare.pop()
-        except IndexError:
-            nodes = self._places.size
-            workspace = kernels.Workspace(
-                np.zeros(nodes),
-                np.zeros((nodes, 3), dtype=np.int32),
-                np.zeros(nodes, dtype=np.int64),
-            )
-        try:
-            ended, node = kernels.route(
-                self._tiles.tables, self._is_open, self._places, self._prices,
-                self._highest_price, start, goal, next(self._generations), workspace, most,
-            )  # fmt: skip
-            if ended != kernels.ROUTE:
-                raise TimeoutError(f'no route after {most} nodes')
-            return np.asarray(kernels.trace(start, goal, node, self._places, workspace.parents))
-        finally:
-            self._spare.append(workspace)
+        points = kernels.route(
+            tiles.tables, self._is_open, self._places, self._prices, start, goal, most, rules
+        )
+        if not points:
+            raise TimeoutError(f'no route after {most} nodes')
+        return np.array(points[1:-1], dtype=np.int64).reshape(-1, 2)
 
 
 def compile_kernels() -> None:
