@@ -112,7 +112,7 @@ class CollisionChecker:
         cells = np.ascontiguousarray(path, np.int64)
         fault, n = kernels.path_fault(*self.rules, cells, ends, self._cuts_corners)
         if fault == kernels.FINE:
-            n = self.first_against(cells)
+            n = self.first_against(cells) if self.forbidden.size else -1
             return None if n < 0 else f'{AGAINST} {cell_text(path[n])}'
         if fault == kernels.ENDS:
             return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'

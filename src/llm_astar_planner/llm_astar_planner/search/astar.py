@@ -30,14 +30,6 @@ ENDED = {
 }
 
 
-def successors_of(grid: GridGraph) -> int:
-    """Return the first row of the kernels' table of moves to try, whatever cells cost.
-
-    Which moves are pointless is known where each can be made back.
-    """
-    return kernels.EVERY_MOVE if grid.has_rules else kernels.FORWARD
-
-
 class PathTooLongError(LlmAstarError, ArithmeticError):
     """A path whose cost is too large for the 32-bit records of the search."""
 
@@ -118,14 +110,16 @@ class PlainSearch(SlicedSearch):
                 (row, distance), *_ = active.tolist()
                 self.bound = abs(int(landmarks.distances[row, self.start]) - distance)
         # A free goal that no move leaves cannot be entered either.
-        enclosed = self.start != self.goal and not grid.without_rules.moves[self.goal]
+        free = grid.without_rules if grid.has_rules else grid
+        enclosed = self.start != self.goal and not free.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
             self.status = SearchStatus.EXHAUSTED
         # Squares that paths may lie in, empty for all; see the kernel.
         self.corridor = EVERYWHERE
         self._successors = 0
         if every_move or grid.cell_surcharge.size or grid.has_rules:
-            self._successors = successors_of(grid)
+            # Which moves are pointless is known where each can be made back.
+            self._successors = kernels.EVERY_MOVE if grid.has_rules else kernels.FORWARD
         self._control = self.workspace.control
         self._control[:] = 0
         self._control[self.BEST_SLOT] = kernels.NO_PATH

@@ -27,7 +27,6 @@ from llm_astar_planner.search.astar import (
     PathTooLongError,
     PlainSearch,
     SlicedSearch,
-    successors_of,
 )
 from llm_astar_planner.search.borders import Borders, Crossing, is_far
 from llm_astar_planner.search.grid_graph import GridGraph
@@ -190,7 +189,7 @@ class GuidedSearch:
                 self._result = self._describe(want_expanded=want_expanded)
                 raise
             finally:
-                for search in (self._plain, *self._others()):
+                for search in filter(None, (self._plain, self._led, self._corridor)):
                     search.grid.give_back(search.workspace)
 
     def result(self) -> GuidedResult:
@@ -229,10 +228,6 @@ class GuidedSearch:
         if borders and pays and self._status is None and is_far(self.start, self.goal):
             self._corridor = CorridorSearch(self, self._plain, borders, self._limit)
 
-    def _others(self) -> list[WaypointSearch | CorridorSearch]:
-        """Return the searches that run besides the plain one."""
-        return [search for search in (self._led, self._corridor) if search is not None]
-
     def _step(self) -> AnytimeSolution | None:
         """Search one slice; return the path that it found, None if it is not better."""
         deadline = self.deadline if self._best < plain_kernels.NO_PATH else self.last_deadline
@@ -246,7 +241,9 @@ class GuidedSearch:
             searched.advance(quota)
         else:
             self.recorder.advance(searched, quota, self._expansions - searched.expansions)
-        self._expansions = self._plain.expansions + sum(it.expansions for it in self._others())
+        self._expansions = self._plain.expansions
+        for other in filter(None, (self._led, self._corridor)):
+            self._expansions += other.expansions
         if searched is self._plain:
             self._status = searched.status
         elif searched is self._led and (
@@ -317,18 +314,21 @@ class GuidedSearch:
 
     def _describe(self, *, want_expanded: bool) -> GuidedResult:
         """Return what is known now."""
-        plain, others, best = self._plain, self._others(), self._solution
+        plain, best = self._plain, self._solution
+        searches = [*filter(None, (plain, self._led, self._corridor))]
         status = SearchStatus.STOPPED if self._status is None else self._status
         expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
         if want_expanded and not self.stop[0]:
-            for search in (plain, *others):
+            for search in searches:
                 search.add_expanded(expanded)
         costs = math.inf, math.inf, math.inf
         if best is not None:
             costs = plain.grid.proven(best.path, self._units, plain.bound)
         elif status is not SearchStatus.EXHAUSTED:
             costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
-        storage = plain.storage + sum(search.storage for search in others)
+        storage = 0
+        for search in searches:
+            storage += search.storage
         found = (best.path, best.length) if best else (empty_path(), math.nan)
         return GuidedResult(
             status, self._expansions, storage, expanded, *found, *costs,
@@ -404,7 +404,8 @@ class WaypointSearch(SlicedSearch):
         self._plain = plain
         self._control = np.array([
             self.start, self.goal, self.generation, round(query.weight * kernels.ONE),
-            round(PASSING_RADIUS * plain.grid.straight), successors_of(plain.grid),
+            round(PASSING_RADIUS * plain.grid.straight),
+            plain_kernels.EVERY_MOVE if plain.grid.has_rules else plain_kernels.FORWARD,
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)

@@ -270,7 +270,8 @@ class LandmarkManager:
 
         They do not change until the block ends.
         """
-        grid = grid.without_rules
+        if grid.has_rules:
+            grid = grid.without_rules
         with self._changed:
             landmarks = None if self._repair is not None else self.current
             if landmarks is not None and grid not in self._admitted:
