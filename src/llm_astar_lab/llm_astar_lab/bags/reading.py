@@ -92,13 +92,14 @@ class RecordedTopic:
     count: int = 0
     first: int = 2**64
     last: int = -(2**63)
-    # Where the clock first jumps back within a file.
+    # The time of the message before, and where the clock first jumps back within a file.
+    before: int = -(2**63)
     jump: str = ''
 
     def add(self, time: int) -> None:
         """Count a message."""
         self.count += 1
-        back = self.last - time
+        back, self.before = self.before - time, time
         if back > JUMP and not self.jump:
             self.jump = f'the clock jumps back by {back / 1e9:.3f} s at message {self.count}'
         self.first, self.last = min(self.first, time), max(self.last, time)

@@ -44,6 +44,7 @@ PAGE = Path(__file__).parent / 'page'
 MAX_BODY = 2**20
 # Of a map that is dropped onto the page.
 MAX_DROPPED_BODY = 2**23
+TOO_LONG = 'the body is over {} bytes; edit fewer walls, or cut out a part of the map'
 # A request holds walls, these cells, and these numbers.
 MAX_DEPTH = 5
 # Seconds in which the head of a request, and its body, have to arrive.
@@ -145,6 +146,9 @@ class PlayApp(Starlette):
 
 async def read_body(request: Request, limit: int) -> object:
     """Return the JSON value in the body of a request. Raises PlayError."""
+    declared = request.headers.get('content-length', '0')
+    if not declared.isdecimal() or int(declared[:20]) > limit:
+        raise PlayError(TOO_LONG.format(limit), status=413)
     try:
         body = await asyncio.wait_for(received(request, limit), BODY_S)
         value: object = json.loads(body, parse_constant=refuse_constant)
@@ -166,10 +170,7 @@ async def received(request: Request, limit: int) -> bytes:
     async for chunk in request.stream():
         body += chunk
         if len(body) > limit:
-            what = (
-                f'the body is over {limit} bytes; edit fewer walls, or cut out a part of the map'
-            )
-            raise PlayError(what, status=413)
+            raise PlayError(TOO_LONG.format(limit), status=413)
     return bytes(body)
 
 

@@ -173,9 +173,9 @@ def number_of(
     words: str = 'a number', least: float = -MAX_NUMBER, most: float = MAX_NUMBER,
 ) -> Any:  # noqa: ANN401 - a number, or the default  # fmt: skip
     """Return a number among properties. Raises ZonesError: `words` are expected."""
-    value = properties.get(name)
-    if value is None:
-        return default
+    value: Any = properties.get(name, default)
+    if name not in properties or (value is None and default is None):
+        return value
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not (is_number and least <= value <= most):
         raise ZonesError(f'{where}: {name}: {words} is expected, not {short_repr(value)}')

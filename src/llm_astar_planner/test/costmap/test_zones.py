@@ -277,6 +277,7 @@ BAD = {
     'id': (text_of(feature(id={'a': 1})), 'id: a text is expected'),
     'long id': (text_of(feature(id='x' * 1000)), 'id: 1000 characters'),
     'frame': (text_of(feature(), frame_id=3), 'frame_id: a text is expected'),
+    'no cost': (text_of(feature(properties={'cost': None})), 'cost: a whole number'),
     'kind': (text_of(feature(properties={'kind': 'oneway'})), "feature 0: .*kind: 'oneway' is"),
     'no heading': (text_of(feature(properties={'kind': 'one_way'})), 'heading: degrees'),
     'heading': (text_of(feature(properties={'heading': 'east'})), 'heading: a number'),
