@@ -58,7 +58,7 @@ class CoarseGraph:
         if component == 0 or component != tiles[goal[1], goal[0]]:
             return None
         rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-        points = kernels.route(
+        points = kernels.taut_route(
             tiles.tables, self._is_open, self._places, self._prices, start, goal, most, rules
         )
         if not points:

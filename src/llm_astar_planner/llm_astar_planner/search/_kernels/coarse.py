@@ -184,12 +184,11 @@ def route(
     start: tuple[int, int],
     goal: tuple[int, int],
     most: int,
-    rules: Rules,
-) -> Points:
-    """Return where a cheapest route between two connected free cells turns, with its ends.
+) -> tuple[Points, float]:
+    """Return a cheapest route between two connected free cells, and its cost.
 
-    The cells (x, y) of its nodes, and where it enters each, are pulled taut. Empty if
-    more than `most` nodes would have to be expanded.
+    The route is the cells (x, y) of its nodes, and where it enters each; empty if more than
+    `most` nodes would have to be expanded.
     """
     labels, shift, nodes = tiles.labels, tiles.shift, tiles.nodes
     columns = is_open.shape[1]
@@ -271,7 +270,23 @@ def route(
         points.append((parents[node, 1], parents[node, 2]))
         node = parents[node, 0]
         points.append(start if node == start_node else (places[node, 0], places[node, 1]))
-    return taut(rules, shift, points[::-1]) if points else points
+    return points[::-1], costs[goal_node]
+
+
+@jit
+def taut_route(
+    tiles: TileTables,
+    is_open: NDArray[np.bool_],
+    places: NDArray[np.int64],
+    prices: NDArray[np.float32],
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    most: int,
+    rules: Rules,
+) -> Points:
+    """Return where a cheapest route turns once it is pulled taut, with its ends; see `route`."""
+    points, _ = route(tiles, is_open, places, prices, start, goal, most)
+    return taut(rules, tiles.shift, points) if points else points
 
 
 @jit
