@@ -18,37 +18,30 @@ from llm_astar_planner.waypoints.source import (
 )
 
 
-def best_source(costmap: Costmap) -> str:
-    """Return the source that helps on a costmap: `embedded` or `none`.
-
-    The embedded model is for maps of the paper's kind, a few dozen straight barriers. Elsewhere
-    the search takes less time than any source.
-    """
-    return 'embedded' if costmap.is_barrier_map else 'none'
-
-
 def helps_on(costmap: Costmap) -> bool:
-    """Tell whether any source helps on a costmap."""
-    return best_source(costmap) != 'none'
+    """Tell whether a source helps on a costmap: the embedded model, on maps of the paper's kind.
+
+    These are a few dozen straight barriers. Elsewhere the search takes less time than any source.
+    """
+    return costmap.is_barrier_map
 
 
 class AutoSource:
-    """Asks the best source for each query's map; its replies say which that was. Thread-safe."""
+    """Asks the embedded model on the maps where it helps. Thread-safe."""
 
     name = 'auto'
 
     def __init__(self, context: SourceContext) -> None:
-        """Take what sources are made from; they are made when they are first asked."""
+        """Take what the model is made from; it is loaded when it is first asked."""
         self._context = context
-        self._made: dict[str, WaypointSource] = {}
+        self._embedded: WaypointSource | None = None
         self.helps_on = helps_on
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the reply of the best source, or one with status NONE."""
-        name = best_source(query.costmap)
-        if name == 'none':
+        """Return the reply of the embedded model, or one with status NONE."""
+        if not helps_on(query.costmap):
             return WaypointReply(label=self.name, status=SourceStatus.NONE, detail=SAVES_NOTHING)
-        if name not in self._made:
-            settings = replace(self._context.settings, source=name)
-            self._made[name] = make_source(settings, self._context.dataset, self._context.seed)
-        return self._made[name].waypoints(query)
+        if self._embedded is None:
+            settings = replace(self._context.settings, source='embedded')
+            self._embedded = make_source(settings, self._context.dataset, self._context.seed)
+        return self._embedded.waypoints(query)

@@ -9,7 +9,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search import landmarks
-from llm_astar_planner.waypoints.auto import best_source
+from llm_astar_planner.waypoints.auto import helps_on
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 
 BARRIERS = BarrierMap(
@@ -43,7 +43,7 @@ def test_the_embedded_model_is_asked_on_maps_of_the_papers_kind(auto):
     request = PlanRequest((3, 3), (45, 25), source=auto, search_while_waiting=False)
     plan = Planner(BARRIERS).plan(request)
     assert plan.reply.label.startswith('embedded:')
-    assert best_source(Costmap(BARRIERS)) == 'embedded'
+    assert helps_on(Costmap(BARRIERS))
 
 
 @pytest.mark.parametrize(
@@ -64,4 +64,4 @@ def test_on_other_maps_nobody_is_asked_and_the_plan_says_why(grid_map, auto):
 
 def test_nobody_is_asked_on_graded_maps_too_large_for_landmarks(monkeypatch):
     monkeypatch.setattr(landmarks.landmark_count, '__defaults__', (None, 1000))
-    assert best_source(Costmap(boxes(), GRADED)) == 'none'
+    assert not helps_on(Costmap(boxes(), GRADED))
