@@ -29,10 +29,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from llm_astar_lab.datasets import named
+from llm_astar_lab.datasets.named import GRID_CONFIG, SETS
 from llm_astar_lab.runner.map_costs import held_bytes
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import Scenario, load_map, load_scenarios
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
@@ -44,8 +46,6 @@ from numpy.typing import NDArray
 
 from benchmarks.memory import resident
 
-CONFIG = CostmapConfig(corner_cutting=False, cost_travel_multiplier=0.0)
-SETS = ('bg512', 'bgmaps', 'da2', 'dao', 'maze', 'random', 'room', 'sc1', 'street', 'wc3maps512')
 # Published lengths have as few as two decimals, and the sets were computed in single precision.
 ABSOLUTE, RELATIVE = 0.006, 1e-5
 # Upper ends of the buckets of suboptimality; the first is "as published".
@@ -64,7 +64,7 @@ class Prepared(NamedTuple):
 
 def prepare_exact(grid_map: GridMap) -> Prepared:
     """Return the plain exact A*, which prepares the moves of the map and nothing else."""
-    costmap = Costmap(grid_map, CONFIG)
+    costmap = Costmap(grid_map, GRID_CONFIG)
     grid = costmap.grid_graph
     return Prepared(
         lambda start, goal: exact_astar(grid, start, goal, want_expanded=False).path, costmap
@@ -73,7 +73,7 @@ def prepare_exact(grid_map: GridMap) -> Prepared:
 
 def prepare_planner(grid_map: GridMap, bound: float) -> Prepared:
     """Return `Planner.plan` with a bound and all it prepares: jump points and landmarks."""
-    planner = Planner(grid_map, CONFIG).prepare()
+    planner = Planner(grid_map, GRID_CONFIG).prepare()
 
     def plan(start: Cell, goal: Cell) -> NDArray[Any]:
         request = PlanRequest(
@@ -122,15 +122,16 @@ class Total:
 
 def files_of(folder: Path, name: str) -> Iterator[tuple[Path, Path]]:
     """Yield the maps of a set with their scenarios. Raises SystemExit where there are none."""
-    maps = {path.name: path for path in sorted(folder.glob(f'{name}*/**/*.map'))}
-    found = [
-        (maps[path.stem], path)
-        for path in sorted(folder.glob(f'{name}*/**/*.map.scen'))
-        if path.stem in maps
-    ]
-    if not found:
-        raise SystemExit(f'{folder}: no {name}-map/x.map with {name}-scen/x.map.scen')
-    yield from found
+    try:
+        files = sorted(named.files_of_set(name, folder), key=lambda path: path.name)
+        scenarios = [path for path in files if path.name.endswith(named.SCENARIO_END)]
+        if not scenarios:
+            raise SystemExit(f'{folder}: has no scenarios of {name}, files x.map.scen')
+        for path in scenarios:
+            maps = [other for other in files if other.name == path.stem]
+            yield named.find_map_file(path, maps, folder), path
+    except GridProblemError as error:
+        raise SystemExit(str(error)) from None
 
 
 def chosen(scenarios: Sequence[Scenario], limit: int | None) -> list[Scenario]:
@@ -158,7 +159,7 @@ def measure_map(
         first = scenarios[0]
         ready[name].plan(first.start, first.goal)
         totals[name].held.append(held_bytes(ready[name].holder) - grid_map.cells.nbytes)
-    grid = Costmap(grid_map, CONFIG).grid_graph
+    grid = Costmap(grid_map, GRID_CONFIG).grid_graph
     gc.collect()
     for scenario in scenarios:
         least = dict.fromkeys(methods, np.inf)

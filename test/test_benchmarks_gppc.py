@@ -73,5 +73,5 @@ def test_a_program_that_answers_too_little_is_named(sets):
 
 
 def test_a_folder_without_the_set_is_named(tmp_path):
-    with pytest.raises(SystemExit, match='no dao-map'):
+    with pytest.raises(SystemExit, match='has no scenarios of dao'):
         run(tmp_path)
