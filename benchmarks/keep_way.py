@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.kept_way import Ways, way_of
+from llm_astar_planner.planning.plan_reuse import Ways, way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, Way
 from llm_astar_planner.search.any_angle import straight_path

@@ -47,7 +47,7 @@ from llm_astar_planner.waypoints.source import BASELINE_NAMES
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
-from llm_astar_lab.datasets.language_sets import READERS
+from llm_astar_lab.datasets.llm_benchmarks import READERS
 from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError

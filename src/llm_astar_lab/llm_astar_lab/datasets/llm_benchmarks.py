@@ -36,50 +36,50 @@ Entry = tuple[list[list[bool]], Point, Point]
 Reader = Callable[[Any], Iterator[Entry]]
 
 
-class LanguageSetError(LlmAstarError, ValueError):
+class LlmBenchmarkError(LlmAstarError, ValueError):
     """A file of another benchmark cannot be read; the message names it and the entry."""
 
 
-def load_language_set(name: str, path: Path) -> list[GridProblem]:
+def load_llm_benchmark(name: str, path: Path) -> list[GridProblem]:
     """Read GTB, PPNL or GRIDROUTE; samples on equal maps that follow each other share one.
 
-    Raises LanguageSetError that names the file and the entry.
+    Raises LlmBenchmarkError that names the file and the entry.
     """
     found: list[GridProblem] = []
     for where, (rows, start, goal) in enumerate_entries(name, path):
         height, width = len(rows), len(rows[0])
         if max(height, width) > MAX_SIDE or any(len(row) != width for row in rows):
-            raise LanguageSetError(f'{where}: rows of one length to {MAX_SIDE} are expected')
+            raise LlmBenchmarkError(f'{where}: rows of one length to {MAX_SIDE} are expected')
         if not all(0 <= x < width and 0 <= y < height for x, y in (start, goal)):
-            raise LanguageSetError(f'{where}: start or goal is outside of the map')
+            raise LlmBenchmarkError(f'{where}: start or goal is outside of the map')
         cells = np.where(np.array(rows, dtype=bool), OCCUPIED, FREE).astype(np.int8)
         samples: tuple[Sample, ...] = (Sample(start, goal),)
         if found and np.array_equal(found[-1].grid_map.cells, cells):
             samples = (*found.pop().samples, *samples)
         found.append(GridProblem(len(found), GridMap(cells, 1.0), samples, family=name))
     if not found:
-        raise LanguageSetError(f'{path}: has no maps')
+        raise LlmBenchmarkError(f'{path}: has no maps')
     return found
 
 
 def enumerate_entries(name: str, path: Path) -> Iterator[tuple[str, Entry]]:
-    """Yield the samples of a file, each with where it is. Raises LanguageSetError."""
+    """Yield the samples of a file, each with where it is. Raises LlmBenchmarkError."""
     for number, item in enumerate(read_items(name, path)):
         where = f'{path}: entry {number}'
         try:
             found = list(READERS[name](item))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            raise LanguageSetError(f'{where}: is not as {name} writes it: {error!r}') from None
+            raise LlmBenchmarkError(f'{where}: is not as {name} writes it: {error!r}') from None
         yield from ((where, entry) for entry in found if entry[1] != entry[2])
 
 
 def read_items(name: str, path: Path) -> list[Any]:
-    """Return the rows or objects of a file. Raises LanguageSetError."""
+    """Return the rows or objects of a file. Raises LlmBenchmarkError."""
     if name == GRIDROUTE:
-        text = read_text(path, LanguageSetError, limit=MAX_BYTES).removeprefix('\ufeff')
+        text = read_text(path, LlmBenchmarkError, limit=MAX_BYTES).removeprefix('\ufeff')
         return list(csv.DictReader(io.StringIO(text)))
-    items = read_json(path, LanguageSetError)
-    return expect(items, list, str(path), 'a JSON list', LanguageSetError)
+    items = read_json(path, LlmBenchmarkError)
+    return expect(items, list, str(path), 'a JSON list', LlmBenchmarkError)
 
 
 def read_gtb(item: dict[str, Any]) -> Iterator[Entry]:

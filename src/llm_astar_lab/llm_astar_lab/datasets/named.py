@@ -28,7 +28,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 
 from llm_astar_lab.datasets import generate as drawing
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, generate
-from llm_astar_lab.datasets.language_sets import READERS, load_language_set
+from llm_astar_lab.datasets.llm_benchmarks import READERS, load_llm_benchmark
 
 # MovingAI's rules: a diagonal move needs both adjacent cells free, and only lengths count.
 GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_travel_multiplier=0.0)
@@ -239,7 +239,7 @@ def load_one(name: str, path: Path | None, rules: DrawRules) -> list[tuple[str, 
         what = PAPER_FILE if name == PAPER else "the set's file, or its maps and scenarios"
         raise SelectionError(f'--dataset {name} needs --path, with {what}: nothing is downloaded')
     if name in READERS:
-        return [('', item) for item in load_language_set(name, path)]
+        return [('', item) for item in load_llm_benchmark(name, path)]
     if name == PAPER:
         maps = load_barrier_maps(paper_file(path))
         return [('', replace(item, family=PAPER)) for item in maps]

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from llm_astar_lab.datasets.language_sets import LanguageSetError, load_language_set
+from llm_astar_lab.datasets.llm_benchmarks import LlmBenchmarkError, load_llm_benchmark
 from llm_astar_lab.datasets.named import DrawRules, load_named
 from llm_astar_msgs_adapter.maps.barrier_map import Sample
 
@@ -31,20 +31,20 @@ def blocked(problem):
 
 
 def test_a_character_walks_from_objective_to_objective(tmp_path):
-    (problem,) = load_language_set('gtb', write(tmp_path, [GTB]))
+    (problem,) = load_llm_benchmark('gtb', write(tmp_path, [GTB]))
     assert blocked(problem) == [[0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 1]]
     assert problem.samples == (Sample((2, 1), (0, 0)), Sample((0, 0), (2, 2)))
     assert problem.family == 'gtb'
 
 
 def test_a_world_has_one_start_and_one_goal(tmp_path):
-    (problem,) = load_language_set('ppnl', write(tmp_path, [PPNL]))
+    (problem,) = load_llm_benchmark('ppnl', write(tmp_path, [PPNL]))
     assert blocked(problem) == [[0, 1, 0], [0, 1, 0], [0, 0, 0]]
     assert problem.samples == (Sample((0, 1), (2, 0)),)
 
 
 def test_rows_on_one_map_are_samples_of_one_map(tmp_path):
-    first, second = load_language_set('gridroute', write(tmp_path, GRIDROUTE))
+    first, second = load_llm_benchmark('gridroute', write(tmp_path, GRIDROUTE))
     assert blocked(first) == [[0, 0, 1, 0], [0, 0, 1, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
     assert first.samples == (Sample((0, 0), (3, 1)), Sample((1, 0), (0, 3)))
     assert (second.id, second.samples) == (1, (Sample((1, 1), (2, 2)),))
@@ -72,5 +72,5 @@ def test_they_are_datasets_by_name(tmp_path):
 )
 def test_a_file_that_is_none_of_theirs_is_refused_by_its_name(tmp_path, name, contents):
     path = write(tmp_path, contents)
-    with pytest.raises(LanguageSetError, match=str(path)):
-        load_language_set(name, path)
+    with pytest.raises(LlmBenchmarkError, match=str(path)):
+        load_llm_benchmark(name, path)

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.raster import Window, cover_window
 from llm_astar_planner.costmap.zones import KEEP_RIGHT, Zone, ZonesError
+from llm_astar_planner.search.grid_graph import STEPS
 
-# The moves in the order of their bits, (x, y).
-STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1))
 # Parts against a heading up to this are rounding.
 ROUNDING = 1e-9
 # Moves up to 22.5 degrees off straight across cross a lane: one of the eight always does.

@@ -389,7 +389,7 @@ class PathPlanner:
         # Kernels that only these plans take.
         from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
             AnyAnglePath,
-            lawful_parts,
+            pullable_parts,
             string_pull,
         )
 
@@ -397,7 +397,7 @@ class PathPlanner:
             parts = [
                 string_pull(*piece, deadline=deadline)
                 for graph, part in stretches
-                for piece in lawful_parts(graph, part, self.grid_map.forbidden)
+                for piece in pullable_parts(graph, part, self.grid_map.forbidden)
             ]
         except TimeoutError as error:
             return None, str(error)

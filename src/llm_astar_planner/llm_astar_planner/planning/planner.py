@@ -51,10 +51,10 @@ class Planner(PathPlanner):
         if request.instruction is not None:
             plans = self.instructed_plans(request, request.instruction, stop)
         if request.last_way is not None:
-            from llm_astar_planner.planning.kept_way import kept_plans  # noqa: PLC0415
+            from llm_astar_planner.planning.plan_reuse import kept_plans  # noqa: PLC0415
 
             plans = kept_plans(self, request, request.last_way, plans, stop)
-        return self.told_plans(request, plans, stop)
+        return self.plans_with_reasons(request, plans, stop)
 
     def instructed_plans(
         self, request: PlanRequest, instruction: RouteInstruction, stop: StopFlag
@@ -64,7 +64,7 @@ class Planner(PathPlanner):
 
         yield plan_with_instruction(self, request, instruction, stop)
 
-    def told_plans(
+    def plans_with_reasons(
         self, request: PlanRequest, plans: Iterator[Plan], stop: StopFlag
     ) -> Iterator[Plan]:
         """Yield plans: one without a path says why, one with a path has other ways if asked."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import line_of_sight as kernels
-from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.grid_graph import STEPS, GridGraph
 from llm_astar_planner.search.result import Cell
 
 # Cells that lines pass between two looks at the deadline: a few milliseconds.
@@ -24,7 +24,8 @@ SLICE = 1 << 20
 # The bits, as in `GridGraph.moves`, of all moves and of those of each quadrant; and the number of
 # the move by one row or column back, none or on: rows first.
 LINE_KINDS = (255, 1 | 2 | 16, 2 | 4 | 32, 4 | 8 | 64, 1 | 8 | 128)
-STEP_NUMBERS = np.array([[6, 3, 7], [2, 8, 0], [5, 1, 4]])
+STEP_NUMBERS = np.full((3, 3), 8)
+STEP_NUMBERS[tuple(np.array(STEPS).T[::-1] + 1)] = np.arange(8)
 
 
 class AnyAnglePath(NamedTuple):
@@ -91,7 +92,7 @@ def string_pull(
     return AnyAnglePath(points, length, cost)
 
 
-def lawful_parts(
+def pullable_parts(
     grid: GridGraph, path: NDArray[np.int32], forbidden: NDArray[np.uint8]
 ) -> Iterator[tuple[GridGraph, NDArray[np.int32]]]:
     """Cut a path [n, 2] into parts, each with the graph on which it may be pulled.

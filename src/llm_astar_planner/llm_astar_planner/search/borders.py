@@ -24,7 +24,7 @@ from llm_astar_planner.search.stop import StopFlag
 # Borders measured between two looks at the stop flag: about 2 ms.
 _STEP = 4
 # How much the way that is left weighs in the search for a corridor.
-GREED = 1.06
+ROUTE_WEIGHT = 1.06
 
 
 class Borders:
@@ -82,7 +82,7 @@ class Crossing:
         self._cells = grid.index(start), grid.index(goal)
         self._ends = np.empty((2, 4, kernels.PARTS), dtype=np.int64)
         for cell, distances in zip(self._cells, self._ends):
-            kernels.reach(grid.cells, cell, distances)
+            kernels.reach_borders(grid.cells, cell, distances)
         kernels.close_ends(self._ends[0], grid.straight)
 
     def corridor(self) -> NDArray[np.bool_]:
@@ -90,7 +90,7 @@ class Crossing:
 
         Bool [rows, columns], by squares of 2^SQUARE_BITS cells a side; all False for none.
         """
-        _, last, parents = self._route(GREED, NO_PATH)
+        _, last, parents = self._route(ROUTE_WEIGHT, NO_PATH)
         height, width = self._grid.blocked.shape
         shape = (height - 1 >> SQUARE_BITS) + 1, (width - 1 >> SQUARE_BITS) + 1
         corridor = np.zeros(shape, dtype=np.bool_)

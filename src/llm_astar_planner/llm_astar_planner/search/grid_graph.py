@@ -35,6 +35,8 @@ SURCHARGE_ONE = 256
 # Idle workspaces kept, in bytes; two are always kept, which is what one guided search takes.
 IDLE_BYTES = 64 * 1024 * 1024
 MAX_GENERATION = 2 ** (31 - kernels.TAG_BITS) - 1
+# The moves in the order of their bits in `GridGraph.moves`, (x, y).
+STEPS = tuple(zip(kernels.STEP_X.tolist(), kernels.STEP_Y.tolist()))
 
 
 class Workspace:

@@ -21,7 +21,7 @@ from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.compile import compile_footprint_kernels
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
-from llm_astar_planner.planning.kept_way import reuse_problem
+from llm_astar_planner.planning.plan_reuse import reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from scipy import ndimage

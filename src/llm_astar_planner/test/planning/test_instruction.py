@@ -28,7 +28,7 @@ from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning import instruction as instruction_module
 from llm_astar_planner.planning.compile import compile_instruction_kernels
-from llm_astar_planner.planning.kept_way import way_of
+from llm_astar_planner.planning.plan_reuse import way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 

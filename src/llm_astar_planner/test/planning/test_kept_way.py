@@ -8,8 +8,8 @@ import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.kept_way import Ways, cells_along, way_of
 from llm_astar_planner.planning.path_validator import CollisionChecker, via_problem
+from llm_astar_planner.planning.plan_reuse import Ways, cells_along, way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import can_see

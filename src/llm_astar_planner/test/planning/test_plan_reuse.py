@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import kept_way
-from llm_astar_planner.planning.kept_way import WaypointCache, reuse_problem
+from llm_astar_planner.planning import plan_reuse
+from llm_astar_planner.planning.plan_reuse import WaypointCache, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -179,7 +179,7 @@ def test_a_robot_off_the_map_gets_that_code():
 
 
 def test_the_goals_that_are_kept_are_bounded(monkeypatch):
-    monkeypatch.setattr(kept_way, 'CACHED_GOALS', 1)
+    monkeypatch.setattr(plan_reuse, 'CACHED_GOALS', 1)
     other, source = {'goal': (34, 6)}, Source(*CORNER)
     counts, _ = asked(source, (BEFORE, {}), (BEFORE, other), (changed((2, 28)), {}))
     assert counts == [1, 2, 3]

@@ -25,8 +25,8 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.regions import Box
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.kept_way import reuse_problem, way_of
 from llm_astar_planner.planning.path_validator import invalid_poses
+from llm_astar_planner.planning.plan_reuse import reuse_problem, way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 

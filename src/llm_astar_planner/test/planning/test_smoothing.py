@@ -8,9 +8,9 @@ import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.kept_way import way_of
 from llm_astar_planner.planning.path_planner import MOST_SMOOTHED, curve_measures
 from llm_astar_planner.planning.path_validator import curve_cells, footprint_problem
+from llm_astar_planner.planning.plan_reuse import way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.smoothing import smoothed
 from llm_astar_planner.planning.types import PlanRequest, ResultCode

@@ -10,7 +10,7 @@ from llm_astar_planner.instructions.interpretation import Interpretation, RouteI
 from llm_astar_planner.instructions.regions import Box
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.planning.endpoints import ViapointSource
-from llm_astar_planner.planning.kept_way import WaypointCache
+from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply

@@ -22,7 +22,7 @@ from llm_astar_planner.nodes.planner.goals import (
 )
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
-from llm_astar_planner.planning.kept_way import WaypointCache, reuse_problem
+from llm_astar_planner.planning.plan_reuse import WaypointCache, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode
 

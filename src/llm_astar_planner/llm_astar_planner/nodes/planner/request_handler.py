@@ -39,8 +39,8 @@ from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
-from llm_astar_planner.planning.kept_way import Ways
 from llm_astar_planner.planning.parameters import request_fields
+from llm_astar_planner.planning.plan_reuse import Ways
 from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import (
     MAX_VIA,

@@ -26,8 +26,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.entities import CALLS, REPORTS, Entities, ask, setting
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
-from llm_astar_planner.planning.kept_way import WaypointCache
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
+from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.segment import snap
 from llm_astar_planner.waypoints.auto import helps_on
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply

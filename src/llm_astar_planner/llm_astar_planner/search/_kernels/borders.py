@@ -57,7 +57,7 @@ def around(border: int, columns: int, count: int, found: NDArray[np.int64]) -> N
 
 
 @jit
-def pull(
+def relax(
     frame: NDArray[np.float32],
     costs: NDArray[np.float32],
     cell: int,
@@ -91,10 +91,10 @@ def pull(
 
 
 @jit
-def pull_back(
+def relax_behind(
     frame: NDArray[np.float32], costs: NDArray[np.float32], cell: int, count: int, step: int
 ) -> None:
-    """Lower the distances of a line of cells over the neighbour behind, against `pull`."""
+    """Lower the distances of a line of cells over the neighbour behind, against `relax`."""
     for _ in range(count):
         cost = costs[cell if step > 0 else cell - 1, 0]
         if cost < NOWHERE:
@@ -115,14 +115,14 @@ def settle(
     while True:
         gain[:] = 0.0
         for y in range(1, height + 1):
-            pull(frame, costs, y * LINE + 1, width, 1, gain)
-            pull_back(frame, costs, y * LINE + width - 1, width - 1, 1)
+            relax(frame, costs, y * LINE + 1, width, 1, gain)
+            relax_behind(frame, costs, y * LINE + width - 1, width - 1, 1)
         if begun and gain.max() == 0.0:
             break
         gain[:] = 0.0
         for y in range(height, 0, -1):
-            pull(frame, costs, y * LINE + width, width, -1, gain)
-            pull_back(frame, costs, y * LINE + 2, width - 1, -1)
+            relax(frame, costs, y * LINE + width, width, -1, gain)
+            relax_behind(frame, costs, y * LINE + 2, width - 1, -1)
         if gain.max() == 0.0:
             break
         begun = True
@@ -197,7 +197,7 @@ def measure(cells: Cells, borders: NDArray[np.int64], rows: NDArray[np.uint16]) 
 
 
 @jit
-def reach(cells: Cells, cell: int, found: NDArray[np.int64]) -> None:
+def reach_borders(cells: Cells, cell: int, found: NDArray[np.int64]) -> None:
     """Measure from a cell within its tile to the parts of the tile's borders.
 
     Writes units to `found` [4, PARTS]: above, below, to the left and to the right.
@@ -250,10 +250,10 @@ def route(
 ) -> tuple[int, int]:
     """Find a route from the goal to the start over the parts of borders, if below `limit` units.
 
-    `to_start` and `from_goal` are what `reach` and `close_ends` have made. Returns the cost of
-    the route, else the limit, and its last part or -1. With weight 1 the cost is the least: no
-    path that leaves the goal's tile costs less. A larger weight of the way that is left finds
-    one sooner. Parts are numbered border * PARTS + part; the parts before, -1 at first, are
+    `to_start` and `from_goal` are what `reach_borders` and `close_ends` have made. Returns the
+    cost of the route, else the limit, and its last part or -1. With weight 1 the cost is the
+    least: no path that leaves the goal's tile costs less. A larger weight of the way that is left
+    finds one sooner. Parts are numbered border * PARTS + part; the parts before, -1 at first, are
     written to `parents`, and `costs` is as long.
     """
     _, _, width, straight, diagonal = cells
