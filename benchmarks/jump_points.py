@@ -14,12 +14,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell
-from llm_astar_planner.search.stop import no_stop
 from numpy.typing import NDArray
 
 from benchmarks import map_families

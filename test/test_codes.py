@@ -15,8 +15,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import MAX_VIA, PlanRequest, ResultCode, plan_report
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.astar import PathTooLongError
-from llm_astar_planner.search.stop import no_stop
 
 # A wall with a box behind it: (25, 5) is free and cut off; unknown cells on the right.
 CELLS = np.zeros((20, 40), dtype=np.int8)

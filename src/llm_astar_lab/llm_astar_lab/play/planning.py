@@ -23,8 +23,8 @@ from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.search.arrays import StopFlag, no_stop
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
-from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import WaypointSource

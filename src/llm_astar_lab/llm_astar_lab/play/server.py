@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 import uvicorn
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.search.arrays import StopFlag
 from starlette.applications import Starlette
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import changes as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflation_reach
+from llm_astar_planner.search.arrays import Bools, Int8s, Int64s
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
@@ -52,7 +52,7 @@ class Costmap:
         self.grid_map = grid_map
         self.config = config or CostmapConfig()
         self.barrier_map = barrier_map
-        self._changes: NDArray[np.int64] | None = None
+        self._changes: Int64s | None = None
         if previous is not None:
             self._take_over(previous)
 
@@ -61,7 +61,7 @@ class Costmap:
         _ = self.components, self.rejected_cells, self.grid_graph
 
     @property
-    def changes(self) -> NDArray[np.int64] | None:
+    def changes(self) -> Int64s | None:
         """Where `blocked`, `cost` or moves may differ from those of the previous costmap.
 
         Disjoint windows (top, bottom, left, right) in cells, half open: int64 [n, 4]. None if
@@ -75,16 +75,16 @@ class Costmap:
         return self.grid_map.digest, self.config
 
     @cached_property
-    def _inflated(self) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+    def _inflated(self) -> tuple[Bools, Int8s]:
         return read_only(inflate(self.grid_map, self.config))
 
     @cached_property
-    def blocked(self) -> NDArray[np.bool_]:
+    def blocked(self) -> Bools:
         """Cells the robot's centre must not be in: bool [height, width]."""
         return self._inflated[0]
 
     @cached_property
-    def cost(self) -> NDArray[np.int8]:
+    def cost(self) -> Int8s:
         """Occupancy with inflation: int8 [height, width], 0 to 100, -1 for `unknown_cost`."""
         return self._inflated[1]
 
@@ -94,7 +94,7 @@ class Costmap:
         return Tiles.build(self.blocked, corner_cutting=self.config.corner_cutting)
 
     @cached_property
-    def rejected_cells(self) -> NDArray[np.bool_]:
+    def rejected_cells(self) -> Bools:
         """Cells on which the paper's methods drop a waypoint: bool [height, width].
 
         These are the blocked cells. The published code misses the last cell of every barrier;
@@ -126,7 +126,7 @@ class Costmap:
         # A diagonal move may have led there, past corners that it must not reach.
         return Tiles.build(~self.grid_graph.reach(start), corner_cutting=True)
 
-    def _graded_cost(self) -> NDArray[np.int8] | None:
+    def _graded_cost(self) -> Int8s | None:
         """Return `cost` if it matters to any path, else None."""
         if self.config.cost_travel_multiplier == 0:
             return None
@@ -203,9 +203,7 @@ class Costmap:
         return f"an obstacle within the robot's radius, {self.config.robot_radius:g} m"
 
 
-def read_only(
-    layers: tuple[NDArray[np.bool_], NDArray[np.int8]],
-) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+def read_only(layers: tuple[Bools, Int8s]) -> tuple[Bools, Int8s]:
     """Return layers that nobody can write to: sources and searches of others are given these.
 
     And kernels, which numba compiles once more for arrays that can be written to.
@@ -218,7 +216,7 @@ def read_only(
 class ClosedCostmap(Costmap):
     """A costmap with more cells blocked than the robot's body demands: no-go areas."""
 
-    def __init__(self, costmap: Costmap, closed: NDArray[np.bool_]) -> None:
+    def __init__(self, costmap: Costmap, closed: Bools) -> None:
         """Close the cells `closed`, bool [height, width], of a costmap."""
         super().__init__(costmap.grid_map, costmap.config, costmap.barrier_map)
         self._costmap = costmap
@@ -231,17 +229,17 @@ class ClosedCostmap(Costmap):
         return f'{self.grid_map.digest} {closed}', self.config
 
     @cached_property
-    def blocked(self) -> NDArray[np.bool_]:
+    def blocked(self) -> Bools:
         """Cells the robot's centre must not be in: bool [height, width]."""
         return self._costmap.blocked | self._closed
 
     @cached_property
-    def cost(self) -> NDArray[np.int8]:
+    def cost(self) -> Int8s:
         """Occupancy with inflation, as without the closed cells: int8 [height, width]."""
         return self._costmap.cost
 
     @cached_property
-    def rejected_cells(self) -> NDArray[np.bool_]:
+    def rejected_cells(self) -> Bools:
         """Cells on which the paper's methods drop a waypoint, the closed ones included."""
         return self._costmap.rejected_cells | self._closed
 

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
 from llm_astar_planner.costmap.zones import KEEPOUT, ZonesError
+from llm_astar_planner.search.arrays import Int8s, Int64s
 
 # A value of the mask that leaves a cell as it is.
 TRANSPARENT = -1
@@ -63,7 +63,7 @@ def filter_info(kind: int, topic: str, base: float, multiplier: float) -> Filter
     return FilterInfo(FilterKind(kind), topic, base, multiplier)
 
 
-def mask_costs(info: FilterInfo, config: CostmapConfig, max_speed: float) -> NDArray[np.int8]:
+def mask_costs(info: FilterInfo, config: CostmapConfig, max_speed: float) -> Int8s:
     """Return what each value of a mask, 0 to 100, costs: int8 [101], TRANSPARENT for nothing.
 
     `max_speed` is the robot's, in m/s. Raises ZonesError for limits in m/s without it.
@@ -86,7 +86,7 @@ def mask_costs(info: FilterInfo, config: CostmapConfig, max_speed: float) -> NDA
     return np.where(limited & (capped > 0), capped, TRANSPARENT).astype(np.int8)
 
 
-def zone_costs(costs: NDArray[np.int64], config: CostmapConfig) -> NDArray[np.int64]:
+def zone_costs(costs: Int64s, config: CostmapConfig) -> Int64s:
     """Return the occupancy that makes cells cost this much: only KEEPOUT closes a cell."""
     return np.where(costs >= KEEPOUT, KEEPOUT, np.minimum(costs, highest_cost(config)))
 

@@ -16,19 +16,17 @@ import math
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import inflation as kernels
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
+from llm_astar_planner.search.arrays import Bools, Int8s, Int64s
 from llm_astar_planner.search.grid_graph import whole
 
 # So that a distance of exactly the radius is within it, whatever radius / resolution rounds to.
 ROUNDING = 1e-6
 
 
-def inflate(
-    grid_map: GridMap, config: CostmapConfig
-) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+def inflate(grid_map: GridMap, config: CostmapConfig) -> tuple[Bools, Int8s]:
     """Return which cells the robot's centre must not be in, and what the cells cost.
 
     The first is bool [height, width]; the second int8 [height, width], 0 to 100 as in an occupancy
@@ -45,11 +43,8 @@ def inflate(
 
 
 def inflated_again(
-    grid_map: GridMap,
-    config: CostmapConfig,
-    before: tuple[NDArray[np.bool_], NDArray[np.int8]],
-    windows: NDArray[np.int64],
-) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+    grid_map: GridMap, config: CostmapConfig, before: tuple[Bools, Int8s], windows: Int64s
+) -> tuple[Bools, Int8s]:
     """Return what `inflate` does, from what it returned `before` for another map.
 
     The windows [n, 4] hold all cells that differ and all that the inflation reaches from there.
@@ -62,11 +57,7 @@ def inflated_again(
 
 
 def inflate_windows(
-    grid_map: GridMap,
-    config: CostmapConfig,
-    windows: NDArray[np.int64],
-    blocked: NDArray[np.bool_],
-    cost: NDArray[np.int8],
+    grid_map: GridMap, config: CostmapConfig, windows: Int64s, blocked: Bools, cost: Int8s
 ) -> None:
     """Fill `blocked` and `cost` [height, width] in windows, O(cells in them).
 
@@ -93,7 +84,7 @@ def squared_cells(radius: float, resolution: float) -> int:
     return math.floor((radius / resolution) ** 2 + ROUNDING)
 
 
-def costs_by_distance(config: CostmapConfig, grid_map: GridMap) -> NDArray[np.int8]:
+def costs_by_distance(config: CostmapConfig, grid_map: GridMap) -> Int8s:
     """Return the inflation cost by squared distance in cells; the last one is for all beyond."""
     # No farther than two cells of the map can be apart.
     across = grid_map.width**2 + grid_map.height**2

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap._kernels import raster as kernels
+from llm_astar_planner.search.arrays import Bools, Int64s
 
 # Parts of a boundary that lie this near to the border of a cell, in cells, run along it.
 ON_BORDER = 1e-7
@@ -43,9 +43,9 @@ class Cover(NamedTuple):
     their square does; a path between cells that are not touched has no part in the geometry.
     """
 
-    whole: NDArray[np.bool_]
-    centres: NDArray[np.bool_]
-    touched: NDArray[np.bool_]
+    whole: Bools
+    centres: Bools
+    touched: Bools
 
     def outside(self) -> Cover:
         """Return the cells that everything else covers."""
@@ -104,8 +104,8 @@ def open_border(covered: Cover, geometry: BaseGeometry, grid_map: GridMap) -> Co
 
 
 def crossing_moves(
-    border: NDArray[np.bool_], usable: NDArray[np.bool_], geometry: BaseGeometry, grid_map: GridMap
-) -> NDArray[np.int64]:
+    border: Bools, usable: Bools, geometry: BaseGeometry, grid_map: GridMap
+) -> Int64s:
     """Return the moves from cells of the border that cross a geometry: cells (x, y) [n, 2, 2].
 
     Both ends of a move are `usable`.

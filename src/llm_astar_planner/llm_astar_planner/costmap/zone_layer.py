@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, UNKNOWN, GridMap
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import raster as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -24,6 +23,7 @@ from llm_astar_planner.costmap.raster import Window, cover_window, window_of
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.costmap.zone_rules import forbidden_moves
 from llm_astar_planner.costmap.zones import KEEPOUT, PREFERRED, RULES, Zone, Zones, ZonesError
+from llm_astar_planner.search.arrays import Bools, Int8s, Uint8s
 
 # Zones of a map that are named in a report.
 MOST_NAMED = 20
@@ -111,9 +111,7 @@ class ZoneLayer:
         if len(self.zones) > MOST_NAMED:
             yield f'and {len(self.zones) - MOST_NAMED} more'
 
-    def raised(
-        self, layout: GridMap, least: int = 1
-    ) -> Iterator[tuple[Zone, Window, NDArray[np.bool_]]]:
+    def raised(self, layout: GridMap, least: int = 1) -> Iterator[tuple[Zone, Window, Bools]]:
         """Yield each zone of at least a cost, a window of the map, and which cells there have it.
 
         Of preferred lines the dearest has the cells that none of them touches.
@@ -137,11 +135,11 @@ class ComposedZones(NamedTuple):
     layer: ZoneLayer
 
     @property
-    def forbidden(self) -> NDArray[np.uint8]:
+    def forbidden(self) -> Uint8s:
         """What `Composed.forbidden` is."""
         return self.layer.forbidden
 
-    def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.bool_]]]:
+    def closed(self) -> Iterator[tuple[str, str, tuple[slice, slice], Bools]]:
         """Yield what `Composed.closed` does."""
         for zone, window, cells in self.layer.raised(self.base, KEEPOUT):
             yield 'zone', zone.label, window.slices(), cells
@@ -151,7 +149,7 @@ class ComposedZones(NamedTuple):
             paint_mask(mask.grid_map, table, self.base, costs)
             yield 'mask', mask.info.topic, whole, costs >= KEEPOUT
 
-    def rules(self) -> Iterator[tuple[str, str, tuple[slice, slice], NDArray[np.uint8]]]:
+    def rules(self) -> Iterator[tuple[str, str, tuple[slice, slice], Uint8s]]:
         """Yield what `Composed.rules` does."""
         for zone, window, moves in self.layer.rules_of:
             yield zone.kind, zone.label, window, moves
@@ -196,9 +194,7 @@ def union(windows: Iterable[Window]) -> Window:
     return Window(min(tops), max(bottoms), min(lefts), max(rights))
 
 
-def paint_mask(
-    mask: GridMap, table: NDArray[np.int8], layout: GridMap, costs: NDArray[np.int8]
-) -> None:
+def paint_mask(mask: GridMap, table: Int8s, layout: GridMap, costs: Int8s) -> None:
     """Raise `costs` [height, width] to what the mask's value at the centre of each cell costs."""
     corner, right, up = mask.world_to_grid(layout.grid_to_world([[0, 0], [1, 0], [0, 1]]))
     # From grid coordinates to numbers of cells.

@@ -44,8 +44,8 @@ from llm_astar_planner.planning.parameters import (
     source_config,
 )
 from llm_astar_planner.resources import find_file
+from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import StopFlag
 from llm_astar_planner.waypoints.async_query import TOO_LATE, QueryQueue, QueryTask
 from llm_astar_planner.waypoints.config import make_source
 from llm_astar_planner.waypoints.llm.source import client_of

@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.planning.types import Alternative, PlanRequest
+from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.automata import Automaton
 from llm_astar_planner.search.product import ProductProblem, ProductTooLargeError, product_search
 from llm_astar_planner.search.result import SearchStatus
-from llm_astar_planner.search.stop import StopFlag
 
 # Obstacles that tell ways apart, the largest; they are at least so large, as a share of the
 # straight line from start to goal.

@@ -38,10 +38,10 @@ from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
 from llm_astar_planner.planning.why import Explainer
+from llm_astar_planner.search.arrays import StopFlag, no_stop
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
-from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.replay import FixedReply
 
 # Seconds, more than compiling takes.

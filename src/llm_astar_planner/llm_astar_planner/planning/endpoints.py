@@ -16,12 +16,12 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.arrays import Bools, Int32s
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
@@ -115,7 +115,7 @@ def moved_via(costmap: Costmap, request: PlanRequest, used: tuple[Cell, ...]) ->
 
 
 def nearest_labelled(
-    labels: Tiles | NDArray[np.int32], label: int, centre: Cell, squared_reach: int
+    labels: Tiles | Int32s, label: int, centre: Cell, squared_reach: int
 ) -> Cell | None:
     """Return the cell with `label` that is nearest to `centre`, which may lie off the map.
 
@@ -168,13 +168,11 @@ def nearest_reachable_free_cell(costmap: Costmap, request: PlanRequest) -> Cell 
     return column + columns.start, row + rows.start
 
 
-def preferred_cells(
-    components: NDArray[np.int32], costmap: Costmap, request: PlanRequest
-) -> NDArray[np.bool_]:
+def preferred_cells(components: Int32s, costmap: Costmap, request: PlanRequest) -> Bools:
     """Return which cells to begin at: connected to the goal, else to a cell near it, else any."""
     goal = request.goal
     if costmap.grid_map.contains(goal) and not costmap.blocked[goal[1], goal[0]]:
-        with_goal: NDArray[np.bool_] = components == costmap.components[goal[1], goal[0]]
+        with_goal: Bools = components == costmap.components[goal[1], goal[0]]
         if with_goal.any():
             return with_goal
     reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
@@ -183,7 +181,7 @@ def preferred_cells(
     if near.size:
         y, x = np.ogrid[rows, columns]
         near = near[(x - goal[0]) ** 2 + (y - goal[1]) ** 2 <= reach]
-    near_goal: NDArray[np.bool_] = np.isin(components, near[near > 0])
+    near_goal: Bools = np.isin(components, near[near > 0])
     return near_goal if near_goal.any() else components > 0
 
 

@@ -15,10 +15,11 @@ from functools import cached_property
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from llm_astar_planner.costmap.config import MAX_RADIUS
 from llm_astar_planner.lazy import shapely
+from llm_astar_planner.search.arrays import Float64s
 
 MIN_POINTS, MAX_POINTS = 3, 64
 MAX_CHARS = 4096
@@ -85,7 +86,7 @@ class Footprint:
         return cls(tuple(points)) if points else None
 
     @cached_property
-    def array(self) -> NDArray[np.float64]:
+    def array(self) -> Float64s:
         """The points [n, 2] in metres, read-only."""
         points = np.array(self.points)
         points.flags.writeable = False

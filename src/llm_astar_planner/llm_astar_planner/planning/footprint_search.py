@@ -24,6 +24,7 @@ from llm_astar_planner.planning.endpoints import window_around
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import Endpoints, PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, StopFlag
 from llm_astar_planner.search.headings import (
     EVERY_HEADING,
     HEADINGS,
@@ -32,7 +33,6 @@ from llm_astar_planner.search.headings import (
     swept_cells,
 )
 from llm_astar_planner.search.result import Cell, SearchStatus
-from llm_astar_planner.search.stop import StopFlag
 
 # Cells; a larger footprint would take too long to prepare.
 MAX_REACH = 1000.0
@@ -118,7 +118,7 @@ class FootprintSearch:
             self.warn(CLEARED)
             self.checker = self.checker.cleared(pose)
 
-    def passes_ends(self, points: NDArray[np.float64]) -> bool:
+    def passes_ends(self, points: Float64s) -> bool:
         """Tell whether the footprint passes the first two and last two moves of a path [n, 2]."""
         first, last = points[:3], points[-3:]
         return not (
@@ -138,7 +138,7 @@ class FootprintSearch:
 
     def search_again(
         self, segment: SegmentPlanner, yaw: float | None, is_first: bool, is_last: bool
-    ) -> NDArray[np.int32]:
+    ) -> Int32s:
         """Search a segment by heading, from a yaw on; return its path [n, 2].
 
         Raises PlanningFailure and PathTooLongError.
@@ -251,7 +251,7 @@ class FootprintSearch:
         """Tell whether the footprint is free at a cell, looking along yaw; None: along any."""
         return bool(self.free_cells(np.array([cell]), yaw)[0])
 
-    def free_cells(self, cells: NDArray[np.int64], yaw: float | None) -> NDArray[np.bool_]:
+    def free_cells(self, cells: Int64s, yaw: float | None) -> Bools:
         """Tell at which cells [n, 2] the footprint is free, looking along yaw; None: along any."""
         free = np.zeros(len(cells), dtype=np.bool_)
         every = [HEADING_ANGLE * heading for heading in range(HEADINGS)]
@@ -288,7 +288,7 @@ class FootprintSearch:
 
 
 # Cells [height, width], the threshold from which they are lethal, and whether unknown ones are.
-Obstacles = tuple[NDArray[np.int8], int, bool]
+Obstacles = tuple[Int8s, int, bool]
 
 
 class FootprintChecker:
@@ -352,7 +352,7 @@ class FootprintChecker:
         ends = (math.nan if yaw is None else yaw for yaw in (start_yaw, goal_yaw))
         return bool(kernels.path_collides(*self._rules, points, *ends))
 
-    def to_grid(self, poses: ArrayLike) -> NDArray[np.float64]:
+    def to_grid(self, poses: ArrayLike) -> Float64s:
         """Turn poses (x, y, yaw) [n, 3] in metres and radians into poses on the grid, in cells."""
         world = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
         places = self.grid_map.world_to_grid(world[:, :2])
@@ -366,11 +366,11 @@ class FootprintChecker:
         found = np.flatnonzero(self.collisions(poses))
         return int(found[0]) if len(found) else None
 
-    def collisions(self, poses: ArrayLike) -> NDArray[np.bool_]:
+    def collisions(self, poses: ArrayLike) -> Bools:
         """Tell for each pose (x, y, yaw) [n, 3] in metres whether it collides: bool [n]."""
         return self.collisions_on_grid(self.to_grid(poses))
 
-    def collisions_on_grid(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def collisions_on_grid(self, poses: Float64s) -> Bools:
         """Tell for each pose [n, 3] in grid coordinates whether it collides: bool [n]."""
-        found: NDArray[np.bool_] = kernels.all_collisions(*self._rules, poses)
+        found: Bools = kernels.all_collisions(*self._rules, poses)
         return found

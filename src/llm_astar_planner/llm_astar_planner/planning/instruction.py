@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
@@ -44,6 +43,7 @@ from llm_astar_planner.planning.types import (
     check_request,
 )
 from llm_astar_planner.plugins import PluginError
+from llm_astar_planner.search.arrays import Uint8s
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT
@@ -67,7 +67,7 @@ class InstructedSearch:
         request: PlanRequest,
         instruction: RouteInstruction,
         landmarks: LandmarkManager,
-        stop: NDArray[np.uint8],
+        stop: Uint8s,
     ) -> None:
         """Take a request whose start and goal are those of the route; its time begins now."""
         self.deadline = time.monotonic() + INSTRUCTED_SHARE * request.time_limit
@@ -229,10 +229,7 @@ class InstructedSearch:
 
 
 def plan_with_instruction(
-    planner: PathPlanner,
-    request: PlanRequest,
-    instruction: RouteInstruction,
-    stop: NDArray[np.uint8],
+    planner: PathPlanner, request: PlanRequest, instruction: RouteInstruction, stop: Uint8s
 ) -> Plan:
     """Answer a request with an instruction: the path keeps to its clauses as far as possible.
 

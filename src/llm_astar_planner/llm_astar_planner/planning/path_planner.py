@@ -56,12 +56,12 @@ from llm_astar_planner.planning.types import (
     kind_of_plan,
 )
 from llm_astar_planner.plugins import PluginError
+from llm_astar_planner.search.arrays import Float64s, Int32s, StopFlag, no_stop
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus, empty_path
-from llm_astar_planner.search.stop import StopFlag, no_stop
 from llm_astar_planner.waypoints.async_query import name_of
 
 if TYPE_CHECKING:
@@ -266,9 +266,7 @@ class PathPlanner:
             with lent as landmarks:
                 yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
 
-    def problem(
-        self, request: PlanRequest, endpoints: Endpoints, path: NDArray[np.int32]
-    ) -> str | None:
+    def problem(self, request: PlanRequest, endpoints: Endpoints, path: Int32s) -> str | None:
         """Say why a path does not answer the request, or None: the last check."""
         start, goal = endpoints.start, endpoints.goal
         names = ['start', 'goal', *['via point'] * len(request.via)]
@@ -377,10 +375,7 @@ class PathPlanner:
         }
 
     def shorten(
-        self,
-        request: PlanRequest,
-        stretches: Sequence[tuple[GridGraph, NDArray[np.int32]]],
-        deadline: float,
+        self, request: PlanRequest, stretches: Sequence[tuple[GridGraph, Int32s]], deadline: float
     ) -> tuple[AnyAnglePath | None, str]:
         """Shorten each part of a path at any angle until the deadline, and say what went wrong.
 
@@ -417,8 +412,8 @@ class PathPlanner:
         return path, ''
 
     def smooth(
-        self, request: PlanRequest, endpoints: Endpoints, points: NDArray[np.int32]
-    ) -> NDArray[np.float64] | None:
+        self, request: PlanRequest, endpoints: Endpoints, points: Int32s
+    ) -> Float64s | None:
         """Round the kinks of a valid path of straight lines through cells [n, 2].
 
         Arcs get smaller until the whole is valid and neither longer nor more expensive than
@@ -440,7 +435,7 @@ class PathPlanner:
         return None
 
     def curve_problem(
-        self, request: PlanRequest, endpoints: Endpoints, curve: NDArray[np.float64]
+        self, request: PlanRequest, endpoints: Endpoints, curve: Float64s
     ) -> str | None:
         """Say why a path of points [n, 2] at most a cell apart does not answer the request."""
         same_ends = replace(
@@ -498,7 +493,7 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
-def curve_measures(costmap: Costmap, curve: NDArray[np.float64]) -> tuple[float, float]:
+def curve_measures(costmap: Costmap, curve: Float64s) -> tuple[float, float]:
     """Return length and cost, in cells, of points at most a cell apart."""
     lengths = np.hypot(*np.diff(curve, axis=0).T)
     surcharge = costmap.grid_graph.cell_surcharge

@@ -20,6 +20,7 @@ from llm_astar_planner.lazy import shapely
 from llm_astar_planner.planning._kernels import path_checks as kernels
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, Uint8s
 from llm_astar_planner.search.result import Cell
 
 # Less than the costmap's own rounding, so that no cell which is free there is blocked here.
@@ -43,7 +44,7 @@ AGAINST = 'it goes against a rule of the road at'
 # The bits of a move by one row or column back, none or on, in `GridMap.forbidden`: rows first.
 BITS = np.array([[64, 8, 128], [4, 0, 1], [32, 2, 16]], dtype=np.uint8)
 # A map's cells, what is known of its tiles, the threshold, `allow_unknown`, the squared radius.
-Rules = tuple[NDArray[np.int8], NDArray[np.uint8], int, bool, int]
+Rules = tuple[Int8s, Uint8s, int, bool, int]
 
 
 class PathMetrics(NamedTuple):
@@ -85,7 +86,7 @@ class CollisionChecker:
         against = self.forbidden[y, x] & BITS[steps[:, 1], steps[:, 0]] != 0
         return int(against.argmax()) if against.any() else -1
 
-    def is_free(self, cells: NDArray[np.int64]) -> bool:
+    def is_free(self, cells: Int64s) -> bool:
         """Tell whether the robot may be in each of the cells [n, 2] of the map, on its way to any.
 
         So there must be no rules of the road in them.
@@ -94,12 +95,12 @@ class CollisionChecker:
         has_rules = self.forbidden.size and self.forbidden[y, x].any()
         return not has_rules and bool(kernels.first_blocked(*self.rules, cells) < 0)
 
-    def is_free_curve(self, points: NDArray[np.float64]) -> bool:
+    def is_free_curve(self, points: Float64s) -> bool:
         """Tell whether a line through points [n, 2], at most a cell apart, stays on free cells."""
         cells = curve_cells(points)
         return self.path_problem(cells, tuple(cells[0]), tuple(cells[-1])) is None
 
-    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
+    def path_problem(self, path: Int32s, start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2], or None.
 
         It must run from start to goal, on the map, over free cells, by steps to one of the eight
@@ -118,7 +119,7 @@ class CollisionChecker:
             return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'
         return f'{FAULTS[fault]} {cell_text(path[n])}'
 
-    def segments_problem(self, points: NDArray[np.int32]) -> str | None:
+    def segments_problem(self, points: Int32s) -> str | None:
         """Say what is wrong with straight segments between cells [n, 2] at any angle, or None.
 
         Every cell that a segment passes through must be free. Where it passes exactly over a
@@ -137,7 +138,7 @@ class CollisionChecker:
                 return f'the segment from {cell_text(begin)} goes against a rule of the road'
         return None
 
-    def measure(self, path: NDArray[np.int32]) -> PathMetrics:
+    def measure(self, path: Int32s) -> PathMetrics:
         """Measure a path of single moves [n, 2], n > 0."""
         cells = np.ascontiguousarray(path, np.int64)
         squared, unknown, turns = kernels.measure(*self.rules[:3], cells)
@@ -145,7 +146,7 @@ class CollisionChecker:
         return PathMetrics(clearance * self._resolution, unknown * self._resolution, turns)
 
 
-def curve_cells(points: NDArray[np.float64]) -> NDArray[np.int32]:
+def curve_cells(points: Float64s) -> Int32s:
     """Return the cells [m, 2] that a line through points [n, 2] crosses, in turn.
 
     The points are in grid coordinates, at most a cell apart.
@@ -157,11 +158,11 @@ def curve_cells(points: NDArray[np.float64]) -> NDArray[np.int32]:
     parts = (np.maximum(cells[aside], cells[aside + 1]) - 0.5 - begin) / move
     third = np.floor(begin + move * parts.mean(axis=1, keepdims=True) + 0.5)
     cells = np.insert(cells, aside + 1, third, axis=0).astype(np.int32)
-    moves: NDArray[np.bool_] = (np.diff(cells, axis=0) != 0).any(axis=1)
+    moves: Bools = (np.diff(cells, axis=0) != 0).any(axis=1)
     return np.asarray(cells[np.concatenate([[True], moves])])
 
 
-def passed_cells(begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.int64]:
+def passed_cells(begin: Int64s, end: Int64s) -> Int64s:
     """Return the cells [n, 2] that a straight line between two cells passes, in turn.
 
     A move between them is diagonal where the line meets a corner of cells exactly.
@@ -177,7 +178,7 @@ def passed_cells(begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np
     return np.concatenate((begin[None], begin + np.column_stack(steps) * signs))
 
 
-def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:
+def via_problem(path: Int32s, via: Sequence[Cell]) -> str | None:
     """Say which via point a path [n, 2] does not pass in their order, or None."""
     if not via:
         return None
@@ -202,7 +203,7 @@ def invalid_poses(
     *,
     allow_unknown: bool = True,
     cost_limit: int = NO_LIMIT,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Tell for each pose of a path whether a robot cannot reach it: bool [n].
 
     `cells` is [n, 2], the cell (x, y) of each pose; poses may be any distance apart. A pose is
@@ -216,7 +217,7 @@ def invalid_poses(
     grid_cells, tiles, threshold, may_be_unknown, reach = checker.rules
     is_allowed = may_be_unknown and allow_unknown
     path = np.ascontiguousarray(cells, np.int64)
-    invalid: NDArray[np.bool_] = kernels.invalid_poses(
+    invalid: Bools = kernels.invalid_poses(
         grid_cells, tiles, threshold, is_allowed, reach, path, cost_limit
     )
     for n in range(1, len(path) if checker.forbidden.size else 0):
@@ -225,12 +226,12 @@ def invalid_poses(
     return invalid
 
 
-def nearest_pose(points: NDArray[np.float64], x: float, y: float) -> int:
+def nearest_pose(points: Float64s, x: float, y: float) -> int:
     """Return the index of the point [n, 2] of a path that is nearest to (x, y), n > 0."""
     return int(np.argmin(np.hypot(points[:, 0] - x, points[:, 1] - y)))
 
 
-def cell_text(cell: NDArray[np.int32]) -> str:
+def cell_text(cell: Int32s) -> str:
     """Return a cell [2] as a message shows it."""
     return f'({cell[0]}, {cell[1]})'
 
@@ -275,7 +276,7 @@ def footprint_problem(path: NDArray[Any], costmap: Costmap, request: PlanRequest
     return None
 
 
-def poses_along(path: NDArray[Any], goal_yaw: float | None) -> NDArray[np.float64]:
+def poses_along(path: NDArray[Any], goal_yaw: float | None) -> Float64s:
     """Return the poses (x, y, yaw) [m, 3] of a path of cells, yaws relative to the grid."""
     cells = path.astype(np.float64)
     cells = cells[np.concatenate([[True], (np.diff(cells, axis=0) != 0).any(axis=1)])]
@@ -289,14 +290,12 @@ def poses_along(path: NDArray[Any], goal_yaw: float | None) -> NDArray[np.float6
     return np.concatenate([poses, [[*cells[-1], goal_yaw]]])
 
 
-def placed(
-    footprint: Footprint, poses: NDArray[np.float64], resolution: float
-) -> NDArray[np.float64]:
+def placed(footprint: Footprint, poses: Float64s, resolution: float) -> Float64s:
     """Return the corners [m, n, 2] of a footprint at poses [m, 3], in grid coordinates."""
     points = np.array(footprint.points) / resolution
     cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turns = np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
-    corners: NDArray[np.float64] = points @ turns + poses[:, None, :2]
+    corners: Float64s = points @ turns + poses[:, None, :2]
     return corners
 
 
@@ -314,7 +313,7 @@ def cells_under(footprint: Footprint, pose: Pose2D, grid_map: GridMap) -> list[t
     return [(int(column), int(row)) for column, row in zip(x[touched], y[touched])]
 
 
-def row_boxes(blocked: NDArray[np.bool_], left: int, top: int) -> NDArray[np.object_]:
+def row_boxes(blocked: Bools, left: int, top: int) -> NDArray[np.object_]:
     """Return boxes around the blocked cells of a window, those side by side in a row as one."""
     padded = np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8)
     change = np.diff(padded, axis=1)
@@ -327,7 +326,7 @@ def row_boxes(blocked: NDArray[np.bool_], left: int, top: int) -> NDArray[np.obj
     return boxes
 
 
-def pose_text(pose: NDArray[np.float64], what: str) -> str:
+def pose_text(pose: Float64s, what: str) -> str:
     """Say what happens to the footprint at a pose."""
     degrees = math.degrees(pose[2]) % 360.0
     return (

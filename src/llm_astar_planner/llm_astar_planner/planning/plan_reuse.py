@@ -40,9 +40,9 @@ from llm_astar_planner.planning.types import (
     WaypointStatus,
     describe_expansions,
 )
+from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.grid_graph import path_cost, path_length
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import StopFlag
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 if TYPE_CHECKING:

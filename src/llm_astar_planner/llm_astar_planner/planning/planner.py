@@ -23,7 +23,7 @@ from llm_astar_planner.planning.types import (
     finite_or_none,
     kind_of_plan,
 )
-from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.search.arrays import StopFlag
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction

@@ -20,7 +20,6 @@ from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
@@ -33,6 +32,7 @@ from llm_astar_planner.planning.types import (
     WaypointStatus,
     describe_expansions,
 )
+from llm_astar_planner.search.arrays import Bools, Float64s, Int32s, Uint8s
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.methods import SEARCH_METHODS, PluginMethod, uses_waypoints
@@ -92,7 +92,7 @@ class SegmentPlanner:
     costmap: Costmap
     request: PlanRequest
     deadline: float
-    stop: NDArray[np.uint8]
+    stop: Uint8s
     landmarks: Landmarks | None = None
     result: SearchResult = NOT_SEARCHED
     product: ProductProblem | None = None
@@ -117,7 +117,7 @@ class SegmentPlanner:
         Raises PathTooLongError, and PluginError where a plug-in's method fails.
         """
         request, waypoints = self.request, list[Waypoint]()
-        arrivals: deque[NDArray[np.float64]] = deque()
+        arrivals: deque[Float64s] = deque()
         task = None
         source = request.source if self.method.uses_waypoints else None
         if source is not None and request.start != request.goal and helps_on(source, self.costmap):
@@ -201,7 +201,7 @@ class SegmentPlanner:
         self.seconds_search += seconds
         self.by_heading, self.guiding_waypoints = True, ()
 
-    def stretches(self) -> list[NDArray[np.int32]]:
+    def stretches(self) -> list[Int32s]:
         """Return the parts of the path found, int32 [n, 2], that may be shortened at any angle.
 
         Their ends are shared. A path with visits keeps these as ends; one that pays prices, or
@@ -217,10 +217,7 @@ class SegmentPlanner:
         return [path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
 
     def query(
-        self,
-        source: WaypointSource,
-        waypoints: list[Waypoint],
-        arrivals: deque[NDArray[np.float64]],
+        self, source: WaypointSource, waypoints: list[Waypoint], arrivals: deque[Float64s]
     ) -> QueryTask | None:
         """Query the source: its waypoints go to `waypoints`, or to `arrivals` while it searches.
 
@@ -341,8 +338,8 @@ def length_text(costmap: Costmap, length: float) -> str:
 
 def check_waypoints(
     waypoints: Sequence[Waypoint],
-    occupied: NDArray[np.bool_],
-    components: Tiles | NDArray[np.int32],
+    occupied: Bools,
+    components: Tiles | Int32s,
     start: Cell,
     edge: int = PAPER_EDGE,
 ) -> tuple[CheckedWaypoint, ...]:
@@ -386,7 +383,7 @@ def target_list(waypoints: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -
 
 
 def mark_out_of_order(
-    waypoints: Sequence[CheckedWaypoint], path: NDArray[np.int32]
+    waypoints: Sequence[CheckedWaypoint], path: Int32s
 ) -> tuple[CheckedWaypoint, ...]:
     """Mark the accepted waypoints that the path passes in another order than given.
 

@@ -13,13 +13,12 @@ from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
-import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from numpy.typing import NDArray
 
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
+from llm_astar_planner.search.arrays import Bools, Float64s, Int32s, Int64s
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.result import Cell, empty_path
 from llm_astar_planner.waypoints.source import (
@@ -118,8 +117,8 @@ class Way:
     cell (0, 0), and `frame` the resolution, the yaw of the origin and the frame.
     """
 
-    cells: NDArray[np.int32]
-    turns: NDArray[np.int64]
+    cells: Int32s
+    turns: Int64s
     first: tuple[float, float]
     frame: tuple[float, float, str]
 
@@ -259,7 +258,7 @@ class Alternative(NamedTuple):
     way passes on the other side. `clearance` is in metres, None without obstacles.
     """
 
-    path: NDArray[np.int32]
+    path: Int32s
     length: float
     cost: float
     ratio: float
@@ -340,8 +339,8 @@ class Plan:
     method: str
     start: Cell
     goal: Cell
-    expanded: NDArray[np.bool_]
-    path: NDArray[np.int32] = field(default_factory=empty_path)
+    expanded: Bools
+    path: Int32s = field(default_factory=empty_path)
     checked_waypoints: tuple[CheckedWaypoint, ...] = ()
     guided_by: str = 'none'
     source: str = 'none'
@@ -353,7 +352,7 @@ class Plan:
     cost: float = math.nan
     suboptimality_bound: float = math.nan
     any_angle: AnyAnglePath | None = None
-    smoothed: NDArray[np.float64] | None = None
+    smoothed: Float64s | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
     seconds_map: float = 0.0

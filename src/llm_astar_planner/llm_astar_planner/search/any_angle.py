@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import line_of_sight as kernels
+from llm_astar_planner.search.arrays import Float64s, Int32s, Uint8s
 from llm_astar_planner.search.grid_graph import STEPS, GridGraph
 from llm_astar_planner.search.result import Cell
 
@@ -35,7 +36,7 @@ class AnyAnglePath(NamedTuple):
     are in cells; `cost` adds each cell's surcharge times the length inside that cell.
     """
 
-    points: NDArray[np.int32]
+    points: Int32s
     length: float
     cost: float
 
@@ -52,23 +53,21 @@ def can_see(grid: GridGraph, cell: Cell, other: Cell) -> bool:
     return bool(kernels.line_cost(*rules, *cell, *other) >= 0.0)
 
 
-def straight_path(grid: GridGraph, points: NDArray[np.int32]) -> AnyAnglePath | None:
+def straight_path(grid: GridGraph, points: Int32s) -> AnyAnglePath | None:
     """Return the path of straight lines through cells [n, 2], None where one is blocked."""
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
     cost, length, wrong, _ = kernels.path_cost(rules, points)
     return AnyAnglePath(points, length, cost) if wrong < 0 else None
 
 
-def string_pull(
-    grid: GridGraph, path: NDArray[np.int32], *, deadline: float = math.inf
-) -> AnyAnglePath:
+def string_pull(grid: GridGraph, path: Int32s, *, deadline: float = math.inf) -> AnyAnglePath:
     """Straighten a path [n, 2] of legal moves; the result is never longer and never costs more.
 
     Every segment is checked against the grid. This is a local improvement: the path stays on the
     same side of each obstacle. Raises ValueError for a path with a blocked or missing step, and
     TimeoutError at the `deadline` (monotonic seconds, looked at between slices).
     """
-    cells: NDArray[np.int32] = np.ascontiguousarray(path, dtype=np.int32).reshape(-1, 2)
+    cells: Int32s = np.ascontiguousarray(path, dtype=np.int32).reshape(-1, 2)
     if len(cells) == 0:
         return AnyAnglePath(cells, math.nan, math.nan)
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
@@ -93,8 +92,8 @@ def string_pull(
 
 
 def pullable_parts(
-    grid: GridGraph, path: NDArray[np.int32], forbidden: NDArray[np.uint8]
-) -> Iterator[tuple[GridGraph, NDArray[np.int32]]]:
+    grid: GridGraph, path: Int32s, forbidden: Uint8s
+) -> Iterator[tuple[GridGraph, Int32s]]:
     """Cut a path [n, 2] into parts, each with the graph on which it may be pulled.
 
     Lines between points of a part make moves from cell to cell that rules of the road, `forbidden`
@@ -126,7 +125,7 @@ def pullable_parts(
         first = max(last, first + 1)
 
 
-def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
+def turning_points(path: Int32s) -> Int32s:
     """Return the first, the last and every cell of a path [n, 2] at which it turns."""
     if len(path) < 3:
         return path
@@ -135,7 +134,7 @@ def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(path[np.concatenate([[True], turns, [True]])])
 
 
-def interpolate(points: NDArray[Any], spacing: float = 1.0) -> NDArray[np.float64]:
+def interpolate(points: NDArray[Any], spacing: float = 1.0) -> Float64s:
     """Return points along straight segments, at most `spacing` cells apart: float64 [m, 2].
 
     The given points are among them. Raises ValueError for a spacing that is not positive.

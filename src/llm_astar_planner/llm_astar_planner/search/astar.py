@@ -10,14 +10,13 @@ import time
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
+from llm_astar_planner.search.arrays import Bools, Int32s, StopFlag, no_stop
 from llm_astar_planner.search.grid_graph import GridGraph, traced
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
-from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # Expansions between two looks at the stop flag and the clock: about half a millisecond.
 EXPANSION_SLICE = 16384
@@ -66,14 +65,14 @@ class SlicedSearch:
             raise OverflowError
         self.status = ENDED.get(ended)
 
-    def path(self) -> tuple[NDArray[np.int32], float, int]:
+    def path(self) -> tuple[Int32s, float, int]:
         """Return the path that the records hold, its length in cells and its cost in units."""
         path, (diagonals, units) = traced(
             kernels.trace, self._cells, self.start, self.goal, self.workspace.records
         )
         return path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0), units
 
-    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
+    def add_expanded(self, expanded: Bools) -> None:
         """Set `expanded` [height, width] where this search has expanded a cell."""
         kernels.add_expanded(self.workspace.records, self.generation, expanded)
 
@@ -150,7 +149,7 @@ class PlainSearch(SlicedSearch):
 
 
 def exact_astar(
-    blocked: GridGraph | NDArray[np.bool_],
+    blocked: GridGraph | Bools,
     start: Cell,
     goal: Cell,
     *,
@@ -202,7 +201,7 @@ def exact_method(problem: SearchProblem) -> BoundedResult:
 
 def shortest_path(
     grid: GridGraph, start: Cell, goal: Cell, *, stop: StopFlag | None = None
-) -> tuple[NDArray[np.int32], float]:
+) -> tuple[Int32s, float]:
     """Return a cheapest path, int32 [n, 2], and its cost in cells; empty and inf if none.
 
     Raises what `exact_astar` does, and InterruptedError if `stop` was raised.

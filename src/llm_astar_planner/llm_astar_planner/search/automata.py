@@ -13,6 +13,8 @@ import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Float64s, Int64s
+
 # A price that counts before all lengths; higher ones are refused.
 MAX_PRICE = 1e6
 # Regions that one automaton may read, and entries that its table may have.
@@ -40,8 +42,8 @@ class Automaton:
 
     regions: tuple[int, ...]
     after: NDArray[np.int16]
-    accepting: NDArray[np.bool_]
-    price: NDArray[np.float64] | None = None
+    accepting: Bools
+    price: Float64s | None = None
     only_gains: bool = False
 
     def __post_init__(self) -> None:
@@ -84,7 +86,7 @@ def visits(groups: Groups) -> Automaton:
     return Automaton(tuple(regions), after, accepting, only_gains=True)
 
 
-def pack(letters: NDArray[np.int64], places: NDArray[np.int64]) -> NDArray[np.int64]:
+def pack(letters: Int64s, places: Int64s) -> Int64s:
     """Return the bits of the letters at some places, moved together."""
     bits = letters[:, np.newaxis] >> places & 1
     return np.asarray(bits @ (1 << np.arange(len(places))), dtype=np.int64)
@@ -121,7 +123,7 @@ def pair(
     second: int,
     after: list[list[int]],
     accepting: list[bool],
-    price: NDArray[np.float64] | None = None,
+    price: Float64s | None = None,
 ) -> Automaton:
     """Return an automaton of two states over two regions; letters: none, first, second, both."""
     return Automaton((first, second), np.array(after, dtype=np.int16), np.array(accepting), price)

@@ -13,13 +13,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import borders as kernels
 from llm_astar_planner.search._kernels.astar import NO_PATH, SQUARE_BITS, Cells
+from llm_astar_planner.search.arrays import Bools, Int32s, Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import StopFlag
 
 # Borders measured between two looks at the stop flag: about 2 ms.
 _STEP = 4
@@ -43,11 +42,11 @@ class Borders:
         self.rows = np.empty((count, kernels.PARTS, 6 * kernels.PARTS), dtype=np.uint16)
 
     @property
-    def every(self) -> NDArray[np.int64]:
+    def every(self) -> Int64s:
         """The numbers of all borders."""
         return np.arange(len(self.rows))
 
-    def measure(self, borders: NDArray[np.int64], stop: StopFlag) -> Iterator[bool]:
+    def measure(self, borders: Int64s, stop: StopFlag) -> Iterator[bool]:
         """Measure borders by number; yields False after each 2 ms, True at the end."""
         tiles = borders >> 1
         inner = np.where(borders & 1, tiles % self.columns, tiles // self.columns) > 0
@@ -59,7 +58,7 @@ class Borders:
             yield False
         yield True
 
-    def repair(self, changed: NDArray[np.int64], stop: StopFlag) -> Iterator[bool]:
+    def repair(self, changed: Int64s, stop: StopFlag) -> Iterator[bool]:
         """Measure again what lies at the changed cells, given by number; see `measure`."""
         y, x = changed // self._cells.width, changed % self._cells.width
         # A cell on a border is part of the tiles on either side.
@@ -85,7 +84,7 @@ class Crossing:
             kernels.reach_borders(grid.cells, cell, distances)
         kernels.close_ends(self._ends[0], grid.straight)
 
-    def corridor(self) -> NDArray[np.bool_]:
+    def corridor(self) -> Bools:
         """Return the squares at a good route, within which most of the best paths are.
 
         Bool [rows, columns], by squares of 2^SQUARE_BITS cells a side; all False for none.
@@ -101,7 +100,7 @@ class Crossing:
         """Return what every path costs at least, in units, or `limit` if that is less."""
         return self._route(1.0, limit)[0]
 
-    def _route(self, weight: float, limit: int) -> tuple[int, int, NDArray[np.int32]]:
+    def _route(self, weight: float, limit: int) -> tuple[int, int, Int32s]:
         """Return the cost of a route, its last part, and the part before each."""
         rows = self._borders.rows
         costs = np.empty(len(rows) * kernels.PARTS, dtype=np.int64)

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import coarse as kernels
+from llm_astar_planner.search.arrays import Int64s
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
@@ -44,7 +44,7 @@ class CoarseGraph:
         is_free = (counts > 0) & (sizes[only] == 1 << 2 * tiles.tables.shift)
         self._is_open = sliding_window_view(np.pad(is_free, 1), (3, 3)).all(axis=(2, 3))
 
-    def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> NDArray[np.int64] | None:
+    def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> Int64s | None:
         """Return the cells (x, y), int64 [n, 2], at which a route turns between start and goal.
 
         They are free, and each sees the one before and the next. None where there is no route.

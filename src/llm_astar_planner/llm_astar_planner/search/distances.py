@@ -10,12 +10,11 @@ import time
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import distances as kernels
 from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, RUNNING
+from llm_astar_planner.search.arrays import Int32s, Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.stop import StopFlag
 
 # Cells that one step of a repair expands: about 2 ms.
 REPAIR_STEP = 1 << 14
@@ -58,7 +57,7 @@ class FreestMap:
         cheaper = grid.cell_surcharge < self.cell_surcharge
         return not (cheaper & (grid.moves[: cheaper.size] != 0)).any()
 
-    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
+    def merge(self, grid: GridGraph) -> Int64s:
         """Merge a map like this; return the numbers of the cells that became freer or cheaper."""
         changed = np.empty(self.moves.size, dtype=np.int64)
         freed, cheaper, self.stricter = kernels.merge_freer(grid.cells, self.cells, changed)
@@ -83,7 +82,7 @@ def is_alike(one: GridGraph | FreestMap, other: GridGraph) -> bool:
 class DistanceRows:
     """Rows of distances on a `FreestMap`: Dijkstra's algorithm from single cells, and repairs."""
 
-    def __init__(self, freest: FreestMap, distances: NDArray[np.int32]) -> None:
+    def __init__(self, freest: FreestMap, distances: Int32s) -> None:
         """Work on `distances`, int32 [count, cells], in units, -1: not reached."""
         self._map = freest
         self._distances = distances
@@ -103,13 +102,13 @@ class DistanceRows:
             status = self._propagate(row, seeds, True, FILL_STEP, stop)
         return status == FOUND
 
-    def largest_area(self, stop: StopFlag) -> NDArray[np.int32] | None:
+    def largest_area(self, stop: StopFlag) -> Int32s | None:
         """Measure from a cell in the largest connected area that a few tries find, into row 0.
 
         Returns a copy of the row; None if it was stopped or no cell is free.
         """
         free = np.flatnonzero(self._map.moves)
-        best: NDArray[np.int32] | None = None
+        best: Int32s | None = None
         most = 0
         for source in free[:: max(1, free.size // _SEEDS)]:
             if not self.fill(0, int(source), stop):
@@ -121,7 +120,7 @@ class DistanceRows:
                 break
         return best
 
-    def repair(self, changed: NDArray[np.int64], stop: StopFlag) -> Iterator[bool]:
+    def repair(self, changed: Int64s, stop: StopFlag) -> Iterator[bool]:
         """Make all rows exact again after `FreestMap.merge` returned `changed`.
 
         Yields False after each step of at most REPAIR_STEP cells, True at the end. If it ends
@@ -153,9 +152,7 @@ class DistanceRows:
         self._heads = np.zeros(self._map.ring, dtype=np.int32)
         self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
 
-    def _propagate(
-        self, row: int, seeds: NDArray[np.int64], single: bool, quota: int, stop: StopFlag
-    ) -> int:
+    def _propagate(self, row: int, seeds: Int64s, single: bool, quota: int, stop: StopFlag) -> int:
         """Call the kernel, with a longer pool when it needs one; return how it ended."""
         while True:
             status = kernels.propagate(

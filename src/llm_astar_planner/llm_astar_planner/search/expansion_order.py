@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from llm_astar_planner.search.arrays import Bools, Int32s, Int64s
 
 if TYPE_CHECKING:
     from llm_astar_planner.search.astar import SlicedSearch
@@ -32,8 +33,8 @@ class ExpansionOrder:
     each step, and how many cells of `order` had been expanded. A search may expand a cell again.
     """
 
-    order: NDArray[np.int32]
-    steps: NDArray[np.int64]
+    order: Int32s
+    steps: Int64s
 
     @property
     def expansions(self) -> int:
@@ -58,7 +59,7 @@ class ExpansionRecorder:
         self.step = max(1, -(-expansions // steps))
         self._expanded = np.zeros(shape, dtype=np.bool_)
         self._known = np.zeros(shape, dtype=np.bool_)
-        self._cells: list[NDArray[np.int32]] = []
+        self._cells: list[Int32s] = []
         self._steps: list[tuple[int, int]] = []
         self._count = self._before = 0
 
@@ -87,7 +88,7 @@ class ExpansionRecorder:
         last = self._steps[-1][0] if self._steps else 0
         return self._before + expansions >= last + self.step
 
-    def look(self, expanded: NDArray[np.bool_], expansions: int) -> None:
+    def look(self, expanded: Bools, expansions: int) -> None:
         """Note which of the `expanded` cells are new after so many expansions of this search."""
         new = np.flatnonzero(expanded & ~self._known).astype(np.int32)
         self._known |= expanded

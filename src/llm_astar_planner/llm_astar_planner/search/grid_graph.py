@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search._kernels import jump as jump_kernels
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, Uint8s, Uint16s
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 5e-8. The coarse pair is for
@@ -72,12 +73,12 @@ class PackedGrid:
     once for each of the four directions in which a scan stops there.
     """
 
-    words: NDArray[np.int64]
+    words: Int64s
     blocked_cells: int
     jump_points: int
 
     @classmethod
-    def build(cls, blocked: NDArray[np.bool_]) -> PackedGrid:
+    def build(cls, blocked: Bools) -> PackedGrid:
         """Pack bool [height, width]: a millisecond per million cells."""
         height, width = blocked.shape
         groups = (height + 2) * ((width + 65) // 64) + (width + 2) * ((height + 65) // 64)
@@ -85,7 +86,7 @@ class PackedGrid:
         words = np.full(jump_kernels.PLANES * (groups + 2), -1, dtype=np.int64)
         return cls(words, blocked.size, 0).updated(blocked, whole(blocked.shape))
 
-    def updated(self, blocked: NDArray[np.bool_], windows: NDArray[np.int64]) -> PackedGrid:
+    def updated(self, blocked: Bools, windows: Int64s) -> PackedGrid:
         """Return the packed form of `blocked`, which differs in `windows` only.
 
         `windows` is int [n, 4]: top, bottom, left, right in cells, half open.
@@ -129,11 +130,11 @@ class GridGraph:
         grid = np.ascontiguousarray(blocked, dtype=np.bool_)
         if grid.ndim != 2 or grid.size == 0:
             raise ValueError(f'blocked: shape {grid.shape} is not [height, width]')
-        self.blocked: NDArray[np.bool_] = grid
+        self.blocked: Bools = grid
         self.height, self.width = grid.shape
         self.corner_cutting = corner_cutting
         # The surcharge of each cell, uint16 [cells], in 1/256; empty without graded costs.
-        self.cell_surcharge: NDArray[np.uint16] = np.zeros(0, dtype=np.uint16)
+        self.cell_surcharge: Uint16s = np.zeros(0, dtype=np.uint16)
         self.cost = None if cost is None else np.asarray(cost)
         self.cost_multiplier = cost_multiplier
         self.unknown_cost = unknown_cost
@@ -148,9 +149,7 @@ class GridGraph:
         # Whether rules of the road forbid moves, and the graph without them, None for this one.
         self.has_rules, self._free = False, cast('GridGraph | None', None)
 
-    def updated(
-        self, blocked: NDArray[np.bool_], cost: NDArray[np.int8] | None, windows: NDArray[np.int64]
-    ) -> GridGraph:
+    def updated(self, blocked: Bools, cost: Int8s | None, windows: Int64s) -> GridGraph:
         """Return the graph of a map of the same size that differs from this one in windows.
 
         `windows` is int64 [n, 4], (top, bottom, left, right) half open: `blocked`, `cost` and the
@@ -181,7 +180,7 @@ class GridGraph:
             grid.packed = self.packed.updated(blocked, windows)
         return grid
 
-    def with_rules(self, forbidden: NDArray[np.uint8]) -> GridGraph:
+    def with_rules(self, forbidden: Uint8s) -> GridGraph:
         """Return the graph without the moves that rules of the road forbid.
 
         `forbidden` is uint8 [height, width], bits as in `moves`, or empty for no rules.
@@ -199,9 +198,9 @@ class GridGraph:
         """The graph in which each move can be made back too; no path costs less than here."""
         return self._free or self
 
-    def reach(self, cell: Cell) -> NDArray[np.bool_]:
+    def reach(self, cell: Cell) -> Bools:
         """Return the cells that moves lead to from a cell (x, y): bool [height, width]."""
-        reached: NDArray[np.bool_] = kernels.reach(self.moves, self.width, self.index(cell))
+        reached: Bools = kernels.reach(self.moves, self.width, self.index(cell))
         return reached.reshape(self.blocked.shape)
 
     def set_units(self, straight: int, diagonal: int) -> None:
@@ -247,9 +246,7 @@ class GridGraph:
             return int(y) * self.width + int(x)
         raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
 
-    def proven(
-        self, path: NDArray[np.int32], units: float, bound: float
-    ) -> tuple[float, float, float]:
+    def proven(self, path: Int32s, units: float, bound: float) -> tuple[float, float, float]:
         """Return a path's cost and its lower bound, in cells, and their ratio, at least 1.
 
         `units` is the cost of the path in units and `bound` what no path costs less than. With
@@ -297,7 +294,7 @@ class GridGraph:
         return self._coarse
 
 
-def traced(trace: Any, *found: Any) -> tuple[NDArray[np.int32], tuple[int, ...]]:  # noqa: ANN401
+def traced(trace: Any, *found: Any) -> tuple[Int32s, tuple[int, ...]]:  # noqa: ANN401
     """Return a path, int32 [n, 2], that the kernel `trace` writes, and what else it counts.
 
     A kernel writes to the end of an array as many cells as fit; it returns how many there are.
@@ -310,14 +307,14 @@ def traced(trace: Any, *found: Any) -> tuple[NDArray[np.int32], tuple[int, ...]]
     return path[-counts[0] :].copy(), counts[1:]
 
 
-def path_length(path: NDArray[np.int32]) -> float:
+def path_length(path: Int32s) -> float:
     """Return the length in cells of a path [n, 2] of single moves, NaN for an empty one."""
     moves = np.abs(np.diff(path, axis=0)).sum(axis=1)
     diagonals = int((moves == 2).sum())
     return len(path) - 1 - diagonals + diagonals * math.sqrt(2.0) if len(path) else math.nan
 
 
-def path_units(grid: GridGraph, path: NDArray[np.int32]) -> int:
+def path_units(grid: GridGraph, path: Int32s) -> int:
     """Return the cost of a path [n, 2] of single moves, in the grid's units of length."""
     diagonal = np.abs(np.diff(path, axis=0)).sum(axis=1) == 2
     units = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
@@ -328,7 +325,7 @@ def path_units(grid: GridGraph, path: NDArray[np.int32]) -> int:
     return int(units.sum())
 
 
-def path_cost(grid: GridGraph, path: NDArray[np.int32]) -> float:
+def path_cost(grid: GridGraph, path: Int32s) -> float:
     """Return the cost of a path [n, 2] of single moves in cells, not rounded but as a float."""
     lengths = np.where(np.abs(np.diff(path, axis=0)).sum(axis=1) == 2, math.sqrt(2.0), 1.0)
     if grid.cost is None:
@@ -340,7 +337,7 @@ def path_cost(grid: GridGraph, path: NDArray[np.int32]) -> float:
 
 def cell_surcharges(
     cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float, unknown_cost: int
-) -> NDArray[np.uint16]:
+) -> Uint16s:
     """Turn costs 0 to 100 into surcharges, uint16 [cells], in 1/256 of the length of a move.
 
     Costs below 0 count as `unknown_cost`. Raises ValueError for costs of another `shape` than the
@@ -360,7 +357,7 @@ def cell_surcharges(
     return surcharges
 
 
-def surcharge_table(cost_multiplier: float, unknown_cost: int) -> NDArray[np.uint16]:
+def surcharge_table(cost_multiplier: float, unknown_cost: int) -> Uint16s:
     """Return the surcharge of each occupancy, uint16 [256], by its byte.
 
     Occupancy has only 256 values: a table of them saves several float arrays on large maps.
@@ -369,21 +366,19 @@ def surcharge_table(cost_multiplier: float, unknown_cost: int) -> NDArray[np.uin
     return surcharges_of(occupancies, cost_multiplier, unknown_cost)
 
 
-def surcharges_of(
-    costs: NDArray[Any], cost_multiplier: float, unknown_cost: int
-) -> NDArray[np.uint16]:
+def surcharges_of(costs: NDArray[Any], cost_multiplier: float, unknown_cost: int) -> Uint16s:
     """Turn costs 0 to 100 into surcharges, of the same shape, in 1/256 of a move's length."""
     shares = shares_of(costs, unknown_cost)
     # Rounded down: what is proven with these prices holds for the exact ones.
     return np.floor(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
 
 
-def shares_of(costs: NDArray[Any], unknown_cost: int) -> NDArray[np.float64]:
+def shares_of(costs: NDArray[Any], unknown_cost: int) -> Float64s:
     """Turn costs 0 to 100 into 0 to 1; those below 0 count as `unknown_cost`."""
     known = np.where(costs < 0, unknown_cost, np.nan_to_num(costs.astype(np.float64)))
     return np.asarray(np.clip(known, 0.0, 100.0) / 100.0)
 
 
-def whole(shape: tuple[int, ...]) -> NDArray[np.int64]:
+def whole(shape: tuple[int, ...]) -> Int64s:
     """Return one window over all cells of a grid: int64 [1, 4]."""
     return np.array([[0, shape[0], 0, shape[1]]], dtype=np.int64)

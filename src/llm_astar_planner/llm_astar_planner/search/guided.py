@@ -18,10 +18,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
+from llm_astar_planner.search.arrays import Bools, Float64s, Int64s, StopFlag, no_stop
 from llm_astar_planner.search.astar import (
     EXPANSION_SLICE,
     PathTooLongError,
@@ -34,7 +35,6 @@ from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
-from llm_astar_planner.search.stop import StopFlag, no_stop
 
 if TYPE_CHECKING:
     from llm_astar_planner.search.expansion_order import ExpansionRecorder
@@ -104,7 +104,7 @@ class GuidedSearch:
 
     def __init__(
         self,
-        blocked: GridGraph | NDArray[np.bool_],
+        blocked: GridGraph | Bools,
         start: Cell,
         goal: Cell,
         *,
@@ -117,7 +117,7 @@ class GuidedSearch:
         weight: float = WEIGHT,
         work_factor: float | None = None,
         recorder: ExpansionRecorder | None = None,
-        inbox: deque[NDArray[np.float64]] | None = None,
+        inbox: deque[Float64s] | None = None,
     ) -> None:
         """Take the query; nothing is searched yet.
 
@@ -141,7 +141,7 @@ class GuidedSearch:
         self.weight, self.work_factor = weight, work_factor
         self.deadline, self.last_deadline = deadline, max(deadline, first_path_deadline)
         # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
-        self.inbox: deque[NDArray[np.float64]] = deque() if inbox is None else inbox
+        self.inbox: deque[Float64s] = deque() if inbox is None else inbox
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
@@ -210,7 +210,7 @@ class GuidedSearch:
         exact_search = JumpSearch if jumps else PlainSearch
         self._plain = exact_search(grid, self.start, self.goal, landmarks)
         self._led: WaypointSearch | None = None
-        self._waypoints: NDArray[np.float64] | None = None
+        self._waypoints: Float64s | None = None
         self._expansions = self._plain_first = 0
         self._status = self._plain.status
         self._best = self._units = plain_kernels.NO_PATH
@@ -350,7 +350,7 @@ def guided_method(problem: SearchProblem) -> Generator[AnytimeSolution, None, Gu
 
 
 def guided(
-    blocked: GridGraph | NDArray[np.bool_],
+    blocked: GridGraph | Bools,
     start: Cell,
     goal: Cell,
     waypoints: ArrayLike,
@@ -409,9 +409,9 @@ class WaypointSearch(SlicedSearch):
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
-        self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
+        self._targets: Int64s = np.empty((0, 3), dtype=np.int64)
 
-    def follow(self, waypoints: NDArray[np.float64]) -> None:
+    def follow(self, waypoints: Float64s) -> None:
         """Follow new waypoints [n, 2] from here on; see `GuidedSearch.guide`."""
         workspace, plain = self.workspace, self._plain
         self._targets, self._heads = kernels.follow(

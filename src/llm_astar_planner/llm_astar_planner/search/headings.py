@@ -16,16 +16,15 @@ from functools import lru_cache
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely import affinity
 
 from llm_astar_planner.search._kernels import headings as kernels
 from llm_astar_planner.search._kernels.astar import NEED_SPACE, OVERFLOW, RUNNING, heap_push
+from llm_astar_planner.search.arrays import Int64s, StopFlag
 from llm_astar_planner.search.astar import ENDED, EXPANSION_SLICE, PathTooLongError
 from llm_astar_planner.search.distances import DistanceRows, FreestMap
 from llm_astar_planner.search.grid_graph import GridGraph, path_length, traced
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
-from llm_astar_planner.search.stop import StopFlag
 
 Obstacles = kernels.Obstacles
 SweptCells = kernels.SweptCells
@@ -68,7 +67,7 @@ def swept_ahead(polygon: shapely.Polygon, length: float) -> shapely.Geometry:
     return shapely.union_all([polygon, shapely.Polygon(ahead), *areas])
 
 
-def covered_spans(region: shapely.Geometry) -> NDArray[np.int64]:
+def covered_spans(region: shapely.Geometry) -> Int64s:
     """Return the cells that a region touches as spans (row, first, last): int64 [n, 3]."""
     left, top, right, bottom = region.bounds
     rows = np.arange(math.floor(top + 0.5), math.floor(bottom + 0.5) + 1)
@@ -129,9 +128,7 @@ class HeadingSearch:
         self.expansions += int(self._control[kernels.H_EXPANSIONS])
         return self.status
 
-    def _push_starts(
-        self, headings: int, keys: NDArray[np.int64], heap: NDArray[np.int64]
-    ) -> None:
+    def _push_starts(self, headings: int, keys: Int64s, heap: Int64s) -> None:
         """Put the start, at each of its headings, into the heap."""
         left = int(self._to_goal[0, self.start])
         if left < 0:

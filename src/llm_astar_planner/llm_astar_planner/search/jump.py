@@ -14,15 +14,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import jump as kernels
 from llm_astar_planner.search._kernels.astar import EXHAUSTED, FOUND, NO_PATH
+from llm_astar_planner.search.arrays import Int32s, StopFlag
 from llm_astar_planner.search.astar import PlainSearch, complete
 from llm_astar_planner.search.grid_graph import GridGraph, traced
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell
-from llm_astar_planner.search.stop import StopFlag
 
 
 class JumpSearch(PlainSearch):
@@ -62,7 +61,7 @@ class JumpSearch(PlainSearch):
             self.bound = self.best
         self.note(ended)
 
-    def path(self) -> tuple[NDArray[np.int32], float, int]:
+    def path(self) -> tuple[Int32s, float, int]:
         """Return the path found, as single moves, its length in cells and its cost in units."""
         grid = self.grid
         path, (diagonals,) = traced(kernels.trace, grid.width, self._found, self.workspace.pool)

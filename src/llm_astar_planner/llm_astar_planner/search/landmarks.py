@@ -20,14 +20,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import choose_landmarks
+from llm_astar_planner.search.arrays import Int32s, Int64s, StopFlag, no_stop
 from llm_astar_planner.search.borders import Borders, Crossing
 from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # The number of landmarks on large maps; small maps get more, which cost little there.
 COUNT = 8
@@ -84,7 +83,7 @@ class Landmarks:
     def __init__(
         self,
         freest: FreestMap,
-        distances: NDArray[np.int32],
+        distances: Int32s,
         rows: DistanceRows,
         borders: Borders | None = None,
     ) -> None:
@@ -146,7 +145,7 @@ class Landmarks:
         stricter = freest.stricter > STALE_SHARE * freest.moves.size
         return stricter or freest.new_cells > freest.free
 
-    def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
+    def active(self, grid: GridGraph, start: Cell, goal: Cell) -> Int64s | None:
         """Choose the landmarks that prove most for a query.
 
         Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
@@ -183,14 +182,14 @@ class Landmarks:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
         return is_alike(self.freest, grid) and self.freest.covers(grid)
 
-    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
+    def merge(self, grid: GridGraph) -> Int64s:
         """Take in a map like that measured on; return the cells that became freer or cheaper.
 
         If there are any, `repair` has to be called with them, before anything else is.
         """
         return self.freest.merge(grid)
 
-    def repair(self, changed: NDArray[np.int64], stop: StopFlag | None = None) -> Iterator[bool]:
+    def repair(self, changed: Int64s, stop: StopFlag | None = None) -> Iterator[bool]:
         """Lower the distances to the map that was merged, in steps of a few milliseconds.
 
         Yields False after each step, True when done. Without a True it was stopped, or a distance

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
+from llm_astar_planner.search.arrays import Bools, Int32s
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchResult, SearchStatus, empty_path
 
@@ -124,7 +124,7 @@ def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa
     return SearchResult(status, expansions, storage, expanded, path, length)
 
 
-def checked_path(path: Any, problem: SearchProblem) -> NDArray[np.int32]:  # noqa: ANN401
+def checked_path(path: Any, problem: SearchProblem) -> Int32s:  # noqa: ANN401
     """Return a plug-in's path as int32 [n, 2], n at most the cells of the map.
 
     Raises PluginError.
@@ -141,7 +141,7 @@ def checked_path(path: Any, problem: SearchProblem) -> NDArray[np.int32]:  # noq
     return cells.astype(np.int32)
 
 
-def expanded_cells(expanded: Any, problem: SearchProblem) -> NDArray[np.bool_]:  # noqa: ANN401
+def expanded_cells(expanded: Any, problem: SearchProblem) -> Bools:  # noqa: ANN401
     """Return a copy of a plug-in's picture of expanded cells, [0, 0] where none is wanted.
 
     Without a picture no cell is expanded. Raises PluginError for one of another shape.

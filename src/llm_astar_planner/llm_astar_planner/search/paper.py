@@ -13,10 +13,10 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import paper as kernels
 from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, RUNNING, STOPPED
+from llm_astar_planner.search.arrays import Bools, Int64s
 from llm_astar_planner.search.astar import ENDED
 from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.methods import HEURISTIC_NAMES, PAPER_NAMES
@@ -100,8 +100,8 @@ def run_slices(
     search: Callable[..., int],
     deadline: float,
     recorder: ExpansionRecorder | None,
-    expanded: NDArray[np.bool_],
-    counts: NDArray[np.int64],
+    expanded: Bools,
+    counts: Int64s,
 ) -> int:
     """Call a search with a heap (keys, nodes) until it ends or the deadline comes.
 

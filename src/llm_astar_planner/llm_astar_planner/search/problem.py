@@ -11,11 +11,8 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
+from llm_astar_planner.search.arrays import Bools, Float64s, StopFlag, no_stop
 from llm_astar_planner.search.result import Cell, SearchResult
-from llm_astar_planner.search.stop import StopFlag, no_stop
 
 if TYPE_CHECKING:
     from llm_astar_planner.search.grid_graph import GridGraph
@@ -52,11 +49,11 @@ class SearchProblem:
     heuristic: str = 'euclidean'
     weight: float = 1.0
     landmarks: Landmarks | None = None
-    arrivals: deque[NDArray[np.float64]] = field(default_factory=deque)
+    arrivals: deque[Float64s] = field(default_factory=deque)
     first_path_deadline: float = -math.inf
 
     @property
-    def blocked(self) -> NDArray[np.bool_]:
+    def blocked(self) -> Bools:
         """The blocked cells, bool [height, width], read-only."""
         view = self.grid.blocked.view()
         view.flags.writeable = False

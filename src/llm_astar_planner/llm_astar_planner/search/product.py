@@ -21,12 +21,21 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import product as kernels
+from llm_astar_planner.search.arrays import (
+    Bools,
+    Float32s,
+    Float64s,
+    Int32s,
+    Int64s,
+    StopFlag,
+    Uint16s,
+    no_stop,
+)
 from llm_astar_planner.search.astar import ENDED
 from llm_astar_planner.search.automata import MAX_PRICE, Automaton
 from llm_astar_planner.search.grid_graph import GridGraph, path_length, traced
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
-from llm_astar_planner.search.stop import StopFlag, no_stop
 
 MAX_REGIONS = 32
 MAX_AUTOMATA = 64
@@ -43,7 +52,7 @@ TILE_BITS = 4
 MAX_PLACES = 90
 FAR = 2**31 - 1
 
-Mask = NDArray[np.bool_]
+Mask = Bools
 
 
 class ProductProblemError(LlmAstarError, ValueError):
@@ -67,7 +76,7 @@ class ProductProblem:
     regions: tuple[Mask, ...] = ()
     automata: tuple[Automaton, ...] = ()
     goals: Mask | None = None
-    price: NDArray[np.float32] | None = None
+    price: Float32s | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +88,7 @@ class ProductResult(BoundedResult):
     """
 
     states: int = 0
-    trace: NDArray[np.int32] = field(default_factory=empty_path)
+    trace: Int32s = field(default_factory=empty_path)
 
 
 def product_search(
@@ -220,7 +229,7 @@ class ProductSearch:
             counts[0], cost, entered, self.trace(path),
         )  # fmt: skip
 
-    def trace(self, path: NDArray[np.int32]) -> NDArray[np.int32]:
+    def trace(self, path: Int32s) -> Int32s:
         """Return the state of each automaton after each cell of a path."""
         problem = self._problem
         states = np.zeros((len(path), len(problem.automata)), dtype=np.int32)
@@ -243,12 +252,12 @@ class Rows:
     `after` is -1 where no path may end from there on that map, or the price is infinite.
     """
 
-    after: NDArray[np.int32]
-    rates: NDArray[np.float64]
-    accepting: NDArray[np.bool_]
+    after: Int32s
+    rates: Float64s
+    accepting: Bools
 
     @classmethod
-    def of(cls, automaton: Automaton, sets: NDArray[np.int64]) -> Rows:
+    def of(cls, automaton: Automaton, sets: Int64s) -> Rows:
         """Read the letters `sets`, the sets of regions that cells are in, as bits."""
         columns = np.zeros(sets.size, dtype=np.int64)
         for bit, region in enumerate(automaton.regions):
@@ -280,10 +289,10 @@ class Reading(NamedTuple):
     `regions` are the cells of each region and `goals` the free goal cells.
     """
 
-    letters: NDArray[np.uint16]  # [cells]
-    sets: NDArray[np.int64]  # [letters]
-    regions: list[NDArray[np.int64]]
-    goals: NDArray[np.int64]
+    letters: Uint16s  # [cells]
+    sets: Int64s  # [letters]
+    regions: list[Int64s]
+    goals: Int64s
 
     @classmethod
     def of(cls, graph: GridGraph, goal: int, problem: ProductProblem) -> Reading:
@@ -353,13 +362,8 @@ def make_guide(
 
 
 def find_places(
-    graph: GridGraph,
-    start: int,
-    reading: Reading,
-    rows: NDArray[np.int32],
-    *,
-    every_cell: bool,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    graph: GridGraph, start: int, reading: Reading, rows: Int32s, *, every_cell: bool
+) -> tuple[Int64s, Int64s, Int64s]:
     """Return cells, their places, and the letters of the places: see `kernels.Guide`.
 
     Only cells at the border of their letter count unless `every_cell`, since there a path enters
@@ -385,9 +389,7 @@ def find_places(
     )  # fmt: skip
 
 
-def product(
-    after: NDArray[np.int64], accepting: NDArray[np.bool_], one: Rows
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def product(after: Int64s, accepting: Bools, one: Rows) -> tuple[Int64s, Bools]:
     """Return the table and the accepting states of the product with one more automaton."""
     count = len(after)
     both = one.after[:, np.newaxis].astype(np.int64) * count + after

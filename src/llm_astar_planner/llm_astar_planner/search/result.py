@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+
+from llm_astar_planner.search.arrays import Bools, Int32s
 
 # The column and the row of a cell, (x, y).
 Cell = tuple[int, int]
@@ -24,7 +25,7 @@ class SearchStatus(Enum):
     STOPPED = 'stopped'  # the stop flag was raised: a deadline or a cancel
 
 
-def empty_path() -> NDArray[np.int32]:
+def empty_path() -> Int32s:
     """Return a path without cells: int32 [0, 2]."""
     return np.empty((0, 2), dtype=np.int32)
 
@@ -42,8 +43,8 @@ class SearchResult:
     status: SearchStatus
     expansions: int
     storage: int
-    expanded: NDArray[np.bool_]
-    path: NDArray[np.int32] = field(default_factory=empty_path)
+    expanded: Bools
+    path: Int32s = field(default_factory=empty_path)
     length: float = float('nan')
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import tiles as kernels
+from llm_astar_planner.search.arrays import Bools, Int32s
 
 # Grids of up to so many cells along the longer side have tiles of 2^2 and of 2^3 cells a side.
 SMALL_GRID, MEDIUM_GRID = 256, 512
@@ -24,7 +25,7 @@ SMALL_GRID, MEDIUM_GRID = 256, 512
 LARGEST_SHIFT = 4
 
 Numbers = NDArray[np.integer[Any]]
-Components = NDArray[np.int32]
+Components = Int32s
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +43,7 @@ class Tiles:
     """
 
     tables: kernels.TileTables
-    components: NDArray[np.int32]
+    components: Int32s
 
     @classmethod
     def build(
@@ -70,7 +71,7 @@ class Tiles:
         )
         return joined(tables, changed)
 
-    def updated(self, blocked: NDArray[np.bool_], windows: ArrayLike) -> Tiles:
+    def updated(self, blocked: Bools, windows: ArrayLike) -> Tiles:
         """Return the tiles of a grid that differs only inside of `windows`.
 
         They are int [n, 4], (top, bottom, left, right), half open, on the grid. The result is
@@ -132,7 +133,7 @@ class Tiles:
         return number
 
 
-def joined(tables: kernels.TileTables, changed: NDArray[np.bool_]) -> Tiles:
+def joined(tables: kernels.TileTables, changed: Bools) -> Tiles:
     """Return labelled tiles, joined by their contacts.
 
     Those between tiles that are not marked in `changed` [rows, columns] are taken over.

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import line_of_sight as kernels
+from llm_astar_planner.search.arrays import Bools
 
 # Ends of lines up to this many cells from the first are computed in 64 bits.
 MOST_CELLS = 1 << 24
@@ -24,7 +25,7 @@ MOST_CELLS = 1 << 24
 class LineOfSightChecker:
     """The walls of one grid; `blocked` is bool [height, width]."""
 
-    def __init__(self, blocked: NDArray[np.bool_]) -> None:
+    def __init__(self, blocked: Bools) -> None:
         """Take a grid."""
         self._padded = np.pad(blocked, 1)
 
@@ -38,7 +39,7 @@ class LineOfSightChecker:
         isolated = np.argwhere(blocked & ~has_neighbour)[:, ::-1]
         return np.unique(np.concatenate([lines.reshape(-1, 2), isolated]), axis=0)
 
-    def clear(self, begins: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
+    def clear(self, begins: ArrayLike, ends: ArrayLike) -> Bools:
         """Tell for each line from `begins` to `ends`, both [n, 2] cells, whether it is free.
 
         Exact for any finite ends, on the map or off it, between cells too.
@@ -46,7 +47,7 @@ class LineOfSightChecker:
         pairs = [np.asarray(points, float).reshape(-1, 2) for points in (begins, ends)]
         lines = np.concatenate(pairs, axis=1)
         if (np.abs(lines) <= MOST_CELLS).all() and (lines == np.rint(lines)).all():
-            free: NDArray[np.bool_] = kernels.lines_are_free(self._padded, lines.astype(np.int64))
+            free: Bools = kernels.lines_are_free(self._padded, lines.astype(np.int64))
             return free
         return np.array([self.is_clear(line) for line in lines.tolist()], dtype=np.bool_)
 
@@ -65,7 +66,7 @@ class LineOfSightChecker:
         return bool(self.clear(points[:-1], points[1:]).all())
 
 
-def runs_along_rows(blocked: NDArray[np.bool_]) -> NDArray[np.intp]:
+def runs_along_rows(blocked: Bools) -> NDArray[np.intp]:
     """Find the maximal runs of two or more blocked cells in a row: first and last, [n, 2, 2]."""
     change = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     ys, firsts = np.nonzero(change == 1)

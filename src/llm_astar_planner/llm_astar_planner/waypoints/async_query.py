@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from llm_astar_planner.plugins import PluginError
-from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
+from llm_astar_planner.search.arrays import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from numpy.typing import NDArray
 
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.arrays import Float64s, Int64s
 from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints import source as sources
@@ -142,7 +142,7 @@ POINTS: dict[str, Callable[[WaypointQuery, int], Sequence[Waypoint] | None]] = {
 }
 
 
-def corner_cells(costmap: Costmap) -> NDArray[np.int64]:
+def corner_cells(costmap: Costmap) -> Int64s:
     """Return the free cells [n, 2] around wall ends, where shortest paths may bend.
 
     A path over cell centres often turns wider than at the cell next to the wall's end.
@@ -166,7 +166,7 @@ def visibility_problem(costmap: Costmap) -> str | None:
 
 
 @cached(GRAPHS_KEPT, key=lambda costmap: costmap.key)
-def visibility_graph(costmap: Costmap) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def visibility_graph(costmap: Costmap) -> tuple[Int64s, Float64s]:
     """Return the corners [n, 2] of a map and the distances [n, n] of those in sight, else 0.
 
     Raises TooManyCornersError.

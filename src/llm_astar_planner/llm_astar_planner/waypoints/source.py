@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.errors import printable, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
 from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
-from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.search.arrays import StopFlag
 
 if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap

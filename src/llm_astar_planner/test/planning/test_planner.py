@@ -15,11 +15,11 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.search import any_angle
 from llm_astar_planner.search.any_angle import string_pull
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.guided import GuidedSearch
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.problem import search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
-from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 

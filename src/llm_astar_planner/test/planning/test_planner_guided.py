@@ -12,8 +12,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import segment
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 MAP = BarrierMap(0, (0, 41), (0, 31), (Barrier(15, 8, 32),), (Barrier(32, 6, 15),))

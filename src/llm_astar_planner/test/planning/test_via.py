@@ -12,8 +12,8 @@ from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.methods import METHODS
-from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.replay import FixedReply
 
 CELLS = np.zeros((40, 60), dtype=np.int8)

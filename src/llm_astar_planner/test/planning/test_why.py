@@ -21,7 +21,7 @@ from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode, plan_report
-from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.search.arrays import no_stop
 
 START, GOAL = (5, 20), (35, 20)
 # A wall with a door of 7 cells, 0.1 m each, and beside it one of 3.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.borders import Borders, Crossing
 from llm_astar_planner.search.distances import DistanceRows, FreestMap
@@ -10,7 +11,6 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import GuidedSearch, guided
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.result import SearchStatus
-from llm_astar_planner.search.stop import no_stop
 from scipy import ndimage, sparse
 
 SIZES = (63, 64, 65, 127, 128, 129, 130, 193)

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search import paper
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.paper import HEURISTICS, PAPER_METHODS
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
-from llm_astar_planner.search.stop import no_stop
 
 MOVES = [(-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1)]
 DISTANCES = {

@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 

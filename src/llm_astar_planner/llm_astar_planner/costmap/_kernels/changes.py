@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Int8s, Int64s
 from llm_astar_planner.search.kernel_cache import jit
 
 # Cells on a side of the squares in which changes are looked for.
@@ -17,9 +17,7 @@ MOST_WINDOWS = 256
 
 
 @jit
-def changed_windows(
-    before: NDArray[np.int8], after: NDArray[np.int8], margin: int
-) -> NDArray[np.int64]:
+def changed_windows(before: Int8s, after: Int8s, margin: int) -> Int64s:
     """Return disjoint windows, int64 [n, 4], that hold all differing cells and `margin` around.
 
     A window is (top, bottom, left, right) in cells, half open. `before` and `after` are
@@ -85,7 +83,7 @@ def changed_windows(
 
 
 @jit
-def has_graded(cost: NDArray[np.int8], blocked: NDArray[np.bool_], unknown_cost: int) -> bool:
+def has_graded(cost: Int8s, blocked: Bools, unknown_cost: int) -> bool:
     """Tell whether any free cell costs something; `cost` and `blocked` are [height, width]."""
     unknown = 0 if unknown_cost > 0 else -128  # cells below it cost something
     for y in range(len(cost)):

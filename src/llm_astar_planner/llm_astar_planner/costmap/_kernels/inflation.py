@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Int8s, Int64s
 from llm_astar_planner.search.kernel_cache import jit
 
 # Rows inflated at a time, so that what is kept of them stays in the processor's cache.
@@ -16,16 +16,16 @@ BAND_ROWS = 64
 
 @jit
 def inflate(
-    cells: NDArray[np.int8],
+    cells: Int8s,
     threshold: int,
     allow_unknown: bool,
     unknown_cost: int,
     inscribed: int,
-    costs: NDArray[np.int8],
+    costs: Int8s,
     reach: int,
-    windows: NDArray[np.int64],
-    blocked: NDArray[np.bool_],
-    cost: NDArray[np.int8],
+    windows: Int64s,
+    blocked: Bools,
+    cost: Int8s,
 ) -> None:
     """Fill `blocked` and `cost` [height, width] in the windows from the map's cells.
 

@@ -8,19 +8,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int64s
 from llm_astar_planner.search.kernel_cache import jit
 
 
 @jit
-def cover(
-    points: NDArray[np.float64],
-    ends: NDArray[np.int64],
-    on_border: float,
-    inside: NDArray[np.bool_],
-    border: NDArray[np.bool_],
-) -> None:
+def cover(points: Float64s, ends: Int64s, on_border: float, inside: Bools, border: Bools) -> None:
     """Mark the cells whose centres lie inside rings, and those that the rings pass through.
 
     `points` [n, 2] are grid coordinates, where cell centres are integers; a ring ends before each
@@ -66,12 +60,7 @@ def cover(
 
 @jit
 def raise_to_mask(
-    mask: NDArray[np.int8],
-    table: NDArray[np.int8],
-    first: NDArray[np.float64],
-    step_x: NDArray[np.float64],
-    step_y: NDArray[np.float64],
-    costs: NDArray[np.int8],
+    mask: Int8s, table: Int8s, first: Float64s, step_x: Float64s, step_y: Float64s, costs: Int8s
 ) -> None:
     """Raise costs [height, width] to what the values of a mask on another grid mean.
 

@@ -20,7 +20,7 @@ from rclpy.time import Time
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
-from llm_astar_planner.search.stop import POLL_PERIOD_S
+from llm_astar_planner.search.arrays import POLL_PERIOD_S
 
 try:
     import tf2_ros

@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.headings import is_lethal
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s
 from llm_astar_planner.search.kernel_cache import jit
 
 HALF = 0.5
@@ -24,7 +24,7 @@ STEPS = (0.5, 0.1)
 
 
 @jit
-def touches(corners: NDArray[np.float64], x: float, y: float, half: float) -> bool:
+def touches(corners: Float64s, x: float, y: float, half: float) -> bool:
     """Tell whether a polygon [n, 2], its inside too, meets the square of 2 * half at (x, y)."""
     inside = False
     before_x, before_y = corners[-1, 0] - x, corners[-1, 1] - y
@@ -49,12 +49,12 @@ def touches(corners: NDArray[np.float64], x: float, y: float, half: float) -> bo
 
 @jit
 def collides(
-    cells: NDArray[np.int8],
+    cells: Int8s,
     threshold: int,
     unknown_blocks: bool,
-    points: NDArray[np.float64],
-    pose: NDArray[np.float64],
-    corners: NDArray[np.float64],
+    points: Float64s,
+    pose: Float64s,
+    corners: Float64s,
     half: float,
 ) -> bool:
     """Tell whether a polygon at a pose (x, y, yaw) meets a lethal cell or leaves the map.
@@ -89,7 +89,7 @@ def collides(
 
 
 @jit
-def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
+def clear(cells: Int8s, points: Float64s, pose: Float64s) -> None:
     """Set the cells that a polygon at a pose (x, y, yaw) touches to 0, free."""
     height, width = cells.shape
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -106,12 +106,8 @@ def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np
 
 @jit
 def all_collisions(
-    cells: NDArray[np.int8],
-    threshold: int,
-    unknown_blocks: bool,
-    points: NDArray[np.float64],
-    poses: NDArray[np.float64],
-) -> NDArray[np.bool_]:
+    cells: Int8s, threshold: int, unknown_blocks: bool, points: Float64s, poses: Float64s
+) -> Bools:
     """Tell for each pose [m, 3] whether a polygon collides there: bool [m]."""
     corners = np.empty_like(points)
     found = np.empty(len(poses), dtype=np.bool_)
@@ -122,12 +118,12 @@ def all_collisions(
 
 @jit
 def motion_collides(
-    cells: NDArray[np.int8],
+    cells: Int8s,
     threshold: int,
     unknown_blocks: bool,
-    points: NDArray[np.float64],
-    begin: NDArray[np.float64],
-    change: NDArray[np.float64],
+    points: Float64s,
+    begin: Float64s,
+    change: Float64s,
 ) -> bool:
     """Tell whether a polygon collides between a pose (x, y, yaw) and the one `change` [3] on."""
     reach = 0.0
@@ -151,10 +147,10 @@ def motion_collides(
 
 @jit
 def turn_collides(
-    cells: NDArray[np.int8],
+    cells: Int8s,
     threshold: int,
     unknown_blocks: bool,
-    points: NDArray[np.float64],
+    points: Float64s,
     x: float,
     y: float,
     yaws: tuple[float, float],
@@ -171,11 +167,11 @@ def turn_collides(
 
 @jit
 def path_collides(
-    cells: NDArray[np.int8],
+    cells: Int8s,
     threshold: int,
     unknown_blocks: bool,
-    points: NDArray[np.float64],
-    path: NDArray[np.float64],
+    points: Float64s,
+    path: Float64s,
     start_yaw: float,
     goal_yaw: float,
 ) -> bool:

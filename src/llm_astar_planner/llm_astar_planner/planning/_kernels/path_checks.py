@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, Uint8s
 from llm_astar_planner.search.kernel_cache import jit
 
 # More than any squared distance on a map.
@@ -33,7 +33,7 @@ FINE, ENDS, OUTSIDE, OBSTACLE, JUMP, CORNER = range(6)
 
 
 @jit
-def nearest_in_row(row: NDArray[np.int8], threshold: int, x: int, first: int, last: int) -> int:
+def nearest_in_row(row: Int8s, threshold: int, x: int, first: int, last: int) -> int:
     """Return the distance from column x to the nearest lethal cell of a row in first to last."""
     cells = row[max(first, 0) : max(last + 1, 0)]
     found = False
@@ -49,9 +49,7 @@ def nearest_in_row(row: NDArray[np.int8], threshold: int, x: int, first: int, la
 
 
 @jit
-def nearest_lethal(
-    cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, x: int, y: int, limit: int
-) -> int:
+def nearest_lethal(cells: Int8s, tiles: Uint8s, threshold: int, x: int, y: int, limit: int) -> int:
     """Return the squared distance from a cell to the nearest lethal one, at most `limit`."""
     best = limit
     for away in range(NEAR + 1):
@@ -72,7 +70,7 @@ def nearest_lethal(
 
 @jit
 def nearest_by_tiles(
-    cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, x: int, y: int, best: int
+    cells: Int8s, tiles: Uint8s, threshold: int, x: int, y: int, best: int
 ) -> int:
     """Return the squared distance from a cell to the nearest lethal one, at most `best`.
 
@@ -104,9 +102,7 @@ def nearest_by_tiles(
 
 
 @jit
-def tile_has_lethal(
-    cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, row: int, column: int
-) -> bool:
+def tile_has_lethal(cells: Int8s, tiles: Uint8s, threshold: int, row: int, column: int) -> bool:
     """Tell whether a tile holds a lethal cell, and remember it."""
     if tiles[row, column] == UNSEEN:
         top, left = row * TILE, column * TILE
@@ -116,7 +112,7 @@ def tile_has_lethal(
 
 
 @jit
-def has_lethal(tile: NDArray[np.int8], threshold: int) -> bool:
+def has_lethal(tile: Int8s, threshold: int) -> bool:
     """Tell whether any cell of a tile is lethal."""
     found = False
     for n in range(len(tile)):
@@ -128,11 +124,7 @@ def has_lethal(tile: NDArray[np.int8], threshold: int) -> bool:
 
 @jit
 def squared_clearance(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
-    threshold: int,
-    path: NDArray[np.int64],
-    limit: int,
+    cells: Int8s, tiles: Uint8s, threshold: int, path: Int64s, limit: int
 ) -> int:
     """Return the least squared distance of cells [n, 2] to a lethal one, at most `limit`.
 
@@ -173,13 +165,7 @@ def squared_clearance(
 
 @jit
 def box_has_lethal(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
-    threshold: int,
-    top: int,
-    bottom: int,
-    left: int,
-    right: int,
+    cells: Int8s, tiles: Uint8s, threshold: int, top: int, bottom: int, left: int, right: int
 ) -> bool:
     """Tell whether any cell in the rows top to bottom and columns left to right is lethal."""
     for row in range(top // TILE, (bottom - 1) // TILE + 1):
@@ -194,12 +180,7 @@ def box_has_lethal(
 
 @jit
 def first_blocked(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
-    threshold: int,
-    allow_unknown: bool,
-    reach: int,
-    places: NDArray[np.int64],
+    cells: Int8s, tiles: Uint8s, threshold: int, allow_unknown: bool, reach: int, places: Int64s
 ) -> int:
     """Return the index of the first blocked place (x, y) [n, 2] on the map, or -1."""
     own = -1
@@ -221,12 +202,12 @@ def first_blocked(
 
 @jit
 def path_fault(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
+    cells: Int8s,
+    tiles: Uint8s,
     threshold: int,
     allow_unknown: bool,
     reach: int,
-    path: NDArray[np.int64],
+    path: Int64s,
     ends: tuple[int, int, int, int],
     corner_cutting: bool,
 ) -> tuple[int, int]:
@@ -270,13 +251,13 @@ def path_fault(
 
 @jit
 def segment_fault(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
+    cells: Int8s,
+    tiles: Uint8s,
     threshold: int,
     allow_unknown: bool,
     reach: int,
-    begin: NDArray[np.int64],
-    end: NDArray[np.int64],
+    begin: Int64s,
+    end: Int64s,
     corner_cutting: bool,
 ) -> tuple[int, int, int]:
     """Return the rule that a straight segment between two cells breaks, and the cell (x, y).
@@ -322,9 +303,7 @@ def segment_fault(
 
 
 @jit
-def measure(
-    cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, path: NDArray[np.int64]
-) -> tuple[int, float, int]:
+def measure(cells: Int8s, tiles: Uint8s, threshold: int, path: Int64s) -> tuple[int, float, int]:
     """Return a path's squared clearance, its length in unknown cells and its turns, in cells."""
     unknown, turns = 0.0, 0
     before_x = before_y = 0
@@ -345,7 +324,7 @@ def measure(
 
 
 @jit
-def first_missed(path: NDArray[np.int64], via: NDArray[np.int64]) -> int:
+def first_missed(path: Int64s, via: Int64s) -> int:
     """Return the index of the first cell of `via` [m, 2] that a path does not pass in turn, or -1.
 
     Two cells of `via` that are the same may be passed at once.
@@ -360,7 +339,7 @@ def first_missed(path: NDArray[np.int64], via: NDArray[np.int64]) -> int:
 
 
 @jit
-def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDArray[np.int64]:
+def nearest_places(path: Int32s, points: Float64s) -> Int64s:
     """Return for each of the points [m, 2] the first of its nearest cells on a path: int64 [m].
 
     The path, int32 [n, 2], n > 0, is of single moves: near a far cell no cell is near.
@@ -388,14 +367,14 @@ def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDAr
 
 @jit
 def invalid_poses(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
+    cells: Int8s,
+    tiles: Uint8s,
     threshold: int,
     allow_unknown: bool,
     reach: int,
-    path: NDArray[np.int64],
+    path: Int64s,
     cost_limit: int,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Tell for each pose [n, 2], n > 0, of a path whether a robot cannot reach it: bool [n].
 
     It cannot where the cell is off the map, is blocked, or costs `cost_limit` or more, nor where

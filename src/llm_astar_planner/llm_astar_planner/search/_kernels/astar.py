@@ -18,8 +18,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Int8s, Int32s, Int64s, Uint8s, Uint16s
 from llm_astar_planner.search.kernel_cache import inlined, jit
 
 STEP_X = np.array([1, 0, -1, 0, 1, -1, -1, 1], dtype=np.int64)
@@ -101,8 +101,8 @@ class Cells(NamedTuple):
     times 1 plus the mean of the surcharges at its two ends.
     """
 
-    moves: NDArray[np.uint8]  # [cells]
-    cell_surcharge: NDArray[np.uint16]  # [cells] or empty
+    moves: Uint8s  # [cells]
+    cell_surcharge: Uint16s  # [cells] or empty
     width: int
     straight: int
     diagonal: int
@@ -116,9 +116,7 @@ def octile(straight: int, extra: int, delta_x: int, delta_y: int) -> int:
 
 
 @inlined
-def estimate_to_goal(
-    landmark_distances: NDArray[np.int32], active: NDArray[np.int64], cell: int, distance: int
-) -> int:
+def estimate_to_goal(landmark_distances: Int32s, active: Int64s, cell: int, distance: int) -> int:
     """Return a lower bound on a cell's cost to the goal: the octile `distance` or a landmark's."""
     for number in range(active.shape[0]):
         row = np.uint64(active[number, 0])
@@ -129,7 +127,7 @@ def estimate_to_goal(
 
 @inlined
 def push(
-    pool: NDArray[np.int64], heads: NDArray[np.int32], slot: int, item: int, free: int, top: int
+    pool: Int64s, heads: Int32s, slot: int, item: int, free: int, top: int
 ) -> tuple[int, int, int]:
     """Queue `item`, a number << 32, in a bucket; return the entry, the first free one, the top.
 
@@ -147,9 +145,7 @@ def push(
 
 
 @inlined
-def pop(
-    pool: NDArray[np.int64], heads: NDArray[np.int32], slot: int, free: int
-) -> tuple[Any, Any]:
+def pop(pool: Int64s, heads: Int32s, slot: int, free: int) -> tuple[Any, Any]:
     """Take the last entry queued in a bucket; return its number and the first free entry."""
     entry = np.int64(heads[np.uint64(slot)])
     item = pool[np.uint64(entry - 1)]
@@ -207,11 +203,7 @@ def heap_pop(keys: Any, nodes: Any, size: int, by_node: bool) -> Any:
 
 @jit
 def choose_landmarks(
-    landmark_distances: NDArray[np.int32],
-    start: int,
-    goal: int,
-    octile: int,
-    active: NDArray[np.int64],
+    landmark_distances: Int32s, start: int, goal: int, octile: int, active: Int64s
 ) -> int:
     """Fill `active` [k, 2] with the landmarks that prove most for a query; return their number.
 
@@ -251,14 +243,14 @@ def astar(
     start: int,
     goal: int,
     successors: int,
-    landmark_distances: NDArray[np.int32],
-    active: NDArray[np.int64],
+    landmark_distances: Int32s,
+    active: Int64s,
     generation: int,
-    records: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    heads: NDArray[np.int32],
-    control: NDArray[np.int64],
-    corridor: NDArray[np.bool_],
+    records: Int32s,
+    pool: Int64s,
+    heads: Int32s,
+    control: Int64s,
+    corridor: Bools,
     quota: int,
 ) -> int:
     """Run or resume an exact A* for up to `quota` expansions; return how the call ended.
@@ -390,7 +382,7 @@ def astar(
 
 @jit
 def trace(
-    cells: Cells, start: int, goal: int, records: NDArray[np.int32], path: NDArray[np.int32]
+    cells: Cells, start: int, goal: int, records: Int32s, path: Int32s
 ) -> tuple[int, int, int]:
     """Write the path's cells (x, y) at the end of `path`.
 
@@ -424,7 +416,7 @@ def trace(
 
 
 @jit
-def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]) -> None:
+def add_expanded(records: Int32s, generation: int, expanded: Bools) -> None:
     """Set `expanded` [height, width] where a cell of this generation was expanded."""
     flat = expanded.reshape(-1)
     mask, wanted = -1 << TAG_BITS | CLOSED, generation << TAG_BITS | CLOSED
@@ -435,7 +427,7 @@ def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[
 
 
 @jit
-def reach(moves: NDArray[np.uint8], width: int, first: int) -> NDArray[np.bool_]:
+def reach(moves: Uint8s, width: int, first: int) -> Bools:
     """Return which cells moves lead to from the cell `first`, that included: bool [cells]."""
     reached = np.zeros(moves.size, dtype=np.bool_)
     stack = np.empty(moves.size, dtype=np.int32)
@@ -453,12 +445,7 @@ def reach(moves: NDArray[np.uint8], width: int, first: int) -> NDArray[np.bool_]
 
 
 @jit
-def build_moves(
-    blocked: NDArray[np.bool_],
-    corner_cutting: bool,
-    windows: NDArray[np.int64],
-    moves: NDArray[np.uint8],
-) -> None:
+def build_moves(blocked: Bools, corner_cutting: bool, windows: Int64s, moves: Uint8s) -> None:
     """Fill `moves` [height * width] with the legal moves of each free cell, 0 where blocked.
 
     A diagonal needs both adjacent cardinal cells free unless `corner_cutting`. Bits without
@@ -496,12 +483,7 @@ def build_moves(
 
 
 @jit
-def fill_surcharges(
-    cost: NDArray[np.int8],
-    table: NDArray[np.uint16],
-    windows: NDArray[np.int64],
-    surcharges: NDArray[np.uint16],
-) -> None:
+def fill_surcharges(cost: Int8s, table: Uint16s, windows: Int64s, surcharges: Uint16s) -> None:
     """Fill `surcharges` [height * width] from `cost` [height, width] by a table of 256."""
     width = cost.shape[1]
     for n in range(len(windows)):

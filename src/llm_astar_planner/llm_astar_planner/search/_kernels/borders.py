@@ -13,9 +13,9 @@ around both, in steps of STEP units, rounded down; FAR where there is no way.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import SQUARE_BITS, Cells, octile
+from llm_astar_planner.search.arrays import Bools, Float32s, Int32s, Int64s, Uint16s
 from llm_astar_planner.search.kernel_cache import jit
 
 SIDE_BITS = 6
@@ -37,7 +37,7 @@ UNSEEN = 1 << 40
 
 
 @jit
-def around(border: int, columns: int, count: int, found: NDArray[np.int64]) -> None:
+def around(border: int, columns: int, count: int, found: Int64s) -> None:
     """Write the six borders around the two tiles at a border, -1 for those that are not used."""
     upright, tile = border & 1, border >> 1
     row, column = tile // columns, tile % columns
@@ -58,12 +58,7 @@ def around(border: int, columns: int, count: int, found: NDArray[np.int64]) -> N
 
 @jit
 def relax(
-    frame: NDArray[np.float32],
-    costs: NDArray[np.float32],
-    cell: int,
-    count: int,
-    step: int,
-    gain: NDArray[np.float32],
+    frame: Float32s, costs: Float32s, cell: int, count: int, step: int, gain: Float32s
 ) -> None:
     """Lower the distances of a line of cells over the four neighbours already visited.
 
@@ -91,9 +86,7 @@ def relax(
 
 
 @jit
-def relax_behind(
-    frame: NDArray[np.float32], costs: NDArray[np.float32], cell: int, count: int, step: int
-) -> None:
+def relax_behind(frame: Float32s, costs: Float32s, cell: int, count: int, step: int) -> None:
     """Lower the distances of a line of cells over the neighbour behind, against `relax`."""
     for _ in range(count):
         cost = costs[cell if step > 0 else cell - 1, 0]
@@ -106,9 +99,7 @@ def relax_behind(
 
 
 @jit
-def settle(
-    frame: NDArray[np.float32], costs: NDArray[np.float32], height: int, width: int
-) -> None:
+def settle(frame: Float32s, costs: Float32s, height: int, width: int) -> None:
     """Make the distances of a frame [LINE * LINE * PARTS] final, by lines down and up."""
     gain = np.empty(PARTS, dtype=np.float32)
     begun = False
@@ -130,10 +121,7 @@ def settle(
 
 @jit
 def load(
-    cells: Cells,
-    window: tuple[int, int, int, int],
-    frame: NDArray[np.float32],
-    costs: NDArray[np.float32],
+    cells: Cells, window: tuple[int, int, int, int], frame: Float32s, costs: Float32s
 ) -> None:
     """Take the moves within a window, (top, left, height, width), into an empty frame."""
     moves, cell_surcharge, width, straight, diagonal = cells
@@ -156,7 +144,7 @@ def load(
 
 
 @jit
-def measure(cells: Cells, borders: NDArray[np.int64], rows: NDArray[np.uint16]) -> None:
+def measure(cells: Cells, borders: Int64s, rows: Uint16s) -> None:
     """Measure from the parts of each of some borders: fill in `rows[border]`."""
     moves, width = cells.moves, cells.width
     height = moves.size // width
@@ -197,7 +185,7 @@ def measure(cells: Cells, borders: NDArray[np.int64], rows: NDArray[np.uint16]) 
 
 
 @jit
-def reach_borders(cells: Cells, cell: int, found: NDArray[np.int64]) -> None:
+def reach_borders(cells: Cells, cell: int, found: Int64s) -> None:
     """Measure from a cell within its tile to the parts of the tile's borders.
 
     Writes units to `found` [4, PARTS]: above, below, to the left and to the right.
@@ -225,7 +213,7 @@ def reach_borders(cells: Cells, cell: int, found: NDArray[np.int64]) -> None:
 
 
 @jit
-def close_ends(distances: NDArray[np.int64], straight: int) -> None:
+def close_ends(distances: Int64s, straight: int) -> None:
     """Let the last way of a route leave the start's tile and come back over the same border."""
     for side in range(4):
         before = distances[side].copy()
@@ -238,15 +226,15 @@ def close_ends(distances: NDArray[np.int64], straight: int) -> None:
 @jit
 def route(
     cells: Cells,
-    rows: NDArray[np.uint16],
+    rows: Uint16s,
     start: int,
     goal: int,
-    to_start: NDArray[np.int64],
-    from_goal: NDArray[np.int64],
+    to_start: Int64s,
+    from_goal: Int64s,
     weight: float,
     limit: int,
-    costs: NDArray[np.int64],
-    parents: NDArray[np.int32],
+    costs: Int64s,
+    parents: Int32s,
 ) -> tuple[int, int]:
     """Find a route from the goal to the start over the parts of borders, if below `limit` units.
 
@@ -346,9 +334,7 @@ def route(
 
 
 @jit
-def open_corridor(
-    columns: int, last: int, parents: NDArray[np.int32], corridor: NDArray[np.bool_]
-) -> None:
+def open_corridor(columns: int, last: int, parents: Int32s, corridor: Bools) -> None:
     """Open the squares [rows, columns] of the tiles at each border that a route crosses."""
     size = SIDE >> SQUARE_BITS
     node = last

@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import tiles as tiling
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, octile
 from llm_astar_planner.search._kernels.line_of_sight import Rules, line_cost
 from llm_astar_planner.search._kernels.tiles import TileTables, tile_window
+from llm_astar_planner.search.arrays import Bools, Float32s, Int64s, Uint16s
 from llm_astar_planner.search.kernel_cache import jit
 
 Points = list[tuple[int, int]]
@@ -33,11 +33,7 @@ HALVINGS = 4
 
 @jit
 def describe_nodes(
-    tiles: TileTables,
-    cell_surcharge: NDArray[np.uint16],
-    sizes: NDArray[np.int64],
-    places: NDArray[np.int64],
-    prices: NDArray[np.float32],
+    tiles: TileTables, cell_surcharge: Uint16s, sizes: Int64s, places: Int64s, prices: Float32s
 ) -> None:
     """Count the cells of each node, find its middle and, with graded costs, their mean price.
 
@@ -178,9 +174,9 @@ def open_neighbours(
 @jit
 def route(
     tiles: TileTables,
-    is_open: NDArray[np.bool_],
-    places: NDArray[np.int64],
-    prices: NDArray[np.float32],
+    is_open: Bools,
+    places: Int64s,
+    prices: Float32s,
     start: tuple[int, int],
     goal: tuple[int, int],
     most: int,
@@ -276,9 +272,9 @@ def route(
 @jit
 def taut_route(
     tiles: TileTables,
-    is_open: NDArray[np.bool_],
-    places: NDArray[np.int64],
-    prices: NDArray[np.float32],
+    is_open: Bools,
+    places: Int64s,
+    prices: Float32s,
     start: tuple[int, int],
     goal: tuple[int, int],
     most: int,

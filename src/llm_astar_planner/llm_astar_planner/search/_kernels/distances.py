@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, push
+from llm_astar_planner.search.arrays import Int32s, Int64s, Uint8s
 from llm_astar_planner.search.kernel_cache import jit
 
 CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
@@ -33,13 +33,13 @@ _ANY_MOVE = 8
 def propagate(
     cells: Cells,
     single: bool,
-    seeds: NDArray[np.int64],
-    distances: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    heads: NDArray[np.int32],
-    control: NDArray[np.int64],
+    seeds: Int64s,
+    distances: Int32s,
+    pool: Int64s,
+    heads: Int32s,
+    control: Int64s,
     quota: int,
-    stop: NDArray[np.uint8],
+    stop: Uint8s,
 ) -> int:
     """Lower the `distances` of all cells that the seeds bring nearer: Dijkstra's algorithm.
 
@@ -130,7 +130,7 @@ def propagate(
 
 
 @jit
-def merge_freer(cells: Cells, freest: Cells, changed: NDArray[np.int64]) -> tuple[int, int, int]:
+def merge_freer(cells: Cells, freest: Cells, changed: Int64s) -> tuple[int, int, int]:
     """Add to the second map what is freer on the first: its moves and its lower surcharges.
 
     Surcharges count where a cell has moves. Of the cells that changed writes those that had no
@@ -177,13 +177,7 @@ def merge_freer(cells: Cells, freest: Cells, changed: NDArray[np.int64]) -> tupl
 
 
 @jit
-def free_isolated(
-    cells: Cells,
-    limit: int,
-    freed: NDArray[np.int64],
-    marks: NDArray[np.uint8],
-    changed: NDArray[np.int64],
-) -> int:
+def free_isolated(cells: Cells, limit: int, freed: Int64s, marks: Uint8s, changed: Int64s) -> int:
     """Remove each isolated obstacle that has lost one of the cells `freed`: it is moving.
 
     That is a group of at most `limit` blocked cells. Around it the surcharges that fall with the
@@ -223,14 +217,7 @@ def free_isolated(
 
 
 @jit
-def remove(
-    cells: Cells,
-    limit: int,
-    marks: NDArray[np.uint8],
-    changed: NDArray[np.int64],
-    begin: int,
-    end: int,
-) -> int:
+def remove(cells: Cells, limit: int, marks: Uint8s, changed: Int64s, begin: int, end: int) -> int:
     """Free the cells changed[begin:end] and lower the surcharges around them; see above.
 
     Appends at most `limit` cells more to `changed`; returns where they end.
@@ -277,9 +264,7 @@ def neighbour(cell: int, move: int, width: int, height: int) -> int:
 
 
 @jit
-def moves_among(
-    moves: NDArray[np.uint8], marks: NDArray[np.uint8], cell: int, width: int, height: int
-) -> int:
+def moves_among(moves: Uint8s, marks: Uint8s, cell: int, width: int, height: int) -> int:
     """Return the moves that a cell gains when the cells marked 1 become free."""
     free = removed = gained = 0
     for move in range(8):
@@ -298,12 +283,7 @@ def moves_among(
 
 
 @jit
-def find_seeds(
-    cells: Cells,
-    changed: NDArray[np.int64],
-    distances: NDArray[np.int32],
-    seeds: NDArray[np.int64],
-) -> int:
+def find_seeds(cells: Cells, changed: Int64s, distances: Int32s, seeds: Int64s) -> int:
     """Lower the `distances` of the changed cells and of their neighbours, one move far.
 
     `changed` are cells that got more moves or a lower surcharge on this map. Writes what

@@ -12,10 +12,10 @@ entry is in `keys`. Keys may fall below the current bucket: the search then goes
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile, pop, push
+from llm_astar_planner.search.arrays import Float64s, Int32s, Int64s
 from llm_astar_planner.search.kernel_cache import jit
 
 LOWEST, STEP_X, STEP_Y = shared.LOWEST, shared.STEP_X, shared.STEP_Y
@@ -39,7 +39,7 @@ ONE = 1 << 16
 
 @jit
 def advance_target(
-    targets: NDArray[np.int64], index: int, x: int, y: int, straight: int, extra: int, radius: int
+    targets: Int64s, index: int, x: int, y: int, straight: int, extra: int, radius: int
 ) -> int:
     """Return the index of the target that a cell heads for, given that of its parent.
 
@@ -58,12 +58,7 @@ def advance_target(
 
 
 @jit
-def move_window(
-    heads: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    keys: NDArray[np.int64],
-    control: NDArray[np.int64],
-) -> int:
+def move_window(heads: Int32s, pool: Int64s, keys: Int64s, control: Int64s) -> int:
     """Move the empty window to the lowest key beyond it; queue the entries that it then covers.
 
     Returns the new base.
@@ -89,9 +84,7 @@ def move_window(
 
 
 @jit
-def make_targets(
-    cells: Cells, points: NDArray[np.float64], control: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def make_targets(cells: Cells, points: Float64s, control: Int64s) -> Int64s:
     """Turn waypoints [n, 2] into targets, which end with the goal: int64 [k, 3].
 
     These are x, y and the units from there to the goal along the list. Points that are not
@@ -133,15 +126,15 @@ def make_targets(
 @jit
 def follow(
     cells: Cells,
-    points: NDArray[np.float64],
-    records: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    keys: NDArray[np.int64],
-    before: NDArray[np.int32],
-    landmark_distances: NDArray[np.int32],
-    active: NDArray[np.int64],
-    control: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    points: Float64s,
+    records: Int32s,
+    pool: Int64s,
+    keys: Int64s,
+    before: Int32s,
+    landmark_distances: Int32s,
+    active: Int64s,
+    control: Int64s,
+) -> tuple[Int64s, Int32s]:
     """Queue the open cells for new waypoints [n, 2], at first the start alone.
 
     `before` holds the heads of the buckets until now. Returns the targets, see `advance`, and
@@ -210,14 +203,14 @@ def follow(
 @jit
 def advance(
     cells: Cells,
-    records: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    keys: NDArray[np.int64],
-    heads: NDArray[np.int32],
-    targets: NDArray[np.int64],
-    landmark_distances: NDArray[np.int32],
-    active: NDArray[np.int64],
-    control: NDArray[np.int64],
+    records: Int32s,
+    pool: Int64s,
+    keys: Int64s,
+    heads: Int32s,
+    targets: Int64s,
+    landmark_distances: Int32s,
+    active: Int64s,
+    control: Int64s,
     quota: int,
 ) -> int:
     """Expand up to `quota` cells along the targets; return how the call ended.

@@ -15,10 +15,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, heap_pop, heap_push
+from llm_astar_planner.search.arrays import Int8s, Int32s, Int64s, Uint8s, Uint16s
 from llm_astar_planner.search.kernel_cache import jit
 
 # The move, a bit of `_kernels.astar`, of each heading.
@@ -35,7 +35,7 @@ H_SIZE, H_EXPANSIONS, H_STORAGE, H_FOUND, H_SLOTS = range(5)
 
 # What a polygon must not meet: cells int8 [height, width], the occupancy from which they are
 # lethal, and whether unknown ones are too.
-Obstacles = tuple[NDArray[np.int8], int, bool]
+Obstacles = tuple[Int8s, int, bool]
 
 
 class SweptCells(NamedTuple):
@@ -46,14 +46,14 @@ class SweptCells(NamedTuple):
     leaves the square of `reach` cells to each side.
     """
 
-    spans: NDArray[np.int64]
-    begins: NDArray[np.int64]
+    spans: Int64s
+    begins: Int64s
     reach: int
 
 
 @jit
 def is_lethal(
-    cells: NDArray[np.int8], threshold: int, unknown_blocks: bool, row: int, first: int, last: int
+    cells: Int8s, threshold: int, unknown_blocks: bool, row: int, first: int, last: int
 ) -> bool:
     """Tell whether a span of a row holds a lethal cell or leaves the map."""
     height, width = cells.shape
@@ -68,12 +68,7 @@ def is_lethal(
 
 @jit
 def fits(
-    obstacles: Obstacles,
-    swept: SweptCells,
-    known: NDArray[np.uint16],
-    free: NDArray[np.uint16],
-    cell: int,
-    motion: int,
+    obstacles: Obstacles, swept: SweptCells, known: Uint16s, free: Uint16s, cell: int, motion: int
 ) -> bool:
     """Tell whether what a motion from a cell sweeps is free; remember it in `known` and `free`."""
     spans, begins, reach = swept
@@ -105,14 +100,14 @@ def search(
     grid: Cells,
     obstacles: Obstacles,
     swept: SweptCells,
-    to_goal: NDArray[np.int32],
-    known: NDArray[np.uint16],
-    free: NDArray[np.uint16],
-    costs: NDArray[np.int32],
-    came: NDArray[np.uint8],
-    keys: NDArray[np.int64],
-    states: NDArray[np.int64],
-    control: NDArray[np.int64],
+    to_goal: Int32s,
+    known: Uint16s,
+    free: Uint16s,
+    costs: Int32s,
+    came: Uint8s,
+    keys: Int64s,
+    states: Int64s,
+    control: Int64s,
     goal: int,
     goal_headings: int,
     quota: int,
@@ -189,9 +184,7 @@ def search(
 
 
 @jit
-def trace(
-    came: NDArray[np.uint8], width: int, state: int, path: NDArray[np.int32]
-) -> tuple[int, int]:
+def trace(came: Uint8s, width: int, state: int, path: Int32s) -> tuple[int, int]:
     """Write the cells (x, y) from the start to a state to the end of `path`, as many as fit.
 
     Returns how many cells there are, and the heading at the start.

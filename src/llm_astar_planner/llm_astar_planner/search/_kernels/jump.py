@@ -20,10 +20,10 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile
+from llm_astar_planner.search.arrays import Bools, Int32s, Int64s
 from llm_astar_planner.search.kernel_cache import inlined, jit
 
 CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
@@ -71,11 +71,7 @@ count_bits = bit_operation(lambda builder, word: builder.ctpop(word))
 
 @jit
 def pack_lines(
-    blocked: NDArray[np.bool_],
-    words: NDArray[np.int64],
-    base: int,
-    lines: tuple[int, int],
-    span: tuple[int, int],
+    blocked: Bools, words: Int64s, base: int, lines: tuple[int, int], span: tuple[int, int]
 ) -> None:
     """Write where cells are blocked into the words `span` of the lines `lines`, both (first, end).
 
@@ -96,11 +92,7 @@ def pack_lines(
 
 @jit
 def mark_stops(
-    words: NDArray[np.int64],
-    base: int,
-    line_words: int,
-    lines: tuple[int, int],
-    span: tuple[int, int],
+    words: Int64s, base: int, line_words: int, lines: tuple[int, int], span: tuple[int, int]
 ) -> None:
     """Write where scans stop in the words `span` of the lines `lines`; see `pack_lines`."""
     one = np.uint64(1)
@@ -129,11 +121,7 @@ def mark_stops(
 
 @jit
 def count_window(
-    words: NDArray[np.int64],
-    base: int,
-    line_words: int,
-    lines: tuple[int, int],
-    span: tuple[int, int],
+    words: Int64s, base: int, line_words: int, lines: tuple[int, int], span: tuple[int, int]
 ) -> tuple[int, int]:
     """Return the numbers of blocked cells and of jump points in words of lines.
 
@@ -153,10 +141,7 @@ def count_window(
 
 @jit
 def pack_window(
-    blocked: NDArray[np.bool_],
-    words: NDArray[np.int64],
-    base: int,
-    window: tuple[int, int, int, int],
+    blocked: Bools, words: Int64s, base: int, window: tuple[int, int, int, int]
 ) -> tuple[int, int]:
     """Write a window of the map into the lines that begin at `base`, and where scans stop.
 
@@ -177,7 +162,7 @@ def pack_window(
 
 
 @jit
-def scan(words: NDArray[np.int64], line: int, position: int, rising: bool) -> int:
+def scan(words: Int64s, line: int, position: int, rising: bool) -> int:
     """Return where a scan from `position` along a line first stops, << 1 | whether blocked.
 
     `line` is the place of the line's first word.
@@ -210,7 +195,7 @@ def scan(words: NDArray[np.int64], line: int, position: int, rising: bool) -> in
 
 @inlined
 def scan_ahead(
-    words: NDArray[np.int64], line: int, position: int, step: int, to_goal: int
+    words: Int64s, line: int, position: int, step: int, to_goal: int
 ) -> tuple[int, int]:
     """Return how far a scan goes, at most to the goal, and 1 unless it ends at a blocked cell.
 
@@ -223,7 +208,7 @@ def scan_ahead(
 
 
 @inlined
-def add_candidate(pool: NDArray[np.int64], entry: int, cell: int, g: int, move: int) -> None:
+def add_candidate(pool: Int64s, entry: int, cell: int, g: int, move: int) -> None:
     """Write what a scan found behind the last entry."""
     pool[ENTRY * entry] = cell << 32
     pool[ENTRY * entry + 1] = g
@@ -233,16 +218,16 @@ def add_candidate(pool: NDArray[np.int64], entry: int, cell: int, g: int, move: 
 @jit
 def jump_search(
     cells: Cells,
-    words: NDArray[np.int64],
+    words: Int64s,
     start: int,
     goal: int,
-    landmark_distances: NDArray[np.int32],
-    active: NDArray[np.int64],
+    landmark_distances: Int32s,
+    active: Int64s,
     generation: int,
-    records: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    heads: NDArray[np.int32],
-    control: NDArray[np.int64],
+    records: Int32s,
+    pool: Int64s,
+    heads: Int32s,
+    control: Int64s,
     quota: int,
 ) -> int:
     """Run or resume an exact jump point search; return how the call ended.
@@ -414,9 +399,7 @@ def jump_search(
 
 
 @jit
-def trace(
-    width: int, found: int, pool: NDArray[np.int64], path: NDArray[np.int32]
-) -> tuple[int, int]:
+def trace(width: int, found: int, pool: Int64s, path: Int32s) -> tuple[int, int]:
     """Write the cells (x, y) of the path to the entry `found` at the end of `path`.
 
     Returns their count and that of the diagonal moves. If `path` is too short it holds the last

@@ -9,12 +9,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Float64s, Int32s, Int64s, Uint16s
 from llm_astar_planner.search.kernel_cache import jit
 
 # Blocked cells, surcharges or none, and whether moves may cut corners, as `line_cost` takes them.
-Rules = tuple[NDArray[np.bool_], NDArray[np.uint16], bool]
+Rules = tuple[Bools, Uint16s, bool]
 # A path is pulled until it gains less than this, in cells, or this often.
 MIN_GAIN = 1e-9
 MAX_PULLS = 16
@@ -24,8 +24,8 @@ POINTS, CENTRES, INDEX, ANCHOR, KEPT, PULLS, COUNTS = range(7)
 
 @jit
 def line_cost(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
+    blocked: Bools,
+    cell_surcharge: Uint16s,
     corner_cutting: bool,
     x: int,
     y: int,
@@ -82,7 +82,7 @@ def line_cost(
 
 @jit
 def next_is_in_sight(
-    blocked: NDArray[np.bool_], corner_cutting: bool, x: int, y: int, to_x: int, to_y: int
+    blocked: Bools, corner_cutting: bool, x: int, y: int, to_x: int, to_y: int
 ) -> bool:
     """Tell whether (to_x, to_y) is in sight of (x, y), as the cell before it along x is.
 
@@ -118,7 +118,7 @@ def next_is_in_sight(
 
 
 @jit
-def path_cost(rules: Rules, points: NDArray[np.int32]) -> tuple[float, float, int, int]:
+def path_cost(rules: Rules, points: Int32s) -> tuple[float, float, int, int]:
     """Return what straight segments through `points` [n, 2] cost, and how long they are.
 
     After cost and length, in cells, comes the number of the first point that is off the grid or
@@ -146,7 +146,7 @@ def path_cost(rules: Rules, points: NDArray[np.int32]) -> tuple[float, float, in
 
 
 @jit
-def add_passed_centres(points: NDArray[np.int32], count: int, centres: NDArray[np.int32]) -> int:
+def add_passed_centres(points: Int32s, count: int, centres: Int32s) -> int:
     """Write `count` points and every cell whose centre a segment between them passes.
 
     A pull may turn at each of these `centres`. Returns how many there are.
@@ -168,13 +168,13 @@ def add_passed_centres(points: NDArray[np.int32], count: int, centres: NDArray[n
 
 @jit
 def string_pull(
-    blocked: NDArray[np.bool_],
-    cell_surcharge: NDArray[np.uint16],
+    blocked: Bools,
+    cell_surcharge: Uint16s,
     corner_cutting: bool,
-    points: NDArray[np.int32],
-    centres: NDArray[np.int32],
-    counts: NDArray[np.int64],
-    costs: NDArray[np.float64],
+    points: Int32s,
+    centres: Int32s,
+    counts: Int64s,
+    costs: Float64s,
     quota: int,
 ) -> bool:
     """Pull the path in `points` taut, or go on with that; return whether it is done.
@@ -251,9 +251,7 @@ def string_pull(
 
 
 @jit
-def line_is_free(
-    padded: NDArray[np.bool_], x: int, y: int, to_x: int, to_y: int, scale: int
-) -> bool:
+def line_is_free(padded: Bools, x: int, y: int, to_x: int, to_y: int, scale: int) -> bool:
     """Tell whether a straight line touches no wall; a wall joins blocked cells that share a side.
 
     `padded` are the blocked cells in a ring of free ones. The ends are in cells, times `scale`:
@@ -293,7 +291,7 @@ def line_is_free(
 
 
 @jit
-def lines_are_free(padded: NDArray[np.bool_], lines: NDArray[np.int64]) -> NDArray[np.bool_]:
+def lines_are_free(padded: Bools, lines: Int64s) -> Bools:
     """Tell it for each of the `lines` [n, 4]: x and y of both ends, in cells."""
     free = np.empty(len(lines), dtype=np.bool_)
     for index in range(len(lines)):

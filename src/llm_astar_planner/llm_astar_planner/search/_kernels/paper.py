@@ -14,10 +14,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import heap_pop, heap_push, sift_down
+from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, Uint8s
 from llm_astar_planner.search.kernel_cache import jit
 
 EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
@@ -68,23 +68,23 @@ def rekey(keys: Any, nodes: Any, size: int, g: Any, weight: float, aim: Aim) -> 
 
 @jit
 def paper_search(
-    blocked: NDArray[np.bool_],
+    blocked: Bools,
     start: int,
     goal: int,
-    targets: NDArray[np.float64],
+    targets: Float64s,
     kind: int,
     decay: float,
     corner_cutting: bool,
-    stop: NDArray[np.uint8],
+    stop: Uint8s,
     quota: int,
-    seen: NDArray[np.bool_],
-    closed: NDArray[np.bool_],
-    g: NDArray[np.float64],
-    move_to: NDArray[np.int8],
-    counts: NDArray[np.int64],
-    weights: NDArray[np.float64],
-    keys: NDArray[np.float64],
-    nodes: NDArray[np.int64],
+    seen: Bools,
+    closed: Bools,
+    g: Float64s,
+    move_to: Int8s,
+    counts: Int64s,
+    weights: Float64s,
+    keys: Float64s,
+    nodes: Int64s,
 ) -> int:
     """Search from the node `start` to `goal` on `blocked` [height, width], or go on with that.
 
@@ -184,9 +184,7 @@ def paper_search(
 
 
 @jit
-def trace_back(
-    move_to: NDArray[np.int8], start: int, goal: int, height: int
-) -> tuple[NDArray[np.int32], int]:
+def trace_back(move_to: Int8s, start: int, goal: int, height: int) -> tuple[Int32s, int]:
     """Follow the parent moves from `goal` to `start`.
 
     Returns the cells [n, 2] from start to goal, and how many moves between them are diagonal.

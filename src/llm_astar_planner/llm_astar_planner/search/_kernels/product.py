@@ -19,10 +19,18 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y, Cells, octile, pop, push
+from llm_astar_planner.search.arrays import (
+    Bools,
+    Float32s,
+    Float64s,
+    Int32s,
+    Int64s,
+    Uint8s,
+    Uint16s,
+)
 from llm_astar_planner.search.kernel_cache import inlined, jit
 
 CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
@@ -59,12 +67,12 @@ class Tables(NamedTuple):
     """
 
     grid: Cells
-    price: NDArray[np.float32]  # [cells] or empty
-    letters: NDArray[np.uint16]  # [cells]
-    offsets: NDArray[np.int64]  # [automata]
-    after: NDArray[np.int32]  # the state after the letter, -1 if no path may end from there
-    rates: NDArray[np.float64]  # what a cell of the letter costs more while in the state
-    accepting: NDArray[np.bool_]  # [states of all automata], those of a from offsets[a] / letters
+    price: Float32s  # [cells] or empty
+    letters: Uint16s  # [cells]
+    offsets: Int64s  # [automata]
+    after: Int32s  # the state after the letter, -1 if no path may end from there
+    rates: Float64s  # what a cell of the letter costs more while in the state
+    accepting: Bools  # [states of all automata], those of a from offsets[a] / letters
 
 
 class Guide(NamedTuple):
@@ -76,42 +84,42 @@ class Guide(NamedTuple):
     the way between places proves as much on its parts, so that bounds never fall along a path.
     """
 
-    boxes: NDArray[np.int64]  # [places, 4]: x0, x1, y0, y1
-    rows: NDArray[np.int32]  # [n, cells]: distances of every cell from n sets of cells
-    active: NDArray[np.int64]  # [ACTIVE]: the rows used
-    low: NDArray[np.int32]  # [places, ACTIVE]: the least of the distances of the place's cells
-    high: NDArray[np.int32]  # [places, ACTIVE]: the greatest
-    radix: NDArray[np.int64]  # [automata]: times their states, added: the row of `rest`
-    rest: NDArray[np.float64]  # [guided, places]: the cost to go from the place, inf: none
+    boxes: Int64s  # [places, 4]: x0, x1, y0, y1
+    rows: Int32s  # [n, cells]: distances of every cell from n sets of cells
+    active: Int64s  # [ACTIVE]: the rows used
+    low: Int32s  # [places, ACTIVE]: the least of the distances of the place's cells
+    high: Int32s  # [places, ACTIVE]: the greatest
+    radix: Int64s  # [automata]: times their states, added: the row of `rest`
+    rest: Float64s  # [guided, places]: the cost to go from the place, inf: none
 
 
 class Layers(NamedTuple):
     """What is known of each slot; capacity for as many as the arrays are long."""
 
-    states: NDArray[np.int32]  # [slots, automata]
-    is_final: NDArray[np.bool_]  # [slots]: whether a path may end
-    after: NDArray[np.int32]  # [slots, letters]: the slot after the letter + 1, 0: unknown
-    rates: NDArray[np.float64]  # [slots, letters]: what a cell of the letter costs more
-    pages: NDArray[np.int32]  # [slots, blocks of the map]: a block's number + 1, 0: none yet
-    options: NDArray[np.int64]  # [slots]: the number of places that the way may lead to next
-    places: NDArray[np.int32]  # [slots, places]: these, the most promising first
-    rest: NDArray[np.float64]  # [slots, places]: the cost to go from each
+    states: Int32s  # [slots, automata]
+    is_final: Bools  # [slots]: whether a path may end
+    after: Int32s  # [slots, letters]: the slot after the letter + 1, 0: unknown
+    rates: Float64s  # [slots, letters]: what a cell of the letter costs more
+    pages: Int32s  # [slots, blocks of the map]: a block's number + 1, 0: none yet
+    options: Int64s  # [slots]: the number of places that the way may lead to next
+    places: Int32s  # [slots, places]: these, the most promising first
+    rest: Float64s  # [slots, places]: the cost to go from each
 
 
 class States(NamedTuple):
     """What is known of each pair of a slot and a cell, block by block."""
 
-    origins: NDArray[np.int64]  # [blocks]
-    costs: NDArray[np.float64]  # [blocks, BLOCK_STATES]
-    tags: NDArray[np.uint8]  # [blocks, BLOCK_STATES], 0: never seen
-    came: NDArray[np.int32]  # [blocks, BLOCK_STATES]: the slot before, of tags with ENTERED
+    origins: Int64s  # [blocks]
+    costs: Float64s  # [blocks, BLOCK_STATES]
+    tags: Uint8s  # [blocks, BLOCK_STATES], 0: never seen
+    came: Int32s  # [blocks, BLOCK_STATES]: the slot before, of tags with ENTERED
 
 
 class Queue(NamedTuple):
     """The open states: a pool of linked entries, of the heads of LEVELS << DIGIT_BITS lists."""
 
-    keys: NDArray[np.int64]
-    entries: NDArray[np.int64]  # state << 32 | next entry + 1
+    keys: Int64s
+    entries: Int64s  # state << 32 | next entry + 1
 
 
 class Search(NamedTuple):
@@ -122,20 +130,15 @@ class Search(NamedTuple):
     layers: Layers
     states: States
     queue: Queue
-    heads: NDArray[np.int32]
-    slots: NDArray[np.int32]  # a hash table of slot + 1 by product state
-    control: NDArray[np.int64]  # [C_SIZE]
-    best: NDArray[np.float64]  # the cost of the best path, inf without one; one element
+    heads: Int32s
+    slots: Int32s  # a hash table of slot + 1 by product state
+    control: Int64s  # [C_SIZE]
+    best: Float64s  # the cost of the best path, inf without one; one element
 
 
 @jit
 def add_region(
-    region: int,
-    cells: NDArray[np.int64],
-    blocked: NDArray[np.bool_],
-    letters: NDArray[np.uint16],
-    sets: NDArray[np.int64],
-    used: int,
+    region: int, cells: Int64s, blocked: Bools, letters: Uint16s, sets: Int64s, used: int
 ) -> int:
     """Add a region to the letters of its free cells; `sets` are those of the `used` letters.
 
@@ -156,9 +159,7 @@ def add_region(
 
 
 @jit
-def mark_borders(
-    cells: NDArray[np.int64], moves: NDArray[np.uint8], width: int, letters: NDArray[np.uint16]
-) -> None:
+def mark_borders(cells: Int64s, moves: Uint8s, width: int, letters: Uint16s) -> None:
     """Mark each of the `cells` that has a neighbour with another letter, and that neighbour."""
     height = moves.size // width
     for cell in cells:
@@ -175,13 +176,13 @@ def mark_borders(
 
 @jit
 def measure(
-    rows: NDArray[np.int32],
-    cells: NDArray[np.int64],
-    places: NDArray[np.int64],
+    rows: Int32s,
+    cells: Int64s,
+    places: Int64s,
     width: int,
-    boxes: NDArray[np.int64],
-    low: NDArray[np.int32],
-    high: NDArray[np.int32],
+    boxes: Int64s,
+    low: Int32s,
+    high: Int32s,
 ) -> None:
     """Widen boxes and distances of places, those of the `cells` in turn, to these cells.
 
@@ -206,12 +207,8 @@ def gap(low: int, high: int, other_low: int, other_high: int) -> int:
 
 @jit
 def choose_rows(
-    boxes: NDArray[np.int64],
-    low: NDArray[np.int32],
-    high: NDArray[np.int32],
-    units: tuple[int, int],
-    active: NDArray[np.int64],
-) -> NDArray[np.float64]:
+    boxes: Int64s, low: Int32s, high: Int32s, units: tuple[int, int], active: Int64s
+) -> Float64s:
     """Fill `active` with the rows that together prove most on the ways between places.
 
     `low` and `high` are [places, rows]. Returns what is proven, [places, places].
@@ -249,11 +246,7 @@ def choose_rows(
 
 @jit
 def fill_rest(
-    between: NDArray[np.float64],
-    letters: NDArray[np.int64],
-    after: NDArray[np.int64],
-    accepting: NDArray[np.bool_],
-    rest: NDArray[np.float64],
+    between: Float64s, letters: Int64s, after: Int64s, accepting: Bools, rest: Float64s
 ) -> None:
     """Fill `rest` with the least costs to go from each place, by value iteration.
 
@@ -310,13 +303,7 @@ def fill_options(tables: Tables, guide: Guide, layers: Layers, slot: int, cell: 
 
 @jit
 def slot_after(
-    tables: Tables,
-    guide: Guide,
-    layers: Layers,
-    table: NDArray[np.int32],
-    slot: int,
-    slots: int,
-    cell: int,
+    tables: Tables, guide: Guide, layers: Layers, table: Int32s, slot: int, slots: int, cell: int
 ) -> int:
     """Return the slot in which a path is that goes from `slot` to `cell`; DEAD: none.
 
@@ -371,7 +358,7 @@ def bucket_of(key: int, last: int) -> int:
 
 
 @jit
-def refill(queue: Queue, heads: NDArray[np.int32], last: int) -> int:
+def refill(queue: Queue, heads: Int32s, last: int) -> int:
     """Spread the lowest bucket of the rows above the empty first one; return the new last key."""
     size = 1 << DIGIT_BITS
     for level in range(1, LEVELS):
@@ -448,14 +435,14 @@ def advance(
     layers: Layers,
     states: States,
     queue: Queue,
-    heads: NDArray[np.int32],
-    table: NDArray[np.int32],
-    control: NDArray[np.int64],
-    best: NDArray[np.float64],
+    heads: Int32s,
+    table: Int32s,
+    control: Int64s,
+    best: Float64s,
     every_move: bool,
     priced: bool,
     quota: int,
-    stop: NDArray[np.uint8],
+    stop: Uint8s,
 ) -> int:
     """Expand up to `quota` states; return how the call ended.
 
@@ -599,7 +586,7 @@ def advance(
 
 
 @jit
-def trace(search: Search, path: NDArray[np.int32]) -> tuple[int]:
+def trace(search: Search, path: Int32s) -> tuple[int]:
     """Write the best path's cells (x, y) at the end of `path`; return their count.
 
     If `path` is too short it holds the last cells, and the count is the length needed.
@@ -629,7 +616,7 @@ def trace(search: Search, path: NDArray[np.int32]) -> tuple[int]:
 
 
 @jit
-def add_expanded(states: States, blocks: int, expanded: NDArray[np.bool_]) -> None:
+def add_expanded(states: States, blocks: int, expanded: Bools) -> None:
     """Set `expanded` [height, width] where a state of the first `blocks` was expanded."""
     for block in range(blocks):
         left = states.origins[block] & ORIGIN_MASK

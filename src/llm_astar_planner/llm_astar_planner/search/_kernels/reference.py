@@ -9,8 +9,8 @@ import heapq
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Float32s, Float64s, Uint8s
 from llm_astar_planner.search.kernel_cache import jit
 
 # The eight moves; weights are stored for the first four, at the cell that the move leaves.
@@ -21,9 +21,7 @@ ON_LINE = 1e-6
 
 
 @jit
-def can_move(
-    blocked: NDArray[np.bool_], corner_cutting: bool, x: int, y: int, to_x: int, to_y: int
-) -> bool:
+def can_move(blocked: Bools, corner_cutting: bool, x: int, y: int, to_x: int, to_y: int) -> bool:
     """Tell whether a robot in a free cell may move to a neighbour."""
     height, width = blocked.shape
     if to_x < 0 or to_x >= width or to_y < 0 or to_y >= height or blocked[to_y, to_x]:
@@ -33,12 +31,7 @@ def can_move(
 
 @jit
 def least_sum(
-    blocked: NDArray[np.bool_],
-    corner_cutting: bool,
-    weights: NDArray[np.float32],
-    x: int,
-    y: int,
-    goals: NDArray[np.bool_],
+    blocked: Bools, corner_cutting: bool, weights: Float32s, x: int, y: int, goals: Bools
 ) -> float:
     """Return the least sum of weights of the moves from (x, y) to any goal, inf without a path.
 
@@ -89,12 +82,8 @@ def least_sum(
 
 @jit
 def reach(
-    blocked: NDArray[np.bool_],
-    corner_cutting: bool,
-    removed: NDArray[np.bool_],
-    line: NDArray[np.float64],
-    starts: NDArray[np.bool_],
-) -> NDArray[np.uint8]:
+    blocked: Bools, corner_cutting: bool, removed: Bools, line: Float64s, starts: Bools
+) -> Uint8s:
     """Return which cells can be reached from `starts` by moves between cells that are not removed.
 
     `starts` is bool [height, width]; what is removed or blocked is none. `removed` cells may
@@ -140,7 +129,7 @@ def reach(
 
 
 @jit
-def side_of(line: NDArray[np.float64], x: int, y: int) -> int:
+def side_of(line: Float64s, x: int, y: int) -> int:
     """Return 1 for a point left of the ray's line, -1 right of it; 0 on the ray itself.
 
     On the line behind the ray's origin everything counts as left: nothing is crossed there.
@@ -153,7 +142,7 @@ def side_of(line: NDArray[np.float64], x: int, y: int) -> int:
 
 
 @jit
-def crosses(line: NDArray[np.float64], x: int, y: int, to_x: int, to_y: int) -> bool:
+def crosses(line: Float64s, x: int, y: int, to_x: int, to_y: int) -> bool:
     """Tell whether a move from one side of the ray's line to the other crosses the ray itself."""
     across = line[2] * (y - line[1]) - line[3] * (x - line[0])
     to_across = line[2] * (to_y - line[1]) - line[3] * (to_x - line[0])

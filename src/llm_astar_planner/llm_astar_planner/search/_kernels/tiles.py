@@ -14,8 +14,8 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Int32s, Uint8s, Uint32s
 from llm_astar_planner.search.kernel_cache import jit
 
 # The neighbours that a tile keeps its contacts with: +x, +y, +x+y, -x+y.
@@ -32,23 +32,23 @@ NUMBER_MASK = (1 << NUMBER_BITS) - 1
 class TileTables(NamedTuple):
     """The tiles of a grid; `search.tiles.Tiles` describes them."""
 
-    labels: NDArray[np.uint8]  # [height, width]
+    labels: Uint8s  # [height, width]
     shift: int
     corner_cutting: bool
-    counts: NDArray[np.int32]  # [rows, columns]
-    nodes: NDArray[np.int32]  # [tiles + 1]
-    starts: NDArray[np.int32]  # [tiles + 1]
-    contacts: NDArray[np.uint32]
+    counts: Int32s  # [rows, columns]
+    nodes: Int32s  # [tiles + 1]
+    starts: Int32s  # [tiles + 1]
+    contacts: Uint32s
 
 
 @jit
 def label_tiles(
-    blocked: NDArray[np.bool_],
+    blocked: Bools,
     corner_cutting: bool,
     shift: int,
-    changed: NDArray[np.bool_],
-    labels: NDArray[np.uint8],
-    counts: NDArray[np.int32],
+    changed: Bools,
+    labels: Uint8s,
+    counts: Int32s,
 ) -> None:
     """Give numbers to the local components of the tiles marked in `changed` [rows, columns].
 
@@ -64,9 +64,7 @@ def label_tiles(
 
 
 @jit
-def tile_window(
-    labels: NDArray[np.uint8], shift: int, row: int, column: int
-) -> tuple[int, int, int, int]:
+def tile_window(labels: Uint8s, shift: int, row: int, column: int) -> tuple[int, int, int, int]:
     """Return the cells of a tile: top, bottom, left, right, half open."""
     height, width = labels.shape
     top, left = row << shift, column << shift
@@ -75,10 +73,10 @@ def tile_window(
 
 @jit
 def label_tile(
-    blocked: NDArray[np.bool_],
+    blocked: Bools,
     corner_cutting: bool,
-    labels: NDArray[np.uint8],
-    parents: NDArray[np.int32],
+    labels: Uint8s,
+    parents: Int32s,
     window: tuple[int, int, int, int],
 ) -> int:
     """Label the components of the tile of a window; return how many."""
@@ -130,7 +128,7 @@ def label_tile(
 
 
 @jit
-def join(parents: NDArray[np.int32], one: int, other: int) -> int:
+def join(parents: Int32s, one: int, other: int) -> int:
     """Join two sets; the smaller root becomes that of both. Return 1 if they were two, else 0."""
     while parents[one] != one:
         parents[one] = parents[parents[one]]
@@ -146,14 +144,14 @@ def join(parents: NDArray[np.int32], one: int, other: int) -> int:
 
 @jit
 def find_contacts(
-    labels: NDArray[np.uint8],
+    labels: Uint8s,
     corner_cutting: bool,
     shift: int,
-    stale: NDArray[np.bool_],
-    old_starts: NDArray[np.int32],
-    old_contacts: NDArray[np.uint32],
-    starts: NDArray[np.int32],
-    contacts: NDArray[np.uint32],
+    stale: Bools,
+    old_starts: Int32s,
+    old_contacts: Uint32s,
+    starts: Int32s,
+    contacts: Uint32s,
 ) -> None:
     """List the contacts of all tiles, tile after tile, those of tile t from `starts[t]` on.
 
@@ -178,12 +176,12 @@ def find_contacts(
 
 @jit
 def tile_contacts(
-    labels: NDArray[np.uint8],
+    labels: Uint8s,
     corner_cutting: bool,
     shift: int,
     row: int,
     column: int,
-    contacts: NDArray[np.uint32],
+    contacts: Uint32s,
     count: int,
 ) -> int:
     """Append the contacts of one tile to `contacts`, of which there are `count`; return how many.
@@ -214,13 +212,13 @@ def tile_contacts(
 
 @jit
 def border_contacts(
-    labels: NDArray[np.uint8],
+    labels: Uint8s,
     y: int,
     x: int,
     size: int,
     neighbour: int,
     corner_cutting: bool,
-    contacts: NDArray[np.uint32],
+    contacts: Uint32s,
     count: int,
 ) -> int:
     """Append the contacts across one border of a tile: `size` cells from (x, y) on."""
@@ -272,11 +270,7 @@ def pack(number: Any, other: Any, neighbour: int, first: int, last: int) -> Any:
 
 @jit
 def join_tiles(
-    nodes: NDArray[np.int32],
-    columns: int,
-    starts: NDArray[np.int32],
-    contacts: NDArray[np.uint32],
-    components: NDArray[np.int32],
+    nodes: Int32s, columns: int, starts: Int32s, contacts: Uint32s, components: Int32s
 ) -> None:
     """Fill `components` with the number of the component of the whole grid of each node.
 

@@ -27,9 +27,10 @@ from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float32]
+from llm_astar_planner.search.arrays import Float32s, Int32s
+
+Floats = Float32s
 
 START, GOAL = 0, 1
 # Fourier features of a coordinate: half periods of 1, 1/2, 1/4, ... of the longer side.
@@ -50,7 +51,7 @@ class Features:
     pairs: Floats  # [n, PAIR_FEATURES, N, N]
 
 
-def place_nodes(barriers: NDArray[np.int32], endpoints: NDArray[np.int32]) -> NDArray[np.int32]:
+def place_nodes(barriers: Int32s, endpoints: Int32s) -> Int32s:
     """Return the cells [n, N, 2] of the nodes.
 
     `barriers` [n, B, 4] are (horizontal, line, first, last), `endpoints` [n, 2, 2] start and goal.
@@ -63,9 +64,7 @@ def place_nodes(barriers: NDArray[np.int32], endpoints: NDArray[np.int32]) -> ND
     return np.concatenate([endpoints, cells.reshape(len(cells), -1, 2)], axis=1)
 
 
-def featurise(
-    barriers: NDArray[np.int32], size: NDArray[np.int32], endpoints: NDArray[np.int32]
-) -> Features:
+def featurise(barriers: Int32s, size: Int32s, endpoints: Int32s) -> Features:
     """Compute the network's inputs; `size` [n, 2] is width and height in cells."""
     cells = place_nodes(barriers, endpoints).astype(np.float32)
     side = size.max(axis=1).astype(np.float32)
@@ -73,9 +72,7 @@ def featurise(
     return Features(nodes, barrier_features(barriers, cells, side), pair_features(cells, side))
 
 
-def node_features(
-    barriers: NDArray[np.int32], size: NDArray[np.int32], cells: Floats, side: Floats
-) -> Floats:
+def node_features(barriers: Int32s, size: Int32s, cells: Floats, side: Floats) -> Floats:
     """Return [n, N, NODE_FEATURES]; `cells` [n, N, 2] are the nodes, `side` [n] longer sides."""
     count, nodes = cells.shape[:2]
     unit = side[:, None, None]
@@ -97,7 +94,7 @@ def node_features(
     return np.concatenate(parts, axis=-1, dtype=np.float32)
 
 
-def tip_features(barriers: NDArray[np.int32], unit: Floats) -> Floats:
+def tip_features(barriers: Int32s, unit: Floats) -> Floats:
     """Return [n, N, 6]: the direction in which a barrier's end points; zeros for start and goal.
 
     The unit vector, the vector times the barrier's length over the longer side, and the vector
@@ -112,7 +109,7 @@ def tip_features(barriers: NDArray[np.int32], unit: Floats) -> Floats:
     return np.concatenate([np.zeros((count, 2, 6)), tips], axis=1, dtype=np.float32)
 
 
-def barrier_features(barriers: NDArray[np.int32], cells: Floats, side: Floats) -> Floats:
+def barrier_features(barriers: Int32s, cells: Floats, side: Floats) -> Floats:
     """Return [n, N, B, BARRIER_FEATURES]: nodes relative to a barrier's ends and its line."""
     horizontal, line, first, last = np.moveaxis(barriers[:, None], -1, 0)
     x, y = cells[:, :, None, 0], cells[:, :, None, 1]

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
-from numpy.typing import NDArray
 
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.arrays import Bools, Int32s
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.config import SourceContext
 from llm_astar_planner.waypoints.learned import network
@@ -75,7 +75,7 @@ class EmbeddedSource:
         model = network.packaged_weights().digest
         return WaypointReply(points, self.label, status, detail, model=model)
 
-    def _routes(self, query: WaypointQuery) -> tuple[NDArray[np.int32], list[Route]]:
+    def _routes(self, query: WaypointQuery) -> tuple[Int32s, list[Route]]:
         """Return the cells [N, 2] of the nodes, and routes over them, the greedy one first."""
         height, width = query.costmap.blocked.shape
         barriers = barriers_of(query.costmap)[None]
@@ -89,7 +89,7 @@ class EmbeddedSource:
 
 
 @cached(MAPS_KEPT, key=lambda costmap: costmap.key)
-def barriers_of(costmap: Costmap) -> NDArray[np.int32]:
+def barriers_of(costmap: Costmap) -> Int32s:
     """Return a costmap's barriers [B, 4] as (horizontal, line, first, last), computed once."""
     found = decompose_barriers(costmap.blocked, MAX_BARRIERS)
     rows = [(1, *barrier) for barrier in found.horizontal_barriers]
@@ -97,7 +97,7 @@ def barriers_of(costmap: Costmap) -> NDArray[np.int32]:
     return np.array(rows, np.int32).reshape(-1, 4)
 
 
-def usable_nodes(cells: NDArray[np.int32], blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def usable_nodes(cells: Int32s, blocked: Bools) -> Bools:
     """Return which nodes [N] a route may visit: free cells [N, 2] on the map, no cell twice.
 
     `blocked` is bool [height, width]. The goal is always usable.
@@ -109,13 +109,13 @@ def usable_nodes(cells: NDArray[np.int32], blocked: NDArray[np.bool_]) -> NDArra
     first = np.zeros(len(cells), dtype=np.bool_)
     # A node is at most one cell off the map, so different cells get different numbers.
     first[np.unique(y * (width + 2) + x, return_index=True)[1]] = True
-    usable: NDArray[np.bool_] = inside & ~blocked[on_map[:, 1], on_map[:, 0]] & first
+    usable: Bools = inside & ~blocked[on_map[:, 1], on_map[:, 0]] & first
     usable[GOAL] = True
     return usable
 
 
 def draw_routes(
-    logits: Floats, usable: NDArray[np.bool_], count: int, random: np.random.Generator
+    logits: Floats, usable: Bools, count: int, random: np.random.Generator
 ) -> list[Route]:
     """Return up to `count` different routes from start to goal, the greedy one first.
 
@@ -131,9 +131,7 @@ def draw_routes(
     return routes
 
 
-def follow(
-    logits: Floats, usable: NDArray[np.bool_], random: np.random.Generator | None = None
-) -> Route:
+def follow(logits: Floats, usable: Bools, random: np.random.Generator | None = None) -> Route:
     """Return a route of the most probable hops, or of hops drawn with `random`.
 
     No node is visited twice. `logits` is [N, N], `usable` [N].
@@ -154,7 +152,7 @@ def follow(
 
 
 def shortest_in_sight(
-    routes: Iterable[Route], cells: NDArray[np.int32], sight: LineOfSightChecker
+    routes: Iterable[Route], cells: Int32s, sight: LineOfSightChecker
 ) -> Route | None:
     """Return the shortest route whose segments are all lines of sight, None if there is none."""
 

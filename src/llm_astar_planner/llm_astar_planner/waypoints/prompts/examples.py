@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
+from llm_astar_planner.search.arrays import Bools, Float64s
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts import map_description as descriptions
@@ -149,12 +149,12 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     return SolvedSample(description, path)
 
 
-def relative(start: Cell, goal: Cell, size: tuple[int, int]) -> NDArray[np.float64]:
+def relative(start: Cell, goal: Cell, size: tuple[int, int]) -> Float64s:
     """Return x, y of the start and of the goal as parts of width and height: float64 [4]."""
     return np.array([*start, *goal]) / (*size, *size)
 
 
-def occupied_tiles(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def occupied_tiles(blocked: Bools) -> Bools:
     """Return which tiles of a map hold a blocked cell, its outermost cells left aside.
 
     `blocked` is bool [height, width], the result bool [tiles], bottom row first.
@@ -167,7 +167,7 @@ def occupied_tiles(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return tiles.ravel()
 
 
-def is_same_map(barrier_map: BarrierMap, blocked: NDArray[np.bool_]) -> bool:
+def is_same_map(barrier_map: BarrierMap, blocked: Bools) -> bool:
     """Return whether a grid is this map at some scale: it is blocked along every barrier.
 
     A grid with more obstacles than the map counts too. `blocked` is bool [height, width].
@@ -286,7 +286,7 @@ def is_follow_up(text: str) -> bool:
     return text == ASK_FOR_A_LIST or text.startswith(_DOES_NOT_WORK)
 
 
-def first_blocked_cell(blocked: NDArray[np.bool_], a: Waypoint, b: Waypoint) -> Cell | None:
+def first_blocked_cell(blocked: Bools, a: Waypoint, b: Waypoint) -> Cell | None:
     """Return the first blocked cell (x, y) on the straight segment from a to b, None if free."""
     steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1]))) + 1
     lines = [np.linspace(*ends, steps + 1) for ends in zip(a, b)]

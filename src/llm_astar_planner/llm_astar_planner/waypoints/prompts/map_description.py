@@ -18,8 +18,8 @@ import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, coarsen, decompose_barriers
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, parse_barrier_map
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import Waypoint, WaypointQuery
 
@@ -152,7 +152,7 @@ def make_description(
     )  # fmt: skip
 
 
-def exact_barriers(blocked: NDArray[np.bool_], limit: int) -> BarrierMap | None:
+def exact_barriers(blocked: Bools, limit: int) -> BarrierMap | None:
     """Return at most `limit` barriers that block exactly these cells, None if there are none.
 
     The outermost cells are not compared: a barrier map has walls there.
