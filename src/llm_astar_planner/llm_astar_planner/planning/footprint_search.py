@@ -335,9 +335,8 @@ class FootprintChecker:
 
         Yaws are relative to the grid, in radians.
         """
-        return not kernels.turn_collides(
-            *self._rules, float(place[0]), float(place[1]), (begin, end)
-        )
+        x, y = map(float, place)
+        return not kernels.turn_collides(self._rules, x, y, (begin, end))
 
     def path_collides(
         self, path: ArrayLike, start_yaw: float | None = None, goal_yaw: float | None = None
@@ -350,7 +349,7 @@ class FootprintChecker:
         """
         points = np.ascontiguousarray(path, dtype=np.float64).reshape(-1, 2)
         ends = (math.nan if yaw is None else yaw for yaw in (start_yaw, goal_yaw))
-        return bool(kernels.path_collides(*self._rules, points, *ends))
+        return bool(kernels.path_collides(self._rules, points, *ends))
 
     def to_grid(self, poses: ArrayLike) -> Float64s:
         """Turn poses (x, y, yaw) [n, 3] in metres and radians into poses on the grid, in cells."""
@@ -372,5 +371,5 @@ class FootprintChecker:
 
     def collisions_on_grid(self, poses: Float64s) -> Bools:
         """Tell for each pose [n, 3] in grid coordinates whether it collides: bool [n]."""
-        found: Bools = kernels.all_collisions(*self._rules, poses)
+        found: Bools = kernels.all_collisions(self._rules, poses)
         return found

@@ -20,7 +20,7 @@ from llm_astar_planner.lazy import shapely
 from llm_astar_planner.planning._kernels import path_checks as kernels
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, Uint8s
+from llm_astar_planner.search.arrays import Bools, Float64s, Int32s, Int64s
 from llm_astar_planner.search.result import Cell
 
 # Less than the costmap's own rounding, so that no cell which is free there is blocked here.
@@ -43,8 +43,6 @@ FAULTS = {
 AGAINST = 'it goes against a rule of the road at'
 # The bits of a move by one row or column back, none or on, in `GridMap.forbidden`: rows first.
 BITS = np.array([[64, 8, 128], [4, 0, 1], [32, 2, 16]], dtype=np.uint8)
-# A map's cells, what is known of its tiles, the threshold, `allow_unknown`, the squared radius.
-Rules = tuple[Int8s, Uint8s, int, bool, int]
 
 
 class PathMetrics(NamedTuple):
@@ -71,9 +69,8 @@ class CollisionChecker:
         self._resolution, self._cuts_corners = grid_map.resolution, config.corner_cutting
         radius = config.robot_radius / grid_map.resolution
         reach = math.floor(radius**2 + ROUNDING) if radius > 0.0 else -1
-        # The first arguments of the kernels.
         tiles = np.zeros([-(-side // kernels.TILE) for side in grid_map.cells.shape], np.uint8)
-        self.rules: Rules = (
+        self.rules: kernels.Rules = (
             grid_map.cells, tiles, config.occupied_threshold, config.allow_unknown, reach
         )  # fmt: skip
         self.forbidden = grid_map.forbidden
@@ -93,7 +90,7 @@ class CollisionChecker:
         """
         x, y = cells.T
         has_rules = self.forbidden.size and self.forbidden[y, x].any()
-        return not has_rules and bool(kernels.first_blocked(*self.rules, cells) < 0)
+        return not has_rules and bool(kernels.first_blocked(self.rules, cells) < 0)
 
     def is_free_curve(self, points: Float64s) -> bool:
         """Tell whether a line through points [n, 2], at most a cell apart, stays on free cells."""
@@ -111,7 +108,7 @@ class CollisionChecker:
             return 'it is empty'
         ends = int(start[0]), int(start[1]), int(goal[0]), int(goal[1])
         cells = np.ascontiguousarray(path, np.int64)
-        fault, n = kernels.path_fault(*self.rules, cells, ends, self._cuts_corners)
+        fault, n = kernels.path_fault(self.rules, cells, ends, self._cuts_corners)
         if fault == kernels.FINE:
             n = self.first_against(cells) if self.forbidden.size else -1
             return None if n < 0 else f'{AGAINST} {cell_text(path[n])}'
@@ -129,7 +126,7 @@ class CollisionChecker:
         """
         cells = np.ascontiguousarray(points, np.int64)
         for begin, end in pairwise(cells):
-            fault, x, y = kernels.segment_fault(*self.rules, begin, end, self._cuts_corners)
+            fault, x, y = kernels.segment_fault(self.rules, begin, end, self._cuts_corners)
             if fault == kernels.CORNER:
                 return f'the segment from {cell_text(begin)} cuts a corner'
             if fault != kernels.FINE:
@@ -214,12 +211,10 @@ def invalid_poses(
     """
     if len(cells) == 0:
         return np.zeros(0, dtype=np.bool_)
-    grid_cells, tiles, threshold, may_be_unknown, reach = checker.rules
-    is_allowed = may_be_unknown and allow_unknown
+    *others, may_be_unknown, reach = checker.rules
+    rules = *others, may_be_unknown and allow_unknown, reach
     path = np.ascontiguousarray(cells, np.int64)
-    invalid: Bools = kernels.invalid_poses(
-        grid_cells, tiles, threshold, is_allowed, reach, path, cost_limit
-    )
+    invalid: Bools = kernels.invalid_poses(rules, path, cost_limit)
     for n in range(1, len(path) if checker.forbidden.size else 0):
         if not (invalid[n - 1] or invalid[n]):
             invalid[n] = checker.first_against(passed_cells(*path[n - 1 : n + 1])) >= 0

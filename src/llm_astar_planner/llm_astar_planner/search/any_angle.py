@@ -85,7 +85,7 @@ def string_pull(grid: GridGraph, path: Int32s, *, deadline: float = math.inf) ->
     while not is_done:
         if time.monotonic() >= deadline:
             raise TimeoutError('the path at any angle is left out: there was no time for it')
-        is_done = kernels.string_pull(*rules, points, centres, counts, costs, SLICE)
+        is_done = kernels.string_pull(rules, points, centres, counts, costs, SLICE)
     points = points[: counts[kernels.POINTS]].copy()
     cost, length, _, _ = kernels.path_cost(rules, points)
     return AnyAnglePath(points, length, cost)

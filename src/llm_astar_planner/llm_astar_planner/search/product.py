@@ -178,9 +178,8 @@ class ProductSearch:
             return SearchStatus.EXHAUSTED
         kernels.begin(self._search, self._start)
         while not stop[0] and time.monotonic() < deadline:
-            ended = kernels.advance(
-                *self._search, self._every_move, self._priced, EXPANSION_SLICE, stop
-            )
+            how = self._every_move, self._priced, EXPANSION_SLICE, stop
+            ended = kernels.advance(self._search, *how)
             if ended == plain_kernels.NEED_SPACE:
                 self.add_space()
             elif ended != plain_kernels.RUNNING:

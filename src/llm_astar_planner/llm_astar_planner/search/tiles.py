@@ -64,11 +64,11 @@ class Tiles:
         labels = np.empty(grid.shape, dtype=np.uint8)
         changed = np.ones((rows, columns), dtype=np.bool_)
         counts = np.empty((rows, columns), dtype=np.int32)
-        kernels.label_tiles(grid, corner_cutting, shift, changed, labels, counts)
         starts, contacts = np.zeros(counts.size + 1, dtype=np.int32), np.empty(0, dtype=np.uint32)
         tables = kernels.TileTables(
             labels, shift, corner_cutting, counts, starts, starts, contacts
         )
+        kernels.label_tiles(tables, grid, changed)
         return joined(tables, changed)
 
     def updated(self, blocked: Bools, windows: ArrayLike) -> Tiles:
@@ -85,11 +85,8 @@ class Tiles:
         for top, bottom, left, right in np.asarray(windows, dtype=np.int64).reshape(-1, 4):
             rows = slice(top >> shift, (bottom + last) >> shift)
             changed[rows, left >> shift : (right + last) >> shift] = True
-        labels, counts = tables.labels.copy(), tables.counts.copy()
-        grid = np.ascontiguousarray(blocked)
-        kernels.label_tiles(grid, tables.corner_cutting, shift, changed, labels, counts)
-        _, _, corner_cutting, _, nodes, starts, contacts = tables
-        tables = kernels.TileTables(labels, shift, corner_cutting, counts, nodes, starts, contacts)
+        tables = tables._replace(labels=tables.labels.copy(), counts=tables.counts.copy())
+        kernels.label_tiles(tables, np.ascontiguousarray(blocked), changed)
         return joined(tables, changed)
 
     @property
@@ -138,7 +135,7 @@ def joined(tables: kernels.TileTables, changed: Bools) -> Tiles:
 
     Those between tiles that are not marked in `changed` [rows, columns] are taken over.
     """
-    labels, shift, corner_cutting, counts, _, old_starts, old_contacts = tables
+    _, shift, corner_cutting, counts, _, _, old_contacts = tables
     nodes = np.zeros(counts.size + 1, dtype=np.int32)
     np.cumsum(counts.ravel() + 1, out=nodes[1:])
     starts = np.empty(counts.size + 1, dtype=np.int32)
@@ -151,11 +148,9 @@ def joined(tables: kernels.TileTables, changed: Bools) -> Tiles:
     # At most every second cell of a border begins a run; corners may connect any cell to three.
     most = (6 << shift) + 2 if corner_cutting else 1 << shift
     contacts = np.empty(old_contacts.size + int(stale.sum()) * most, dtype=np.uint32)
-    kernels.find_contacts(
-        labels, corner_cutting, shift, stale, old_starts, old_contacts, starts, contacts
-    )
+    kernels.find_contacts(tables, stale, starts, contacts)
     contacts = contacts[: starts[-1]].copy()
     components = np.empty(nodes[-1], dtype=np.int32)
     kernels.join_tiles(nodes, counts.shape[1], starts, contacts, components)
-    tables = kernels.TileTables(labels, shift, corner_cutting, counts, nodes, starts, contacts)
+    tables = tables._replace(nodes=nodes, starts=starts, contacts=contacts)
     return Tiles(tables, components)

@@ -21,6 +21,8 @@ HALF = 0.5
 # Cells that a point of the polygon may move between two looks, at first and if that finds a
 # collision: cells are taken to be half of it larger, so that nothing between two looks is missed.
 STEPS = (0.5, 0.1)
+# A map's cells, the threshold, whether unknown cells are lethal, and the polygon [n, 2] in cells.
+Body = tuple[Int8s, int, bool, Float64s]
 
 
 @jit
@@ -48,20 +50,13 @@ def touches(corners: Float64s, x: float, y: float, half: float) -> bool:
 
 
 @jit
-def collides(
-    cells: Int8s,
-    threshold: int,
-    unknown_blocks: bool,
-    points: Float64s,
-    pose: Float64s,
-    corners: Float64s,
-    half: float,
-) -> bool:
+def collides(body: Body, pose: Float64s, corners: Float64s, half: float) -> bool:
     """Tell whether a polygon at a pose (x, y, yaw) meets a lethal cell or leaves the map.
 
     `points` [n, 2] is the polygon in the robot's frame; `corners` [n, 2] is written over. Cells
     reach `half` to each side, HALF or more.
     """
+    cells, threshold, unknown_blocks, points = body
     height, width = cells.shape
     x, y, cos, sin = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
     left = right = x + points[0, 0] * cos - points[0, 1] * sin
@@ -105,27 +100,19 @@ def clear(cells: Int8s, points: Float64s, pose: Float64s) -> None:
 
 
 @jit
-def all_collisions(
-    cells: Int8s, threshold: int, unknown_blocks: bool, points: Float64s, poses: Float64s
-) -> Bools:
+def all_collisions(body: Body, poses: Float64s) -> Bools:
     """Tell for each pose [m, 3] whether a polygon collides there: bool [m]."""
-    corners = np.empty_like(points)
+    corners = np.empty_like(body[3])
     found = np.empty(len(poses), dtype=np.bool_)
     for n in range(len(poses)):
-        found[n] = collides(cells, threshold, unknown_blocks, points, poses[n], corners, HALF)
+        found[n] = collides(body, poses[n], corners, HALF)
     return found
 
 
 @jit
-def motion_collides(
-    cells: Int8s,
-    threshold: int,
-    unknown_blocks: bool,
-    points: Float64s,
-    begin: Float64s,
-    change: Float64s,
-) -> bool:
+def motion_collides(body: Body, begin: Float64s, change: Float64s) -> bool:
     """Tell whether a polygon collides between a pose (x, y, yaw) and the one `change` [3] on."""
+    points = body[3]
     reach = 0.0
     for n in range(len(points)):
         reach = max(reach, math.hypot(points[n, 0], points[n, 1]))
@@ -137,7 +124,7 @@ def motion_collides(
         free = True
         for n in range(count + 1):
             pose[:] = begin + change * (n / count)
-            if collides(cells, threshold, unknown_blocks, points, pose, corners, half):
+            if collides(body, pose, corners, half):
                 free = False
                 break
         if free:
@@ -146,35 +133,19 @@ def motion_collides(
 
 
 @jit
-def turn_collides(
-    cells: Int8s,
-    threshold: int,
-    unknown_blocks: bool,
-    points: Float64s,
-    x: float,
-    y: float,
-    yaws: tuple[float, float],
-) -> bool:
+def turn_collides(body: Body, x: float, y: float, yaws: tuple[float, float]) -> bool:
     """Tell whether a polygon collides that turns on the spot, whichever way round it turns."""
     begin, change = np.array([x, y, yaws[0]]), np.zeros(3)
     angle = (yaws[1] - yaws[0] + math.pi) % (2.0 * math.pi) - math.pi
     for turn in (0.0, -2.0 * math.pi if angle > 0.0 else 2.0 * math.pi):
         change[2] = angle + turn
-        if not motion_collides(cells, threshold, unknown_blocks, points, begin, change):
+        if not motion_collides(body, begin, change):
             return False
     return True
 
 
 @jit
-def path_collides(
-    cells: Int8s,
-    threshold: int,
-    unknown_blocks: bool,
-    points: Float64s,
-    path: Float64s,
-    start_yaw: float,
-    goal_yaw: float,
-) -> bool:
+def path_collides(body: Body, path: Float64s, start_yaw: float, goal_yaw: float) -> bool:
     """Tell whether a polygon collides that follows a path [n, 2].
 
     It moves ahead from point to point and turns on the spot between; at the first point it turns
@@ -194,14 +165,14 @@ def path_collides(
         change[0], change[1] = step_x / count, step_y / count
         for m in range(count):
             begin[0], begin[1] = x + m * change[0], y + m * change[1]
-            if motion_collides(cells, threshold, unknown_blocks, points, begin, change):
+            if motion_collides(body, begin, change):
                 return True
         turns = not math.isnan(before) and before != yaw
-        if turns and turn_collides(cells, threshold, unknown_blocks, points, x, y, (before, yaw)):
+        if turns and turn_collides(body, x, y, (before, yaw)):
             return True
         before = yaw
     if math.isnan(goal_yaw):
         return False
     before = goal_yaw if math.isnan(before) else before
     x, y = path[-1]
-    return turn_collides(cells, threshold, unknown_blocks, points, x, y, (before, goal_yaw))
+    return turn_collides(body, x, y, (before, goal_yaw))

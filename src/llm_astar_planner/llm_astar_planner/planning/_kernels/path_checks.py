@@ -30,6 +30,8 @@ SHORT = 4
 UNSEEN, EMPTY, LETHAL = range(3)
 # What is wrong with a path.
 FINE, ENDS, OUTSIDE, OBSTACLE, JUMP, CORNER = range(6)
+# A map's cells, its tiles, the threshold, whether unknown cells are free, and the reach.
+Rules = tuple[Int8s, Uint8s, int, bool, int]
 
 
 @jit
@@ -179,10 +181,9 @@ def box_has_lethal(
 
 
 @jit
-def first_blocked(
-    cells: Int8s, tiles: Uint8s, threshold: int, allow_unknown: bool, reach: int, places: Int64s
-) -> int:
+def first_blocked(rules: Rules, places: Int64s) -> int:
     """Return the index of the first blocked place (x, y) [n, 2] on the map, or -1."""
+    cells, tiles, threshold, allow_unknown, reach = rules
     own = -1
     for n in range(len(places) - 1, -1, -1):
         value = cells[places[n, 1], places[n, 0]]
@@ -202,20 +203,13 @@ def first_blocked(
 
 @jit
 def path_fault(
-    cells: Int8s,
-    tiles: Uint8s,
-    threshold: int,
-    allow_unknown: bool,
-    reach: int,
-    path: Int64s,
-    ends: tuple[int, int, int, int],
-    corner_cutting: bool,
+    rules: Rules, path: Int64s, ends: tuple[int, int, int, int], corner_cutting: bool
 ) -> tuple[int, int]:
     """Return the first rule that a path [n, 2], n > 0, breaks, and the index of the cell.
 
     `ends` is the start (x, y) and the goal (x, y). The rules are in the order of their numbers.
     """
-    height, width = cells.shape
+    height, width = rules[0].shape
     first, last = path[0], path[-1]
     if first[0] != ends[0] or first[1] != ends[1] or last[0] != ends[2] or last[1] != ends[3]:
         return ENDS, 0
@@ -237,13 +231,13 @@ def path_fault(
             corners[2 * count, 0], corners[2 * count, 1] = path[n + 1, 0], path[n, 1]
             corners[2 * count + 1, 0], corners[2 * count + 1, 1] = path[n, 0], path[n + 1, 1]
             count += 1
-    n = first_blocked(cells, tiles, threshold, allow_unknown, reach, path)
+    n = first_blocked(rules, path)
     if n >= 0:
         return OBSTACLE, n
     if jump >= 0:
         return JUMP, jump
     if not corner_cutting:
-        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, corners)
+        n = first_blocked(rules, corners)
         if n >= 0:
             return CORNER, moves[n // 2]
     return FINE, 0
@@ -251,21 +245,14 @@ def path_fault(
 
 @jit
 def segment_fault(
-    cells: Int8s,
-    tiles: Uint8s,
-    threshold: int,
-    allow_unknown: bool,
-    reach: int,
-    begin: Int64s,
-    end: Int64s,
-    corner_cutting: bool,
+    rules: Rules, begin: Int64s, end: Int64s, corner_cutting: bool
 ) -> tuple[int, int, int]:
     """Return the rule that a straight segment between two cells breaks, and the cell (x, y).
 
     Every cell that it passes through is looked at; then, unless `corner_cutting`, the two cells
     beside each corner of cells that it passes exactly over. Whole numbers, so exactly.
     """
-    height, width = cells.shape
+    height, width = rules[0].shape
     far_x, far_y = abs(end[0] - begin[0]), abs(end[1] - begin[1])
     step_x, step_y = np.sign(end[0] - begin[0]), np.sign(end[1] - begin[1])
     passed = np.empty((far_x + far_y + 1, 2), dtype=np.int64)
@@ -292,11 +279,11 @@ def segment_fault(
         if to_row <= to_column:
             y += step_y
             along += 1
-    n = first_blocked(cells, tiles, threshold, allow_unknown, reach, passed[:count])
+    n = first_blocked(rules, passed[:count])
     if n >= 0:
         return OBSTACLE, passed[n, 0], passed[n, 1]
     if not corner_cutting:
-        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, corners[:corner_count])
+        n = first_blocked(rules, corners[:corner_count])
         if n >= 0:
             return CORNER, corners[n, 0], corners[n, 1]
     return FINE, 0, 0
@@ -366,20 +353,13 @@ def nearest_places(path: Int32s, points: Float64s) -> Int64s:
 
 
 @jit
-def invalid_poses(
-    cells: Int8s,
-    tiles: Uint8s,
-    threshold: int,
-    allow_unknown: bool,
-    reach: int,
-    path: Int64s,
-    cost_limit: int,
-) -> Bools:
+def invalid_poses(rules: Rules, path: Int64s, cost_limit: int) -> Bools:
     """Tell for each pose [n, 2], n > 0, of a path whether a robot cannot reach it: bool [n].
 
     It cannot where the cell is off the map, is blocked, or costs `cost_limit` or more, nor where
     the straight segment from the pose before, if that is more than a cell away, is blocked.
     """
+    cells, tiles, threshold, allow_unknown, reach = rules
     height, width = cells.shape
     invalid = np.empty(len(path), dtype=np.bool_)
     inside = np.empty_like(path)
@@ -402,8 +382,5 @@ def invalid_poses(
     for n in range(1, len(path)):
         far = max(abs(path[n, 0] - path[n - 1, 0]), abs(path[n, 1] - path[n - 1, 1])) > 1
         if far and not (blocked[n - 1] or blocked[n]):
-            fault = segment_fault(
-                cells, tiles, threshold, allow_unknown, reach, path[n - 1], path[n], True
-            )
-            invalid[n] = fault[0] != FINE
+            invalid[n] = segment_fault(rules, path[n - 1], path[n], True)[0] != FINE
     return invalid

@@ -168,14 +168,7 @@ def add_passed_centres(points: Int32s, count: int, centres: Int32s) -> int:
 
 @jit
 def string_pull(
-    blocked: Bools,
-    cell_surcharge: Uint16s,
-    corner_cutting: bool,
-    points: Int32s,
-    centres: Int32s,
-    counts: Int64s,
-    costs: Float64s,
-    quota: int,
+    rules: Rules, points: Int32s, centres: Int32s, counts: Int64s, costs: Float64s, quota: int
 ) -> bool:
     """Pull the path in `points` taut, or go on with that; return whether it is done.
 
@@ -186,6 +179,7 @@ def string_pull(
     below, at first 0; the path's cost, and that along it from the last kept point. A call ends
     after lines over `quota` cells.
     """
+    blocked, cell_surcharge, corner_cutting = rules
     left: Any = quota
     uniform = cell_surcharge.size == 0
     index: Any
@@ -243,7 +237,7 @@ def string_pull(
         counts[INDEX] = 0
         counts[PULLS] += 1
         if counts[PULLS] % 2 == 0:
-            cost = path_cost((blocked, cell_surcharge, corner_cutting), points[: kept + 1])[0]
+            cost = path_cost(rules, points[: kept + 1])[0]
             if cost > costs[0] - MIN_GAIN or counts[PULLS] == MAX_PULLS:
                 costs[0] = cost
                 return True

@@ -429,21 +429,7 @@ def page_of(width: int, x: int, y: int) -> int:
 
 
 @jit
-def advance(
-    tables: Tables,
-    guide: Guide,
-    layers: Layers,
-    states: States,
-    queue: Queue,
-    heads: Int32s,
-    table: Int32s,
-    control: Int64s,
-    best: Float64s,
-    every_move: bool,
-    priced: bool,
-    quota: int,
-    stop: Uint8s,
-) -> int:
+def advance(search: Search, every_move: bool, priced: bool, quota: int, stop: Uint8s) -> int:
     """Expand up to `quota` states; return how the call ended.
 
     `every_move` also tries the moves that uniform costs make pointless; graded costs and prices
@@ -451,6 +437,7 @@ def advance(
     again with longer arrays that begin as before.
     """
     # Taken out of the tuples once: numba counts references at each access.
+    tables, guide, layers, states, queue, heads, table, control, best = search
     moves, cell_surcharge, width, straight, diagonal = tables.grid
     price, letters = tables.price, tables.letters
     boxes, rows, active, low, high = guide.boxes, guide.rows, guide.active, guide.low, guide.high

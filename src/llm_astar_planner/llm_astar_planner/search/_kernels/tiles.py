@@ -42,19 +42,13 @@ class TileTables(NamedTuple):
 
 
 @jit
-def label_tiles(
-    blocked: Bools,
-    corner_cutting: bool,
-    shift: int,
-    changed: Bools,
-    labels: Uint8s,
-    counts: Int32s,
-) -> None:
+def label_tiles(tiles: TileTables, blocked: Bools, changed: Bools) -> None:
     """Give numbers to the local components of the tiles marked in `changed` [rows, columns].
 
-    Fills `labels` [height, width], 0 where blocked, and `counts` [rows, columns], how many each
-    tile has. Cells that share a side are connected, with corner cutting also diagonal ones.
+    Fills `tiles.labels`, 0 where blocked, and `tiles.counts`, how many each tile has. Cells that
+    share a side are connected, with corner cutting also diagonal ones.
     """
+    labels, shift, corner_cutting, counts, _, _, _ = tiles
     parents = np.empty((1 << 2 * shift) // 2 + 2, dtype=np.int32)
     for row in range(changed.shape[0]):
         for column in range(changed.shape[1]):
@@ -143,19 +137,10 @@ def join(parents: Int32s, one: int, other: int) -> int:
 
 
 @jit
-def find_contacts(
-    labels: Uint8s,
-    corner_cutting: bool,
-    shift: int,
-    stale: Bools,
-    old_starts: Int32s,
-    old_contacts: Uint32s,
-    starts: Int32s,
-    contacts: Uint32s,
-) -> None:
+def find_contacts(tiles: TileTables, stale: Bools, starts: Int32s, contacts: Uint32s) -> None:
     """List the contacts of all tiles, tile after tile, those of tile t from `starts[t]` on.
 
-    Tiles that are not marked in `stale` [rows, columns] have those of the old list.
+    Tiles that are not marked in `stale` [rows, columns] have those that are in `tiles`.
     """
     rows, columns = stale.shape
     # Whole numbers are written with their type where a constant would have a function of it
@@ -166,41 +151,31 @@ def find_contacts(
             tile = row * columns + column
             starts[tile] = count
             if stale[row, column]:
-                count = tile_contacts(labels, corner_cutting, shift, row, column, contacts, count)
+                count = tile_contacts(tiles, row, column, contacts, count)
             else:
-                for old in range(old_starts[tile], old_starts[tile + 1]):
-                    contacts[count] = old_contacts[old]
+                for old in range(tiles.starts[tile], tiles.starts[tile + 1]):
+                    contacts[count] = tiles.contacts[old]
                     count += 1
     starts[rows * columns] = count
 
 
 @jit
-def tile_contacts(
-    labels: Uint8s,
-    corner_cutting: bool,
-    shift: int,
-    row: int,
-    column: int,
-    contacts: Uint32s,
-    count: int,
-) -> int:
+def tile_contacts(tiles: TileTables, row: int, column: int, contacts: Uint32s, count: int) -> int:
     """Append the contacts of one tile to `contacts`, of which there are `count`; return how many.
 
     Each run of cells that are free on both sides of the border is one contact. With corner
     cutting the diagonal neighbours across the border count too.
     """
+    labels, cutting = tiles.labels, tiles.corner_cutting
     height, width = labels.shape
-    top, bottom, left, right = tile_window(labels, shift, row, column)
+    top, bottom, left, right = tile_window(labels, tiles.shift, row, column)
     if right < width:
-        count = border_contacts(
-            labels, top, right - 1, bottom - top, np.int64(EAST), corner_cutting, contacts, count
-        )
+        size, side = bottom - top, np.int64(EAST)
+        count = border_contacts(labels, cutting, top, right - 1, size, side, contacts, count)
     if bottom < height:
-        side = np.int64(SOUTH)
-        count = border_contacts(
-            labels, bottom - 1, left, right - left, side, corner_cutting, contacts, count
-        )
-    if corner_cutting and bottom < height:
+        size, side = right - left, np.int64(SOUTH)
+        count = border_contacts(labels, cutting, bottom - 1, left, size, side, contacts, count)
+    if cutting and bottom < height:
         for corner, x, other_x in ((SOUTH_EAST, right - 1, right), (SOUTH_WEST, left, left - 1)):
             number = np.int64(labels[bottom - 1, x])
             if 0 <= other_x < width and number and labels[bottom, other_x]:
@@ -212,17 +187,10 @@ def tile_contacts(
 
 @jit
 def border_contacts(
-    labels: Uint8s,
-    y: int,
-    x: int,
-    size: int,
-    neighbour: int,
-    corner_cutting: bool,
-    contacts: Uint32s,
-    count: int,
+    labels: Uint8s, cutting: bool, y: int, x: int, size: int, side: int, contacts: Any, count: int
 ) -> int:
     """Append the contacts across one border of a tile: `size` cells from (x, y) on."""
-    along_y = 1 if neighbour == EAST else 0
+    along_y = 1 if side == EAST else 0
     along_x = 1 - along_y
     begin: Any = np.int64(-1)
     number: Any = np.int64(0)
@@ -235,21 +203,18 @@ def border_contacts(
             outer = np.int64(labels[y + along_x, x + along_y])
         is_open = inner != 0 and outer != 0
         if is_open and begin < 0:
-            begin = place
-            number = inner
-            other = outer
+            begin, number, other = place, inner, outer
         elif not is_open and begin >= 0:
-            contacts[count] = pack(number, other, neighbour, begin, place - 1)
+            contacts[count] = pack(number, other, side, begin, place - 1)
             count += 1
             begin = np.int64(-1)
-        if corner_cutting and inner != 0:
+        if cutting and inner != 0:
             for step in (-1, 1):
                 if 0 <= place + step < size:
-                    outer = np.int64(
-                        labels[y + along_x + along_y * step, x + along_y + along_x * step]
-                    )
+                    beside_y, beside_x = y + along_y * step, x + along_x * step
+                    outer = np.int64(labels[beside_y + along_x, beside_x + along_y])
                     if outer != 0:
-                        contacts[count] = pack(inner, outer, neighbour, place, place)
+                        contacts[count] = pack(inner, outer, side, place, place)
                         count += 1
         y += along_y
         x += along_x
