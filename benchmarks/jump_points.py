@@ -15,9 +15,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from llm_astar_planner.search.arrays import no_stop
-from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.astar import exact_astar, jump_search
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell
 from numpy.typing import NDArray

@@ -50,7 +50,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import (
     load_kept_maps,
     save_maps,
 )
-from llm_astar_planner.costmap.zone_file import zones_from_text
+from llm_astar_planner.costmap.zones import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
 from llm_astar_planner.instructions.model.interpreter import interpret_reply
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples

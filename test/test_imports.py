@@ -28,7 +28,7 @@ LAB = 'llm_astar_lab'
 COSTMAP = {'search', 'parameter', 'plugins'}
 WAYPOINTS = COSTMAP | {'caches', 'costmap', 'resources'}
 INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
-PLANNING = INSTRUCTIONS | {'instructions', 'extensions'}
+PLANNING = INSTRUCTIONS | {'instructions'}
 NODES = PLANNING | {'planning'}
 ROOMS = {
     'search': {'plugins'},

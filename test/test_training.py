@@ -9,7 +9,7 @@ from llm_astar_lab.datasets.generate import MapRules, generate
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.search.any_angle import LineOfSightChecker
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.learned.network import (
     featurise,

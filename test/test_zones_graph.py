@@ -16,7 +16,7 @@ from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, path_to_message
-from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
+from llm_astar_planner.costmap.zone_layer import FilterInfo, FilterKind, FilterMask
 from llm_astar_planner.costmap.zones import ZonesError
 from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError

@@ -1,11 +1,15 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Finds what a name stands for: one of the package's own, an installed plug-in, or code by name.
+"""What other packages add to this one, and what a name stands for: its own, a plug-in, or code.
 
 Waypoint sources and search methods are found here. The package's own are listed as
 `module:name` and are imported at their first use. Other packages install theirs as entry points
 (docs/plugins.md). A plug-in is foreign code: `call` makes one kind of error of what it raises.
+
+`llm_astar.commands` names packages of commands (`COMMANDS` and a module each), `llm_astar.nodes`
+the `main` of nodes, and `llm_astar.pictures` what draws for `--png`. llm_astar_lab adds all three;
+nothing here imports it.
 """
 
 from __future__ import annotations
@@ -30,8 +34,11 @@ from llm_astar_msgs_adapter.errors import (
     shortened,
 )
 
+from llm_astar_planner.parameter import ParameterError
+
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
 
 _T = TypeVar('_T')
 _LOG = logging.getLogger(__name__)
@@ -188,3 +195,35 @@ class Plugins:
             return call(lambda: self.adapt(name, pkgutil.resolve_name(place)))
         except PluginError as error:
             raise PluginError(f'{self.kind} {name} cannot be loaded: {error}') from None
+
+
+LAB = 'llm_astar_lab'
+# The names of its commands, for the error where it is not installed.
+LAB_COMMANDS = (
+    'play', 'demo', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
+    'transcript', 'record',
+)  # fmt: skip
+
+
+def extensions(kind: str) -> dict[str, EntryPoint]:
+    """Return the entry points of the group `llm_astar.KIND`, by name."""
+    from importlib.metadata import entry_points  # noqa: PLC0415 - takes some milliseconds
+
+    return {entry.name: entry for entry in entry_points(group=f'llm_astar.{kind}')}
+
+
+def find_drawing(name: str) -> EntryPoint:
+    """Return what draws for a command; loading it imports matplotlib.
+
+    Raises ParameterError where the package with it is not installed.
+    """
+    found = extensions('pictures').get(name)
+    if found is None:
+        raise not_installed('--png is drawn by code')
+    return found
+
+
+def not_installed(what: str) -> ParameterError:
+    """Return the error that something is in the laboratory, which is not installed."""
+    ways = f'`make install` or `pip install ./src/{LAB}` installs it'
+    return ParameterError(f'{what} of the package {LAB}, which is not installed; {ways}')

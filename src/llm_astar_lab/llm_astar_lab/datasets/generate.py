@@ -26,11 +26,11 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, draw_pairs, load_maps
 from llm_astar_planner.lazy import ndimage
+from llm_astar_planner.search.any_angle import LineOfSightChecker
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.paper import astar
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
-from llm_astar_planner.search.visibility import LineOfSightChecker
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree

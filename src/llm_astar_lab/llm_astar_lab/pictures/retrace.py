@@ -86,10 +86,11 @@ def search_again(
     if request.method == GUIDED:
         # Landmarks hold with more cells closed, too.
         with planner.landmarks.lend(planner.costmap.grid_graph) as landmarks:
-            search = GuidedSearch(
-                graph, *ends, max_suboptimality=request.max_suboptimality, landmarks=landmarks,
-                recorder=recorder,
+            problem = SearchProblem(
+                graph, *ends, want_expanded=False, landmarks=landmarks,
+                max_suboptimality=request.max_suboptimality,
             )  # fmt: skip
+            search = GuidedSearch(problem, recorder=recorder)
             search.guide(guiding_points(plan.checked_waypoints))
             deque(search.solutions(), maxlen=0)
             return search.result().status

@@ -15,9 +15,8 @@ from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import Places, features_of, places_from_geojson
-from llm_astar_planner.costmap.zone_file import zones_from_geojson
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
-from llm_astar_planner.costmap.zones import Zone
+from llm_astar_planner.costmap.zones import Zone, zones_from_geojson
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, costmap_config, defaults

@@ -19,7 +19,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import load_maps, save_maps
 from llm_astar_planner.cli import main as cli
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.search.any_angle import LineOfSightChecker
 from scipy import ndimage
 
 

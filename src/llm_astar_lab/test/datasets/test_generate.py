@@ -20,7 +20,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     load_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.problem_maps import save_maps
-from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.search.any_angle import LineOfSightChecker
 
 
 @pytest.fixture(scope='module')

@@ -25,8 +25,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from llm_astar_planner.cli import flags
-from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.plugins import find_drawing
 from llm_astar_planner.resources import find_file
 
 if TYPE_CHECKING:

@@ -25,8 +25,7 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import printable
 
 from llm_astar_planner.cli.flags import option
-from llm_astar_planner.extensions import LAB
-from llm_astar_planner.plugins import PluginError, Plugins
+from llm_astar_planner.plugins import LAB, PluginError, Plugins
 from llm_astar_planner.resources import find_file
 
 

@@ -26,8 +26,8 @@ from typing import Any, NoReturn
 from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name, printable
 
 from llm_astar_planner import __version__
-from llm_astar_planner.extensions import LAB_COMMANDS, extensions, not_installed
 from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.plugins import LAB_COMMANDS, extensions, not_installed
 
 # Each command is a module of its name (with _ for -), with its help as docstring, `add_arguments`
 # and `run`. It is imported only for that command: `doctor` must run where what the others need is

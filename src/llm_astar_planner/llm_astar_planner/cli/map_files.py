@@ -158,8 +158,7 @@ def zones_text(name: str | None) -> str:
     if not name:
         return ''
     # shapely, which plans without zones do not take.
-    from llm_astar_planner.costmap.zone_file import zones_from_text  # noqa: PLC0415
-    from llm_astar_planner.costmap.zones import ZonesError  # noqa: PLC0415
+    from llm_astar_planner.costmap.zones import ZonesError, zones_from_text  # noqa: PLC0415
 
     text = find_file(name, 'maps').read_text(encoding='utf-8')
     try:

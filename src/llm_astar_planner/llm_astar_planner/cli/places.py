@@ -23,7 +23,7 @@ from llm_astar_msgs_adapter.maps.places import Places, places_problems
 
 from llm_astar_planner.cli.flags import add_picture_option, option
 from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places, place_to_json
-from llm_astar_planner.extensions import find_drawing
+from llm_astar_planner.plugins import find_drawing
 
 HEADINGS = ('name', 'kind', 'tags', 'centre (m)', 'area', 'also called')
 

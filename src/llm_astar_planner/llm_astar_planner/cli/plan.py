@@ -45,12 +45,12 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
-from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
+from llm_astar_planner.plugins import find_drawing
 
 # Metres from the path to the nearest obstacle that many robots are wider than.
 NARROW = 0.35

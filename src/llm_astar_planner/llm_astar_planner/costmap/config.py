@@ -29,7 +29,7 @@ class CostmapConfig:
     An unknown cell has the occupancy `unknown_cost`. With `allow_unknown`, Nav2's planners take
     it for about the most expensive passable one, of cost 252: NavFn::setCostmap as COST_OBS - 1,
     Smac's Node2D::getTraversalCost as 255, ThetaStar::isSafe as OCCUPIED_COST - 1.
-    Inflation is that of Nav2's InflationLayer; the formula is in `costmap.inflation`.
+    Inflation is that of Nav2's InflationLayer; the formula is in `costmap.costmap`.
 
     With both radii 0 the map is used unchanged, which is right for a costmap: it is inflated
     already. A costmap as an occupancy grid has 100 for lethal, 99 for inscribed and 1 to 98 for

@@ -72,7 +72,7 @@ def start(name: str, argv: Sequence[str]) -> int:
     if name in MODULES:
         run = import_module(f'llm_astar_planner.nodes.{MODULES[name]}').main
     else:
-        from llm_astar_planner.extensions import extensions, not_installed  # noqa: PLC0415
+        from llm_astar_planner.plugins import extensions, not_installed  # noqa: PLC0415
 
         entry = extensions('nodes').get(name)
         if entry is None:

@@ -28,8 +28,7 @@ from numba.core import event
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
-from llm_astar_planner.costmap.zone_layer import ZoneLayer
+from llm_astar_planner.costmap.zone_layer import FilterInfo, FilterKind, FilterMask, ZoneLayer
 from llm_astar_planner.costmap.zones import ONE_WAY, Zone
 from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.footprint import Footprint

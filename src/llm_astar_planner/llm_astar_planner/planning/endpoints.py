@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.inflation import squared_cells
+from llm_astar_planner.costmap.costmap import Costmap, squared_cells
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.arrays import Bools, Int32s

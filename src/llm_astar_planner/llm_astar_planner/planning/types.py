@@ -444,8 +444,8 @@ def picture_of(plan: Plan) -> tuple[bytes | None, str]:
 
     from llm_astar_msgs_adapter.maps.places import NO_PLACES  # noqa: PLC0415
 
-    from llm_astar_planner.extensions import find_drawing  # noqa: PLC0415
     from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
+    from llm_astar_planner.plugins import find_drawing  # noqa: PLC0415
 
     if plan not in PLANNED_ON:
         return None, 'There is no picture: this is a copy of a plan, without its map'

@@ -27,17 +27,15 @@ from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.inflation import inflate, squared_cells
+from llm_astar_planner.costmap.costmap import Costmap, inflate, squared_cells
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
 from llm_astar_planner.planning.endpoints import moved_start, nearest_reached, window_around
 from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, Point, Why
 from llm_astar_planner.search.arrays import no_stop
-from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.astar import exact_astar, jump_search
 from llm_astar_planner.search.grid_graph import STEPS, GridGraph, path_length
-from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.result import Cell
 
 Mask = NDArray[np.bool_]

@@ -1,17 +1,27 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Exact A* on a grid: octile or landmark estimate, ties to larger g, a queue of buckets."""
+"""Exact searches on a grid: A*, and jump points where costs are uniform.
+
+A* has the octile or landmark estimate, ties to larger g, and a queue of buckets. For jump points
+see Harabor and Grastien, "Improving jump point search", ICAPS 2014, for grids without corner
+cutting: of the many equally short paths only those that make their diagonal moves first are
+searched, and only the cells beside which an obstacle has just ended are queued. The cells between
+are skipped by looking for set bits in words of 64 cells.
+"""
 
 from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
 from llm_astar_planner.search._kernels import astar as kernels
+from llm_astar_planner.search._kernels import jump as jump_kernels
 from llm_astar_planner.search.arrays import Bools, Int32s, StopFlag, no_stop
 from llm_astar_planner.search.grid_graph import GridGraph, traced
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
@@ -148,55 +158,57 @@ class PlainSearch(SlicedSearch):
         self.bound = max(self.bound, bound)
 
 
+def problem_of(
+    blocked: GridGraph | Bools, start: Cell, goal: Cell, options: dict[str, Any]
+) -> SearchProblem:
+    """Return a problem with `options` as its other fields, on a grid or an array of blocked cells.
+
+    Of an array a `GridGraph` is made with the rest of the options.
+    """
+    given = {name: options[name] for name in options if name in SearchProblem.__dataclass_fields__}
+    if not isinstance(blocked, GridGraph):
+        others = {name: value for name, value in options.items() if name not in given}
+        blocked = GridGraph(blocked, **others)
+    return SearchProblem(blocked, start, goal, **given)
+
+
 def exact_astar(
     blocked: GridGraph | Bools,
     start: Cell,
     goal: Cell,
     *,
-    corner_cutting: bool = False,
-    stop: StopFlag | None = None,
-    deadline: float = math.inf,
-    first_path_deadline: float = -math.inf,
-    landmarks: Landmarks | None = None,
-    want_expanded: bool = True,
     every_move: bool = False,
+    **options: Any,  # noqa: ANN401 - fields of a SearchProblem
 ) -> BoundedResult:
     """Find a cheapest path with A*; on uniform costs exact to 5e-8 of the length.
 
-    `blocked` is a prepared grid, or bool [height, width], which is prepared first. Another
-    thread ends the search by raising `stop`, and `deadline` (monotonic seconds) ends it too,
-    without a path `first_path_deadline` if that is later; the status is then STOPPED, with the
-    best path found so far, if any. `landmarks`, which must be
-    admissible on the grid, save expansions. `every_move` also tries the moves that uniform costs
-    make pointless, as a textbook A* does: about as many expansions, more states stored. Raises
+    `blocked` is a prepared grid, or bool [height, width], which is prepared first. `options` are
+    fields of the `SearchProblem`, such as `stop`, `deadline` and `landmarks`, and those of a
+    `GridGraph` to be prepared. `every_move` also tries the moves that uniform costs make
+    pointless, as a textbook A* does: about as many expansions, more states stored. Raises
     ValueError for a cell off the grid and PathTooLongError beyond 30 million cells.
     """
-    if not isinstance(blocked, GridGraph):
-        blocked = GridGraph(blocked, corner_cutting=corner_cutting)
-    grid = blocked
-    search = PlainSearch(grid, start, goal, landmarks, every_move=every_move)
-    stop = no_stop() if stop is None else stop
-    deadlines = deadline, max(deadline, first_path_deadline)
+    return solve(problem_of(blocked, start, goal, options), every_move=every_move)
+
+
+def solve(problem: SearchProblem, *, every_move: bool = False) -> BoundedResult:
+    """Solve a problem by A*, in coarser units where a path is too long for the fine ones."""
+    grid, start, goal = problem.grid, problem.start, problem.goal
     try:
-        return complete(search, stop, deadlines, want_expanded=want_expanded)
+        search = PlainSearch(grid, start, goal, problem.landmarks, every_move=every_move)
+        return complete(search, problem)
     except OverflowError:
         if grid.coarse() is grid:
             message = f'the cost of a path from {start} to {goal} does not fit'
             raise PathTooLongError(message) from None
-    return exact_astar(
-        grid.coarse(), start, goal, stop=stop, deadline=deadline,
-        first_path_deadline=first_path_deadline, want_expanded=want_expanded,
-        every_move=every_move,
-    )  # fmt: skip
+    coarse = replace(problem, grid=grid.coarse(), landmarks=None)
+    return solve(coarse, every_move=every_move)
 
 
 @search_method()
 def exact_method(problem: SearchProblem) -> BoundedResult:
-    """Search by `exact_astar`."""
-    return exact_astar(
-        problem.grid, problem.start, problem.goal, stop=problem.stop, deadline=problem.deadline,
-        first_path_deadline=problem.first_path_deadline, want_expanded=problem.want_expanded,
-    )  # fmt: skip
+    """Search by A*, without landmarks."""
+    return solve(replace(problem, landmarks=None))
 
 
 def shortest_path(
@@ -206,37 +218,28 @@ def shortest_path(
 
     Raises what `exact_astar` does, and InterruptedError if `stop` was raised.
     """
+    stop = no_stop() if stop is None else stop
     result = exact_astar(grid, start, goal, stop=stop, want_expanded=False)
     if result.status is SearchStatus.STOPPED:
         raise InterruptedError('the search was stopped')
     return result.path, result.cost
 
 
-def complete(
-    search: PlainSearch, stop: StopFlag, deadlines: tuple[float, float], *, want_expanded: bool
-) -> BoundedResult:
+def complete(search: PlainSearch, problem: SearchProblem) -> BoundedResult:
     """Run a search to its end, or until it is stopped, and close it; return what it proves.
-
-    `deadlines` are those of a search with a path and of one without.
 
     Raises OverflowError.
     """
+    without_path = max(problem.deadline, problem.first_path_deadline)
     try:
-        run(search, stop, *deadlines)
-        return make_result(search, want_expanded=want_expanded)
+        while search.status is None and not problem.stop[0]:
+            has_path = search.best < kernels.NO_PATH
+            if time.monotonic() >= (problem.deadline if has_path else without_path):
+                break
+            search.advance(EXPANSION_SLICE)
+        return make_result(search, want_expanded=problem.want_expanded)
     finally:
         search.grid.give_back(search.workspace)
-
-
-def run(search: PlainSearch, stop: StopFlag, deadline: float, without_path: float) -> None:
-    """Run a search to its end, or until it is stopped. Raises OverflowError.
-
-    It ends at `deadline` (monotonic seconds), at `without_path` where it has no path.
-    """
-    while search.status is None and not stop[0]:
-        if time.monotonic() >= (deadline if search.best < kernels.NO_PATH else without_path):
-            return
-        search.advance(EXPANSION_SLICE)
 
 
 def make_result(search: PlainSearch, *, want_expanded: bool) -> BoundedResult:
@@ -251,3 +254,64 @@ def make_result(search: PlainSearch, *, want_expanded: bool) -> BoundedResult:
     path, length, units = search.path()
     proven = grid.proven(path, units, search.bound)
     return BoundedResult(status, *counts, expanded, path, length, *proven, counts[0], proven[0])
+
+
+class JumpSearch(PlainSearch):
+    """An exact jump point search that runs in slices.
+
+    For grids of uniform costs without corner cutting. `expansions` counts the jump points taken
+    from the queue.
+    """
+
+    BEST_SLOT = jump_kernels.J_BEST
+
+    def __init__(
+        self, grid: GridGraph, start: Cell, goal: Cell, landmarks: Landmarks | None = None
+    ) -> None:
+        """Take the query. Raises ValueError for a cell off the grid or another kind of grid."""
+        if grid.cell_surcharge.size or grid.corner_cutting:
+            raise ValueError('a jump point search needs uniform costs and no corner cutting')
+        super().__init__(grid, start, goal, landmarks)
+        self._control = np.zeros(jump_kernels.J_SIZE, dtype=np.int64)
+        self._control[self.BEST_SLOT] = kernels.NO_PATH
+        self._heads = np.empty(jump_kernels.BUCKETS, dtype=np.int32)
+        self._found = 0
+
+    def advance(self, quota: int) -> None:
+        """Scan at least `quota` times; see `PlainSearch.advance`."""
+        workspace, control = self.workspace, self._control
+        ended = jump_kernels.jump_search(
+            self._cells, self.grid.packed.words,
+            self.start, self.goal, self.distances, self.active, self.generation,
+            workspace.records, workspace.pool, self._heads, control, quota,
+        )  # fmt: skip
+        _, origin, bucket, self.best, self.expansions, *others = control.tolist()
+        self.storage, self._found, self.work, _ = others
+        self.bound = max(self.bound, min(origin + (bucket << jump_kernels.BUCKET_BITS), self.best))
+        if ended in (kernels.FOUND, kernels.EXHAUSTED):
+            ended = kernels.FOUND if self.best < kernels.NO_PATH else kernels.EXHAUSTED
+            self.bound = self.best
+        self.note(ended)
+
+    def path(self) -> tuple[Int32s, float, int]:
+        """Return the path found, as single moves, its length in cells and its cost in units."""
+        grid = self.grid
+        path, (diagonals,) = traced(
+            jump_kernels.trace, grid.width, self._found, self.workspace.pool
+        )
+        straights = len(path) - 1 - diagonals
+        units = straights * grid.straight + diagonals * grid.diagonal
+        return path, straights + diagonals * math.sqrt(2.0), units
+
+
+def jump_search(grid: GridGraph, start: Cell, goal: Cell, **options: Any) -> BoundedResult:  # noqa: ANN401 - fields of a SearchProblem
+    """Find a shortest path on a grid of uniform costs without corner cutting.
+
+    `options` are fields of a `SearchProblem`, such as `stop`, `deadline` and `landmarks`; where it
+    is stopped, the result has the best path found so far, if any.
+    `expansions` counts the jump points taken from the queue. Raises ValueError for a cell off the
+    grid, graded costs or corner cutting, and OverflowError if the cost of a path does not fit
+    its 32 bits (beyond 900 thousand cells).
+    """
+    problem = SearchProblem(grid, start, goal, want_expanded=False, **options)
+    return complete(JumpSearch(grid, start, goal, problem.landmarks), problem)

@@ -22,16 +22,17 @@ from numpy.typing import ArrayLike
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
-from llm_astar_planner.search.arrays import Bools, Float64s, Int64s, StopFlag, no_stop
+from llm_astar_planner.search.arrays import Bools, Float64s, Int64s
 from llm_astar_planner.search.astar import (
     EXPANSION_SLICE,
+    JumpSearch,
     PathTooLongError,
     PlainSearch,
     SlicedSearch,
+    problem_of,
 )
 from llm_astar_planner.search.borders import Borders, Crossing, is_far
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
@@ -92,56 +93,42 @@ class GuidedSearch:
     without waypoints the search is a plain exact A*, after one in a corridor where the landmarks
     have `borders` and that is enough. With `max_suboptimality` w >= 1 it ends when the path is
     proven to cost at most w times the optimum, without it at the first path.
-    `landmarks`, which must be admissible on the grid, make search and proof cheap. It also ends
-    at `deadline` (monotonic seconds, looked at between slices of the search), without a path at
-    `first_path_deadline` if that is later, and when another thread sets `stop[0] = 1`; the
-    expanded cells of a search cancelled that way are not returned.
+    The landmarks of the problem, which must be admissible on the grid, make search and proof
+    cheap. It also ends at the problem's deadlines, looked at between slices of the search, and
+    when another thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are
+    not returned.
     `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
     may cost, as a multiple of those of the search without any (None: as many as take its time).
-    A `recorder` notes in which order cells are expanded. Into an `inbox` other threads may put
-    waypoints, float [n, 2] with n > 0, as `guide` does.
+    A `recorder` notes in which order cells are expanded.
     """
 
     def __init__(
         self,
-        blocked: GridGraph | Bools,
-        start: Cell,
-        goal: Cell,
-        *,
-        corner_cutting: bool = False,
-        max_suboptimality: float | None = None,
-        landmarks: Landmarks | None = None,
-        stop: StopFlag | None = None,
-        deadline: float = math.inf,
-        first_path_deadline: float = -math.inf,
+        problem: SearchProblem,
         weight: float = WEIGHT,
         work_factor: float | None = None,
         recorder: ExpansionRecorder | None = None,
-        inbox: deque[Float64s] | None = None,
     ) -> None:
         """Take the query; nothing is searched yet.
 
         Raises ValueError for a cell off the grid and a number out of its range.
         """
-        if max_suboptimality is not None and not 1.0 <= max_suboptimality <= 1000.0:
-            raise ValueError(f'max_suboptimality: {max_suboptimality} is not in 1 to 1000')
+        bound = problem.max_suboptimality
+        if bound is not None and not 1.0 <= bound <= 1000.0:
+            raise ValueError(f'max_suboptimality: {bound} is not in 1 to 1000')
         if not 1.0 <= weight <= 100.0:
             raise ValueError(f'weight: {weight} is not in 1 to 100')
         if work_factor is not None and not 0.0 <= work_factor <= 1000.0:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
-        if not isinstance(blocked, GridGraph):
-            blocked = GridGraph(blocked, corner_cutting=corner_cutting)
-        blocked.index(start)
-        blocked.index(goal)
-        if landmarks is not None and landmarks.distances.shape[1] != blocked.moves.size:
+        grid, landmarks = problem.grid, problem.landmarks
+        grid.index(problem.start)
+        grid.index(problem.goal)
+        if landmarks is not None and landmarks.distances.shape[1] != grid.moves.size:
             raise ValueError('landmarks: are of a map of another size')
-        self._grid, self._landmarks = blocked, landmarks
-        self.start, self.goal, self.stop = start, goal, no_stop() if stop is None else stop
-        self.max_suboptimality, self.recorder = max_suboptimality, recorder
-        self.weight, self.work_factor = weight, work_factor
-        self.deadline, self.last_deadline = deadline, max(deadline, first_path_deadline)
+        self.problem, self.weight, self.work_factor = problem, weight, work_factor
+        self.start, self.goal, self.recorder = problem.start, problem.goal, recorder
         # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
-        self.inbox: deque[Float64s] = deque() if inbox is None else inbox
+        self.inbox = problem.arrivals
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
@@ -160,14 +147,12 @@ class GuidedSearch:
         if len(points):
             self.inbox.append(points)
 
-    def solutions(
-        self, *, want_expanded: bool = False
-    ) -> Generator[AnytimeSolution, None, GuidedResult]:
+    def solutions(self) -> Generator[AnytimeSolution, None, GuidedResult]:
         """Run the search to its end, yield each better path as it is found, return the result.
 
         Call it once. The caller may close the iterator early; `result` is then of that moment.
         """
-        grid, landmarks = self._grid, self._landmarks
+        grid, landmarks = self.problem.grid, self.problem.landmarks
         while True:
             self._begin(grid, landmarks)
             try:
@@ -175,7 +160,7 @@ class GuidedSearch:
                     solution = self._step()
                     if solution is not None:
                         yield solution
-                self._result = self._describe(want_expanded=want_expanded)
+                self._result = self._describe()
                 return self._result
             except OverflowError:
                 # Too long for the fine units: restart in coarse ones, which landmarks are not in.
@@ -186,7 +171,7 @@ class GuidedSearch:
                 if self._waypoints is not None:
                     self.inbox.appendleft(self._waypoints)
             except GeneratorExit:
-                self._result = self._describe(want_expanded=want_expanded)
+                self._result = self._describe()
                 raise
             finally:
                 for search in filter(None, (self._plain, self._led, self._corridor)):
@@ -220,7 +205,7 @@ class GuidedSearch:
         measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
         self._work_factor = measured if self.work_factor is None else self.work_factor
         # Rounded down: the bound reported is never above the one asked for.
-        limit = (self.max_suboptimality or 0.0) / grid.rounding * kernels.ONE
+        limit = (self.problem.max_suboptimality or 0.0) / grid.rounding * kernels.ONE
         self._limit = math.floor(limit)
         self._corridor: CorridorSearch | None = None
         borders = None if landmarks is None else landmarks.borders
@@ -230,8 +215,11 @@ class GuidedSearch:
 
     def _step(self) -> AnytimeSolution | None:
         """Search one slice; return the path that it found, None if it is not better."""
-        deadline = self.deadline if self._best < plain_kernels.NO_PATH else self.last_deadline
-        if self.stop[0] or time.monotonic() >= deadline:
+        problem = self.problem
+        deadline = problem.deadline
+        if self._best == plain_kernels.NO_PATH:
+            deadline = max(deadline, problem.first_path_deadline)
+        if problem.stop[0] or time.monotonic() >= deadline:
             self._status = SearchStatus.STOPPED
             return None
         if self.inbox and (self._corridor is None or self._corridor.status is not None):
@@ -248,7 +236,7 @@ class GuidedSearch:
             self._status = searched.status
         elif searched is self._led and (
             searched.status is SearchStatus.EXHAUSTED
-            or (searched.status is SearchStatus.FOUND and self.max_suboptimality is None)
+            or (searched.status is SearchStatus.FOUND and problem.max_suboptimality is None)
         ):
             is_known = searched.best < plain_kernels.NO_PATH
             self._status = SearchStatus.FOUND if is_known else SearchStatus.EXHAUSTED
@@ -312,13 +300,14 @@ class GuidedSearch:
         self._units = units
         return self._solution
 
-    def _describe(self, *, want_expanded: bool) -> GuidedResult:
+    def _describe(self) -> GuidedResult:
         """Return what is known now."""
+        want_expanded = self.problem.want_expanded
         plain, best = self._plain, self._solution
         searches = [*filter(None, (plain, self._led, self._corridor))]
         status = SearchStatus.STOPPED if self._status is None else self._status
         expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
-        if want_expanded and not self.stop[0]:
+        if want_expanded and not self.problem.stop[0]:
             for search in searches:
                 search.add_expanded(expanded)
         costs = math.inf, math.inf, math.inf
@@ -339,14 +328,9 @@ class GuidedSearch:
 @search_method(uses_waypoints=True, takes_late_waypoints=True)
 def guided_method(problem: SearchProblem) -> Generator[AnytimeSolution, None, GuidedResult]:
     """Search along the waypoints of a problem, those included that come in meanwhile."""
-    search = GuidedSearch(
-        problem.grid, problem.start, problem.goal, max_suboptimality=problem.max_suboptimality,
-        landmarks=problem.landmarks, stop=problem.stop, deadline=problem.deadline,
-        first_path_deadline=problem.first_path_deadline, inbox=problem.arrivals,
-    )  # fmt: skip
     if problem.waypoints:
         problem.arrivals.appendleft(np.array(problem.waypoints, dtype=np.float64))
-    return search.solutions(want_expanded=problem.want_expanded)
+    return GuidedSearch(problem).solutions()
 
 
 def guided(
@@ -354,14 +338,17 @@ def guided(
     start: Cell,
     goal: Cell,
     waypoints: ArrayLike,
-    *,
-    want_expanded: bool = True,
-    **options: Any,  # noqa: ANN401 - those of GuidedSearch
+    **options: Any,  # noqa: ANN401 - fields of a SearchProblem
 ) -> GuidedResult:
-    """Search along `waypoints` to the end; the options are those of `GuidedSearch`."""
-    search = GuidedSearch(blocked, start, goal, **options)
+    """Search along `waypoints` to the end.
+
+    The options are those of `GuidedSearch`, the fields of its problem, and those of a `GridGraph`
+    where `blocked` is bool [height, width].
+    """
+    own = {name: options.pop(name) for name in ('weight', 'work_factor') if name in options}
+    search = GuidedSearch(problem_of(blocked, start, goal, options), **own)
     search.guide(waypoints)
-    deque(search.solutions(want_expanded=want_expanded), maxlen=0)
+    deque(search.solutions(), maxlen=0)
     return search.result()
 
 

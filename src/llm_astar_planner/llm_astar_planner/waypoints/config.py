@@ -6,17 +6,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 from llm_astar_planner.waypoints import source as sources
-from llm_astar_planner.waypoints.source import SOURCES, WaypointSource
+from llm_astar_planner.waypoints.source import (
+    SAVES_NOTHING,
+    SOURCES,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+    WaypointSource,
+)
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
+    from llm_astar_planner.costmap.costmap import Costmap
     from llm_astar_planner.waypoints.prompts.template import Template
+
 
 DEFAULT_PROMPT = 'few_shot'
 SOURCE_NAMES = tuple(SOURCES.own)
@@ -208,3 +217,32 @@ def make_source(
     settings.check()
     source: WaypointSource = SOURCES.load(settings.source)(SourceContext(settings, dataset, seed))
     return source
+
+
+def helps_on(costmap: Costmap) -> bool:
+    """Tell whether a source helps on a costmap: the embedded model, on maps of the paper's kind.
+
+    These are a few dozen straight barriers. Elsewhere the search takes less time than any source.
+    """
+    return costmap.is_barrier_map
+
+
+class AutoSource:
+    """Asks the embedded model on the maps where it helps. Thread-safe."""
+
+    name = 'auto'
+
+    def __init__(self, context: SourceContext) -> None:
+        """Take what the model is made from; it is loaded when it is first asked."""
+        self._context = context
+        self._embedded: WaypointSource | None = None
+        self.helps_on = helps_on
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the reply of the embedded model, or one with status NONE."""
+        if not helps_on(query.costmap):
+            return WaypointReply(label=self.name, status=SourceStatus.NONE, detail=SAVES_NOTHING)
+        if self._embedded is None:
+            settings = replace(self._context.settings, source='embedded')
+            self._embedded = make_source(settings, self._context.dataset, self._context.seed)
+        return self._embedded.waypoints(query)

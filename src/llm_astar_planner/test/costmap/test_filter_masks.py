@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.filter_masks import (
+from llm_astar_planner.costmap.zone_layer import (
     FilterInfo,
     FilterKind,
     FilterMask,
+    ZoneLayer,
     filter_info,
     mask_costs,
 )
-from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import ZonesError
 
 COSTMAP = CostmapConfig(occupied_threshold=99, unknown_cost=0)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.inflation import inflate
+from llm_astar_planner.costmap.costmap import inflate
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode

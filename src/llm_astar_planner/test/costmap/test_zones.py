@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import ORIGIN, GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.zone_file import zones_from_text, zones_to_geojson
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import (
     MAX_TOTAL_VERTICES,
@@ -21,6 +20,8 @@ from llm_astar_planner.costmap.zones import (
     Zone,
     Zones,
     ZonesError,
+    zones_from_text,
+    zones_to_geojson,
 )
 
 SHAPE = 12, 16

@@ -16,9 +16,10 @@ from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointSt
 from llm_astar_planner.search import any_angle
 from llm_astar_planner.search.any_angle import string_pull
 from llm_astar_planner.search.arrays import no_stop
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import GuidedSearch
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
-from llm_astar_planner.search.problem import search_method
+from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -242,10 +243,12 @@ def test_the_longer_limit_is_named_when_it_is_over(halved):
 def test_with_a_path_the_search_ends_at_the_shorter_limit():
     blocked = np.random.default_rng(5).random((300, 300)) < 0.3
     blocked[0, 0] = blocked[-1, -1] = False
-    search = GuidedSearch(
-        blocked, (0, 0), (299, 299), max_suboptimality=1.0, deadline=-1.0,
-        first_path_deadline=math.inf, corner_cutting=True,
+    grid = GridGraph(blocked, corner_cutting=True)
+    problem = SearchProblem(
+        grid, (0, 0), (299, 299), max_suboptimality=1.0, deadline=-1.0,
+        first_path_deadline=math.inf,
     )  # fmt: skip
+    search = GuidedSearch(problem)
     search.guide([(150, 150)])
     found = list(search.solutions())
     assert len(found) == 1

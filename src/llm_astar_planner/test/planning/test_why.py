@@ -7,8 +7,7 @@ import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
-from llm_astar_planner.costmap.zone_layer import ZoneLayer
+from llm_astar_planner.costmap.zone_layer import FilterInfo, FilterKind, FilterMask, ZoneLayer
 from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.interpretation import (

@@ -10,6 +10,7 @@ from llm_astar_planner.search.distances import DistanceRows, FreestMap
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import GuidedSearch, guided
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
+from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
 from scipy import ndimage, sparse
 
@@ -133,10 +134,11 @@ def test_a_proven_path_takes_no_search_outside_of_its_corridor():
 
 def test_waypoints_that_are_there_lead_instead_of_borders():
     grid = graded_grid(4, (400, 380))
-    search = GuidedSearch(
+    problem = SearchProblem(
         grid, (0, 0), (379, 399), max_suboptimality=1.1,
         landmarks=Landmarks.build(grid, max_bytes=0),
     )  # fmt: skip
+    search = GuidedSearch(problem)
     search.guide([(200.0, 200.0)])
     list(search.solutions())
     assert search.result().plain_expansions > 0

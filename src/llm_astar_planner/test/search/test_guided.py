@@ -18,6 +18,7 @@ from llm_astar_planner.search.guided import (
     guided,
 )
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
 
 KINDS = ('none', 'random', 'reversed', 'corner', 'thousands', 'duplicates', 'blocked', 'absurd')
@@ -161,9 +162,8 @@ def detour(**options):
     blocked[:, 20] = True
     blocked[[0, 24], 20] = False
     grid = GridGraph(blocked)
-    search = GuidedSearch(
-        grid, (0, 20), (40, 20), max_suboptimality=1.0, work_factor=1000.0, **options
-    )
+    problem = SearchProblem(grid, (0, 20), (40, 20), max_suboptimality=1.0, **options)
+    search = GuidedSearch(problem, work_factor=1000.0)
     search.guide([[20.0, 0.0]])
     return grid, search
 
@@ -197,7 +197,7 @@ def test_the_caller_may_stop_at_the_first_path():
 
 
 def test_until_waypoints_arrive_it_is_an_exact_search():
-    search = GuidedSearch(winding(), (5, 2), (55, 58))
+    search = GuidedSearch(SearchProblem(GridGraph(winding()), (5, 2), (55, 58)))
     with pytest.raises(RuntimeError, match='not run'):
         search.result()
     assert [solution.suboptimality_bound for solution in search.solutions()][-1] == 1.0
@@ -221,7 +221,7 @@ def test_waypoints_may_arrive_while_it_runs(monkeypatch):
     monkeypatch.setattr('llm_astar_planner.search.guided.EXPANSION_SLICE', 4096)
     grid = GridGraph(winding(201), corner_cutting=True)
     exact = exact_astar(grid, (5, 2), (195, 198))
-    search = GuidedSearch(grid, (5, 2), (195, 198), work_factor=1.0)
+    search = GuidedSearch(SearchProblem(grid, (5, 2), (195, 198)), work_factor=1.0)
     plain = kernels.astar
     slices = []
 
@@ -246,7 +246,7 @@ def test_waypoints_may_arrive_while_it_runs(monkeypatch):
 def test_new_waypoints_replace_the_previous_ones():
     grid = GridGraph(winding(201))
     exact = exact_astar(grid, (5, 2), (195, 198))
-    search = GuidedSearch(grid, (5, 2), (195, 198))
+    search = GuidedSearch(SearchProblem(grid, (5, 2), (195, 198)))
     search.guide([[195.0, 5.0]] * 3)
     search.guide(corners(exact))
     for _ in search.solutions():
@@ -264,7 +264,7 @@ def test_a_raised_stop_flag_ends_it_with_the_best_path_so_far():
     assert result.status is SearchStatus.STOPPED
     assert len(result.path) > 0
     assert result.suboptimality_bound > 1.0
-    nothing = GuidedSearch(winding(301), (5, 2), (290, 285), stop=stop)
+    nothing = GuidedSearch(SearchProblem(GridGraph(winding(301)), (5, 2), (290, 285), stop=stop))
     assert list(nothing.solutions()) == []
     assert nothing.result().status is SearchStatus.STOPPED
     assert nothing.result().suboptimality_bound == math.inf
@@ -288,13 +288,13 @@ def test_a_blocked_start_or_goal_has_no_path():
 def test_numbers_out_of_range_are_refused():
     free = np.zeros((3, 3), dtype=bool)
     with pytest.raises(ValueError, match='max_suboptimality'):
-        GuidedSearch(free, (0, 0), (2, 2), max_suboptimality=0.9)
+        guided(free, (0, 0), (2, 2), [], max_suboptimality=0.9)
     with pytest.raises(ValueError, match='max_suboptimality'):
-        GuidedSearch(free, (0, 0), (2, 2), max_suboptimality=math.nan)
+        guided(free, (0, 0), (2, 2), [], max_suboptimality=math.nan)
     with pytest.raises(ValueError, match='weight'):
-        GuidedSearch(free, (0, 0), (2, 2), weight=0.5)
+        guided(free, (0, 0), (2, 2), [], weight=0.5)
     with pytest.raises(ValueError, match='off a grid'):
-        GuidedSearch(free, (0, 0), (3, 2))
+        guided(free, (0, 0), (3, 2), [])
     with pytest.raises(ValueError, match='waypoints: shape'):
         guided(free, (0, 0), (2, 2), [[1.0, 2.0, 3.0]])
 
@@ -302,7 +302,7 @@ def test_numbers_out_of_range_are_refused():
 def test_landmarks_of_another_map_are_refused():
     landmarks = Landmarks.build(GridGraph(np.zeros((4, 4), dtype=bool)))
     with pytest.raises(ValueError, match='landmarks'):
-        GuidedSearch(np.zeros((5, 4), dtype=bool), (0, 0), (2, 2), landmarks=landmarks)
+        guided(np.zeros((5, 4), dtype=bool), (0, 0), (2, 2), [], landmarks=landmarks)
 
 
 def test_a_very_long_path_is_searched_in_coarse_units():
@@ -323,7 +323,7 @@ def test_a_path_is_never_replaced_by_one_that_costs_more(seed):
     random = np.random.default_rng(seed)
     cost, waypoints = random.integers(0, 101, (8, 8)), random.uniform(0.0, 8.0, (4, 2))
     grid = GridGraph(np.zeros((8, 8), dtype=bool), cost=cost, cost_multiplier=20.0)
-    search = GuidedSearch(grid, (0, 0), (7, 7))
+    search = GuidedSearch(SearchProblem(grid, (0, 0), (7, 7)))
     search.guide(waypoints)
     costs = [solution.cost for solution in search.solutions()]
     assert costs == sorted(costs, reverse=True)

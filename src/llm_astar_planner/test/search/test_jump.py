@@ -12,9 +12,8 @@ import pytest
 from grids import assert_path, dijkstra
 from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_planner.search.arrays import no_stop
-from llm_astar_planner.search.astar import exact_astar, run
+from llm_astar_planner.search.astar import JumpSearch, exact_astar, jump_search, run
 from llm_astar_planner.search.grid_graph import GridGraph, PackedGrid
-from llm_astar_planner.search.jump import JumpSearch, jump_search
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import SearchStatus
 

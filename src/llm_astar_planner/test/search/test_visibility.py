@@ -6,9 +6,9 @@ import numpy as np
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from llm_astar_planner.search.any_angle import LineOfSightChecker
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.result import SearchStatus
-from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
 def test_walls_join_touching_cells_and_nothing_else():

@@ -9,8 +9,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search import landmarks
-from llm_astar_planner.waypoints.auto import helps_on
-from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.config import SourceSettings, helps_on, make_source
 
 BARRIERS = BarrierMap(
     id=1,

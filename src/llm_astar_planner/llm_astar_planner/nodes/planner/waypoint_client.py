@@ -29,7 +29,7 @@ from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
 from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.segment import snap
-from llm_astar_planner.waypoints.auto import helps_on
+from llm_astar_planner.waypoints.config import helps_on
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 LABEL = 'llm_client'

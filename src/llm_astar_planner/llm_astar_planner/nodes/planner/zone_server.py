@@ -31,17 +31,25 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.filter_masks import (
+from llm_astar_planner.costmap.raster import window_of
+from llm_astar_planner.costmap.zone_layer import (
     FilterInfo,
     FilterKind,
     FilterMask,
+    ZoneLayer,
     filter_info,
+    has_cells,
     mask_costs,
 )
-from llm_astar_planner.costmap.raster import window_of
-from llm_astar_planner.costmap.zone_file import zones_from_text, zones_to_geojson
-from llm_astar_planner.costmap.zone_layer import ZoneLayer, has_cells
-from llm_astar_planner.costmap.zones import KEEPOUT, NO_ZONES, Zone, Zones, ZonesError
+from llm_astar_planner.costmap.zones import (
+    KEEPOUT,
+    NO_ZONES,
+    Zone,
+    Zones,
+    ZonesError,
+    zones_from_text,
+    zones_to_geojson,
+)
 from llm_astar_planner.nodes.common.entities import LATCHED, LATCHED_BY_MANY, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import Frames

@@ -17,8 +17,8 @@ from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
 
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.any_angle import LineOfSightChecker
 from llm_astar_planner.search.arrays import Bools, Int32s
-from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.config import SourceContext
 from llm_astar_planner.waypoints.learned import network
 from llm_astar_planner.waypoints.learned.network import GOAL, START, Floats

@@ -6,7 +6,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
-from llm_astar_planner.costmap.filter_masks import FilterKind, filter_info
+from llm_astar_planner.costmap.zone_layer import FilterKind, filter_info
 from llm_astar_planner.costmap.zones import ZonesError
 from llm_astar_planner.nodes.planner.zone_server import MaskSubscription
 from rclpy.node import Node
