@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, replace
+from inspect import cleandoc
 from typing import Any, Protocol, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
@@ -109,14 +111,23 @@ class Parameter:
         return scalar
 
 
-def parameter(default: _T, sentence: str, **facts: Any) -> _T:  # noqa: ANN401 - see Parameter
-    """Declare a dataclass field that is a parameter; `facts` are more fields of Parameter."""
-    declared: Any = field(default=default, metadata={'sentence': sentence, **facts})
+def parameter(default: _T, **facts: Any) -> _T:  # noqa: ANN401 - see Parameter
+    """Declare an attribute of a class to be a parameter; `facts` are more fields of Parameter."""
+    declared: Any = field(default=default, metadata=facts)
     value: _T = declared
     return value
 
 
-def parameters_of(config: type) -> dict[str, Parameter]:
-    """Return the parameters that the fields of a dataclass declare, by name."""
-    declared: list[Any] = [item for item in fields(config) if 'sentence' in item.metadata]
-    return {item.name: Parameter(item.name, item.default, **item.metadata) for item in declared}
+def parameters_of(table: type) -> dict[str, Parameter]:
+    """Return the parameters that a class declares, by name; it may be a dataclass.
+
+    Their sentences are in a list at the end of its docstring, each after its name.
+    """
+    _, *listed = re.split(r'^- `(\w+)`: ', cleandoc(table.__doc__ or ''), flags=re.MULTILINE)
+    sentences = {name: ' '.join(text.split()) for name, text in zip(listed[::2], listed[1::2])}
+    entries: dict[str, Any] = vars(table).get('__dataclass_fields__', vars(table))
+    declared: dict[str, Any] = {n: item for n, item in entries.items() if isinstance(item, Field)}
+    return {
+        name: Parameter(name, item.default, sentences.get(name, ''), **item.metadata)
+        for name, item in declared.items()
+    }

@@ -35,49 +35,32 @@ class CostmapConfig:
     already. A costmap as an occupancy grid has 100 for lethal, 99 for inscribed and 1 to 98 for
     graded cells, so its `occupied_threshold` is 99. Raises ParameterError for a number out of
     range.
+
+    - `occupied_threshold`: Occupancy from which a cell is lethal: no path crosses it; 99 for a
+      costmap
+    - `allow_unknown`: Whether paths may cross unknown cells
+    - `unknown_cost`: What an unknown cell costs, as occupancy; by default as much as the most
+      expensive known one, as in Nav2's planners; 0 for nothing
+    - `corner_cutting`: Whether diagonal moves may pass the corner of a blocked cell
+    - `cost_travel_multiplier`: How much occupancy below the threshold adds to the cost of a move,
+      in `guided` and `exact_astar`; 0 counts length only
+    - `robot_radius`: Cells up to this distance from a lethal one are blocked; 0 for a costmap,
+      which is inflated already
+    - `inflation_radius`: Cells up to this distance from a lethal one cost more, the closer the
+      more; 0 for a costmap
+    - `cost_scaling_factor`: How fast the inflation cost decays with distance
     """
 
-    occupied_threshold: int = parameter(
-        65,
-        'Occupancy from which a cell is lethal: no path crosses it; 99 for a costmap',
-        between=(1, 100),
-    )
-    allow_unknown: bool = parameter(True, 'Whether paths may cross unknown cells')
-    unknown_cost: int = parameter(
-        HIGHEST_COST,
-        'What an unknown cell costs, as occupancy; by default as much as the most expensive known '
-        "one, as in Nav2's planners; 0 for nothing",
-        between=(0, HIGHEST_COST),
-    )
+    occupied_threshold: int = parameter(65, between=(1, 100))
+    allow_unknown: bool = parameter(True)
+    unknown_cost: int = parameter(HIGHEST_COST, between=(0, HIGHEST_COST))
     corner_cutting: bool = parameter(
-        False,
-        'Whether diagonal moves may pass the corner of a blocked cell',
-        cli_default=True,
-        cli_reason='on barrier maps only, as in the paper',
+        False, cli_default=True, cli_reason='on barrier maps only, as in the paper'
     )
-    cost_travel_multiplier: float = parameter(
-        2.0,
-        'How much occupancy below the threshold adds to the cost of a move, in `guided` and '
-        '`exact_astar`; 0 counts length only',
-        between=(0.0, 100.0),
-    )
-    robot_radius: float = parameter(
-        0.0,
-        'Cells up to this distance from a lethal one are blocked; 0 for a costmap, which is '
-        'inflated already',
-        unit='m',
-        between=(0.0, MAX_RADIUS),
-    )
-    inflation_radius: float = parameter(
-        0.0,
-        'Cells up to this distance from a lethal one cost more, the closer the more; 0 for a '
-        'costmap',
-        unit='m',
-        between=(0.0, MAX_RADIUS),
-    )
-    cost_scaling_factor: float = parameter(
-        10.0, 'How fast the inflation cost decays with distance', unit='1/m', between=(0.0, 1000.0)
-    )
+    cost_travel_multiplier: float = parameter(2.0, between=(0.0, 100.0))
+    robot_radius: float = parameter(0.0, unit='m', between=(0.0, MAX_RADIUS))
+    inflation_radius: float = parameter(0.0, unit='m', between=(0.0, MAX_RADIUS))
+    cost_scaling_factor: float = parameter(10.0, unit='1/m', between=(0.0, 1000.0))
 
     def __post_init__(self) -> None:
         """Check the numbers."""

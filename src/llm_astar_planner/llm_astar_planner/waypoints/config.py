@@ -37,123 +37,87 @@ class SettingsError(ParameterError):
 
 @dataclass(frozen=True)
 class SourceSettings:
-    """Settings of a waypoint source; the fields are parameters of llm_client_node."""
+    """Settings of a waypoint source; the fields are parameters of llm_client_node.
 
-    source: str = parameter(
-        'auto',
-        'Where waypoints come from. `auto` is `embedded` on maps of a few dozen straight '
-        'barriers, and `none` on others, where the search takes less time than any source. '
-        '`embedded` is a learned waypoint model, not an LLM; `endpoint` is a language model '
-        'behind an OpenAI-compatible API; `replay` answers from '
-        'a recorded transcript; `coarse` is the cheapest route on a coarser map, without a model; '
-        'the last five are baselines to compare with. Or the name of an installed plug-in, or, at '
-        'the start only, its `package.module:factory` (docs/plugins.md)',
-        choices=SOURCE_NAMES,
-        plugins=SOURCES,
-    )
-    base_url: str = parameter(
-        'https://api.openai.com/v1',
-        'URL of the OpenAI-compatible endpoint, without `/chat/completions`',
-    )
-    api_key_env: str = parameter(
-        '', "NAME of the environment variable that holds the endpoint's key; empty: no key"
-    )
-    api_key_names: str = parameter(
-        sources.KEY_NAMES,
-        'Names that `api_key_env` may have, with `*` for any part, separated by commas, so that '
-        'no other variable of the environment is ever sent',
-        read_only=True,
-    )
+    - `source`: Where waypoints come from. `auto` is `embedded` on maps of a few dozen straight
+      barriers, and `none` on others, where the search takes less time than any source. `embedded`
+      is a learned waypoint model, not an LLM; `endpoint` is a language model behind an
+      OpenAI-compatible API; `replay` answers from a recorded transcript; `coarse` is the cheapest
+      route on a coarser map, without a model; the last five are baselines to compare with. Or the
+      name of an installed plug-in, or, at the start only, its `package.module:factory`
+      (docs/plugins.md)
+    - `base_url`: URL of the OpenAI-compatible endpoint, without `/chat/completions`
+    - `api_key_env`: NAME of the environment variable that holds the endpoint's key; empty: no key
+    - `api_key_names`: Names that `api_key_env` may have, with `*` for any part, separated by
+      commas, so that no other variable of the environment is ever sent
+    - `model`: Model to ask; for `replay`, the model whose exchanges are replayed, empty for any
+    - `prompt`: Prompt template: `few_shot`, `zero_shot`, `cot`, `repe` or the path of a file;
+      empty: `few_shot` for `endpoint`, any for `replay`
+    - `prompt_form`: How `endpoint` is asked: `message`, the whole prompt in one message; `turns`,
+      the examples as turns of user and assistant; `completion`, one text for a model without chat,
+      by `/completions`
+    - `retrieved_examples`: How many solved samples, those most similar to the query, replace the
+      template's own examples; 0: none do
+    - `examples_file`: Dataset of barrier maps that examples are retrieved from: a path, or a name
+      in `maps/`; empty: `samples_1000.json`
+    - `instruction_examples`: File of worked examples by which a model learns how to read
+      instructions; empty: the shipped ones (`instructions/model/examples.json`)
+    - `response_format`: Response format to ask the endpoint for
+    - `candidates`: How many routes `embedded` samples before it returns the best one; 1 is its
+      greedy route
+    - `temperature`: Sampling temperature sent to the endpoint
+    - `sampling_seed`: Seed sent to the endpoint, where it draws words at random; -1: none is sent
+    - `max_output_tokens`: Longest reply to request
+    - `max_prompt_tokens`: About how long the description of the map may be, with the retrieved
+      examples
+    - `timeout_s`: Time limit for one query, retries and repairs included; a later reply is cached
+    - `max_retries`: How often a failed request is sent again
+    - `max_concurrent`: How many requests may be in flight at once
+    - `repair_rounds`: How often the model is asked again with the segments of its route that
+      collide
+    - `max_calls_per_hour`: Most requests in an hour; 0: no limit
+    - `max_tokens_per_day`: Most tokens in a day; 0: no limit
+    - `cache_size`: How many replies are cached
+    - `transcript`: Transcript that `replay` answers from: a path, or a name in `maps/`
+    - `record`: Transcript to which each exchange with `endpoint` is appended; empty: none
+    """
+
+    source: str = parameter('auto', choices=SOURCE_NAMES, plugins=SOURCES)
+    base_url: str = parameter('https://api.openai.com/v1')
+    api_key_env: str = parameter('')
+    api_key_names: str = parameter(sources.KEY_NAMES, read_only=True)
     model: str = parameter(
         '',
-        'Model to ask; for `replay`, the model whose exchanges are replayed, empty for any',
         check=lambda name: (
             f'model: {problem}' if (problem := sources.name_problem(name)) else None
         ),
     )
-    prompt: str = parameter(
-        '',
-        'Prompt template: `few_shot`, `zero_shot`, `cot`, `repe` or the path of a file; empty: '
-        '`few_shot` for `endpoint`, any for `replay`',
-    )
-    prompt_form: str = parameter(
-        sources.MESSAGE,
-        'How `endpoint` is asked: `message`, the whole prompt in one message; `turns`, the '
-        'examples as turns of user and assistant; `completion`, one text for a model without '
-        'chat, by `/completions`',
-        choices=sources.FORMS,
-    )
-    retrieved_examples: int = parameter(
-        0,
-        "How many solved samples, those most similar to the query, replace the template's own "
-        'examples; 0: none do',
-        between=(0, 100),
-    )
-    examples_file: str = parameter(
-        '',
-        'Dataset of barrier maps that examples are retrieved from: a path, or a name in `maps/`; '
-        'empty: `samples_1000.json`',
-    )
-    instruction_examples: str = parameter(
-        '',
-        'File of worked examples by which a model learns how to read instructions; empty: the '
-        'shipped ones (`instructions/model/examples.json`)',
-    )
-    response_format: str = parameter(
-        'text', 'Response format to ask the endpoint for', choices=sources.RESPONSE_FORMATS
-    )
-    candidates: int = parameter(
-        8,
-        'How many routes `embedded` samples before it returns the best one; 1 is its greedy route',
-        between=(1, 64),
-    )
-    temperature: float = parameter(
-        0.0, 'Sampling temperature sent to the endpoint', between=(0.0, 2.0)
-    )
-    sampling_seed: int = parameter(
-        -1,
-        'Seed sent to the endpoint, where it draws words at random; -1: none is sent',
-        between=(-1, 2**31 - 1),
-    )
-    max_output_tokens: int = parameter(
-        1000, 'Longest reply to request', unit='tokens', between=(1, 100000)
-    )
-    max_prompt_tokens: int = parameter(
-        2000,
-        'About how long the description of the map may be, with the retrieved examples',
-        unit='tokens',
-        between=(100, 1000000),
-    )
+    prompt: str = parameter('')
+    prompt_form: str = parameter(sources.MESSAGE, choices=sources.FORMS)
+    retrieved_examples: int = parameter(0, between=(0, 100))
+    examples_file: str = parameter('')
+    instruction_examples: str = parameter('')
+    response_format: str = parameter('text', choices=sources.RESPONSE_FORMATS)
+    candidates: int = parameter(8, between=(1, 64))
+    temperature: float = parameter(0.0, between=(0.0, 2.0))
+    sampling_seed: int = parameter(-1, between=(-1, 2**31 - 1))
+    max_output_tokens: int = parameter(1000, unit='tokens', between=(1, 100000))
+    max_prompt_tokens: int = parameter(2000, unit='tokens', between=(100, 1000000))
     timeout_s: float = parameter(
         4.0,
-        'Time limit for one query, retries and repairs included; a later reply is cached',
         unit='s',
         between=(0.001, 3600.0),
         cli_default=30.0,
         cli_reason='since a person waits longer for a language model than a robot does',
     )
-    max_retries: int = parameter(2, 'How often a failed request is sent again', between=(0, 10))
-    max_concurrent: int = parameter(
-        2, 'How many requests may be in flight at once', between=(1, 64)
-    )
-    repair_rounds: int = parameter(
-        0,
-        'How often the model is asked again with the segments of its route that collide',
-        between=(0, 10),
-    )
-    max_calls_per_hour: int = parameter(
-        600, 'Most requests in an hour; 0: no limit', between=(0, 1000000)
-    )
-    max_tokens_per_day: int = parameter(
-        0, 'Most tokens in a day; 0: no limit', between=(0, 2**31 - 1)
-    )
-    cache_size: int = parameter(256, 'How many replies are cached', between=(1, 1000000))
-    transcript: str = parameter(
-        '', 'Transcript that `replay` answers from: a path, or a name in `maps/`'
-    )
-    record: str = parameter(
-        '', 'Transcript to which each exchange with `endpoint` is appended; empty: none'
-    )
+    max_retries: int = parameter(2, between=(0, 10))
+    max_concurrent: int = parameter(2, between=(1, 64))
+    repair_rounds: int = parameter(0, between=(0, 10))
+    max_calls_per_hour: int = parameter(600, between=(0, 1000000))
+    max_tokens_per_day: int = parameter(0, between=(0, 2**31 - 1))
+    cache_size: int = parameter(256, between=(1, 1000000))
+    transcript: str = parameter('')
+    record: str = parameter('')
 
     def check(self) -> None:
         """Raise SettingsError for the first field that cannot be used."""

@@ -14,7 +14,7 @@ from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.resources import find_file
 from PIL import Image
 
-from llm_astar_planner import extensions
+from llm_astar_planner import plugins
 
 HOUSE = ('--map', 'instructions/house.yaml', '--start', '2', '2', '--goal', '9', '6')
 KEYS = {
@@ -386,7 +386,7 @@ def test_every_command_says_what_it_does(capsys, command):
 
 
 def test_the_commands_of_the_laboratory_are_known_where_it_is_not_installed():
-    assert tuple(LAB_COMMANDS) == extensions.LAB_COMMANDS
+    assert tuple(LAB_COMMANDS) == plugins.LAB_COMMANDS
 
 
 def without(module, *arguments):

@@ -12,7 +12,7 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 from PIL import Image
 
-from llm_astar_planner import extensions
+from llm_astar_planner import plugins
 
 WALLS = np.zeros((20, 30), dtype=bool)
 WALLS[5:, 15] = True
@@ -73,7 +73,7 @@ def test_what_cannot_be_drawn_is_said(monkeypatch):
     def absent(name):
         raise ImportError('No module named <matplotlib>')
 
-    monkeypatch.setattr(extensions, 'find_drawing', absent)
+    monkeypatch.setattr(plugins, 'find_drawing', absent)
     assert plan._repr_png_() is None
     assert 'There is no picture: No module named &lt;matplotlib&gt;' in plan._repr_html_()
 

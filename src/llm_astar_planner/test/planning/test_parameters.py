@@ -1,13 +1,16 @@
 """The table of parameters, and the parameter files that are checked against it."""
 
+import re
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 import yaml
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.text import MAX_INSTRUCTION_CHARS
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import (
+    FIXED,
     NODES,
     OTHERS,
     costmap_config,
@@ -38,6 +41,13 @@ def test_every_default_is_in_its_range_and_every_other_default_has_its_reason(no
     if item.cli_default is not None:
         assert type(item.cli_default) is type(item.default)
         assert item.problem(item.cli_default) is None
+
+
+def test_sentences_name_what_the_code_says():
+    sentences = {item.name: item.sentence for _, item in ENTRIES}
+    assert f'at most {MAX_INSTRUCTION_CHARS} characters' in sentences['instruction']
+    named = re.findall(r'`(\w+)`', sentences['fixed_endpoint'])
+    assert tuple(named) == FIXED
 
 
 def test_names_are_unique_and_the_other_names_lead_to_present_ones():

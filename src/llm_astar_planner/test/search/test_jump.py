@@ -12,7 +12,7 @@ import pytest
 from grids import assert_path, dijkstra
 from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_planner.search.arrays import no_stop
-from llm_astar_planner.search.astar import JumpSearch, exact_astar, jump_search, run
+from llm_astar_planner.search.astar import EXPANSION_SLICE, JumpSearch, exact_astar, jump_search
 from llm_astar_planner.search.grid_graph import GridGraph, PackedGrid
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import SearchStatus
@@ -276,7 +276,8 @@ def test_the_expanded_cells_are_the_jump_points_taken_from_the_queue():
     blocked = np.zeros((9, 20), dtype=bool)
     blocked[:6, 8] = True
     search = JumpSearch(GridGraph(blocked), (1, 1), (18, 1))
-    run(search, no_stop(), math.inf, math.inf)
+    while search.status is None:
+        search.advance(EXPANSION_SLICE)
     expanded = np.zeros_like(blocked)
     search.add_expanded(expanded)
     search.grid.give_back(search.workspace)
@@ -294,7 +295,8 @@ def test_only_paths_cheaper_than_one_known_are_looked_for():
     for known, is_better in [(optimum, False), (optimum + 1, True)]:
         search = JumpSearch(grid, (2, 2), (3, 12))
         search.learn(known)
-        run(search, no_stop(), math.inf, math.inf)
+        while search.status is None:
+            search.advance(EXPANSION_SLICE)
         assert search.best == search.bound == optimum
         if is_better:
             assert search.path()[2] == optimum
