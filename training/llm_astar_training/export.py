@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llm_astar_planner.waypoints.learned.network import FORMAT, Floats
+from llm_astar_planner.search.arrays import Float32s
+from llm_astar_planner.waypoints.learned.network import FORMAT
 
 
-def write_weights(path: Path, arrays: Mapping[str, Floats], shape: Mapping[str, int]) -> None:
+def write_weights(path: Path, arrays: Mapping[str, Float32s], shape: Mapping[str, int]) -> None:
     """Write weights as float16 under their torch names, and the network's sizes, to one .npz."""
     halves: dict[str, Any] = {name: array.astype(np.float16) for name, array in arrays.items()}
     header = json.dumps({'format': FORMAT, **shape}, sort_keys=True)

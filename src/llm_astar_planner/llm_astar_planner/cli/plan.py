@@ -49,7 +49,7 @@ from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
-from llm_astar_planner.planning.types import Plan, ResultCode, instruction_lines, plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode, first_lines, plan_report
 from llm_astar_planner.plugins import find_drawing
 
 # Metres from the path to the nearest obstacle that many robots are wider than.
@@ -178,18 +178,11 @@ def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: st
 
     `start` and `goal` are the names of places, '' for points.
     """
-    report = plan_report(plan, coordinates.grid_map)
-    lines = [report.summary, *(f'warning    {warning}' for warning in plan.warnings)]
     via = [(f'via {number}', cell, '') for number, cell in enumerate(plan.via, start=1)]
-    for name, cell, place in (('start', plan.start, start), *via, ('goal', plan.goal, goal)):
-        at = f', {place}' if place else ''
-        lines.append(f'{name:<10} {coordinates.describe(*cell)}{at}')
-    lines.append(f'waypoints  {report.waypoint_summary}')
-    for number, point in enumerate(plan.checked_waypoints, start=1):
-        status = point.status.value.replace('_', ' ')
-        lines.append(f'waypoint {number} {coordinates.describe(point.x, point.y)}: {status}')
-    if plan.instruction is not None:
-        lines += instruction_lines(plan.instruction.to_json())
+    ends = [('start', plan.start, start), *via, ('goal', plan.goal, goal)]
+    named = [(name, coordinates.describe(*cell) + (at and f', {at}')) for name, cell, at in ends]
+    points = [coordinates.describe(point.x, point.y) for point in plan.checked_waypoints]
+    lines = [*first_lines(plan_report(plan, coordinates.grid_map), named, points)]
     if plan.code == 0:
         lines += path_lines(plan, coordinates)
     milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)

@@ -38,50 +38,34 @@ if TYPE_CHECKING:
 ROUNDING = 1e-6
 
 
-def inflate(grid_map: GridMap, config: CostmapConfig) -> tuple[Bools, Int8s]:
+def inflate(
+    grid_map: GridMap,
+    config: CostmapConfig,
+    before: tuple[Bools, Int8s] | None = None,
+    windows: Int64s | None = None,
+) -> tuple[Bools, Int8s]:
     """Return which cells the robot's centre must not be in, and what the cells cost.
 
     The first is bool [height, width]; the second int8 [height, width], 0 to 100 as in an occupancy
     grid, and -1 for what an unknown cell costs: unknown, and not inflated above `unknown_cost`.
-    Without a radius these are the map's own. O(cells).
+    Without a radius these are the map's own. O(cells), or those in the `windows`, int64 [n, 4]
+    (top, bottom, left, right) half open, where `before` is what this returned for another map:
+    they hold all cells that differ and all that the inflation reaches from there.
     """
     if not config.has_radius:
         blocked = grid_map.blocked(config.occupied_threshold, allow_unknown=config.allow_unknown)
         return blocked, grid_map.cells
     shape = grid_map.cells.shape
-    blocked, cost = np.empty(shape, dtype=np.bool_), np.empty(shape, dtype=np.int8)
-    inflate_windows(grid_map, config, whole(shape), blocked, cost)
-    return blocked, cost
-
-
-def inflated_again(
-    grid_map: GridMap, config: CostmapConfig, before: tuple[Bools, Int8s], windows: Int64s
-) -> tuple[Bools, Int8s]:
-    """Return what `inflate` does, from what it returned `before` for another map.
-
-    The windows [n, 4] hold all cells that differ and all that the inflation reaches from there.
-    """
-    if not config.has_radius:
-        return inflate(grid_map, config)
-    blocked, cost = before[0].copy(), before[1].copy()
-    inflate_windows(grid_map, config, windows, blocked, cost)
-    return blocked, cost
-
-
-def inflate_windows(
-    grid_map: GridMap, config: CostmapConfig, windows: Int64s, blocked: Bools, cost: Int8s
-) -> None:
-    """Fill `blocked` and `cost` [height, width] in windows, O(cells in them).
-
-    A window is (top, bottom, left, right) in cells, half open: int64 [n, 4].
-    """
+    layers = np.empty(shape, dtype=np.bool_), np.empty(shape, dtype=np.int8)
+    blocked, cost = layers if before is None else (before[0].copy(), before[1].copy())
     across = grid_map.width**2 + grid_map.height**2
     inscribed = min(squared_cells(config.robot_radius, grid_map.resolution), across)
     kernels.inflate(
         grid_map.cells, config.occupied_threshold, config.allow_unknown, config.unknown_cost,
-        inscribed, costs_by_distance(config, grid_map), inflation_reach(grid_map, config), windows,
-        blocked, cost,
+        inscribed, costs_by_distance(config, grid_map), inflation_reach(grid_map, config),
+        whole(shape) if windows is None else windows, blocked, cost,
     )  # fmt: skip
+    return blocked, cost
 
 
 def inflation_reach(grid_map: GridMap, config: CostmapConfig) -> int:
@@ -222,7 +206,7 @@ class Costmap:
         # One cell more than the inflation reaches: legal moves depend on the neighbours.
         margin = inflation_reach(now, self.config) + 1
         windows = kernels.changed_windows(before.cells, now.cells, margin)
-        inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        inflated = inflate(now, self.config, layers['_inflated'], windows)
         self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']

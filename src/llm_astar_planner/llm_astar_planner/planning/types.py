@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from operator import index
@@ -506,15 +506,8 @@ def report_lines(
 
     The path has `poses` poses, and the answer came after `seconds`.
     """
-    yield report.summary
-    yield from (f'warning    {warning}' for warning in report.warnings)
-    for name, place in zip(('start', 'goal'), endpoints):
-        yield f'{name:<10} ({place.x:g}, {place.y:g}) m'
-    yield f'waypoints  {report.waypoint_summary}'
-    for number, (x, y, status) in enumerate(report.waypoints, start=1):
-        yield f'waypoint {number} ({x:.4g}, {y:.4g}) m: {status.replace("_", " ")}'
-    if report.instruction_report:
-        yield from instruction_lines(report.instruction_report)
+    ends = [(n, f'({end.x:g}, {end.y:g}) m') for n, end in zip(('start', 'goal'), endpoints)]
+    yield from first_lines(report, ends, [f'({x:.4g}, {y:.4g}) m' for x, y, _ in report.waypoints])
     if report.length is not None:
         turns = f'{report.turns} turn{"" if report.turns == 1 else "s"}'
         yield f'length     {report.length:.2f} m, {poses} poses, {turns}'
@@ -523,6 +516,23 @@ def report_lines(
     yield (
         'time       {:.1f} ms round trip, of it {:.1f} ms for waypoints, {:.2f} ms to search'
     ).format(*parts)
+
+
+def first_lines(
+    report: PlanReport, ends: Iterable[tuple[str, str]], points: Iterable[str]
+) -> Iterator[str]:
+    """Yield how the report of a plan begins for a person, up to its instruction.
+
+    `ends` are the names and places of start, via points and goal, `points` the waypoints' places.
+    """
+    yield report.summary
+    yield from (f'warning    {warning}' for warning in report.warnings)
+    yield from (f'{name:<10} {place}' for name, place in ends)
+    yield f'waypoints  {report.waypoint_summary}'
+    for number, (point, (*_, status)) in enumerate(zip(points, report.waypoints), start=1):
+        yield f'waypoint {number} {point}: {status.replace("_", " ")}'
+    if report.instruction_report:
+        yield from instruction_lines(report.instruction_report)
 
 
 def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:

@@ -164,9 +164,8 @@ class GridGraph:
         if cost is None:
             grid.cell_surcharge = np.zeros(0, dtype=np.uint16)
         elif self.cell_surcharge.size == 0:
-            grid.cell_surcharge = cell_surcharges(
-                cost, blocked.shape, self.cost_multiplier, self.unknown_cost
-            )
+            rules = self.cost_multiplier, self.unknown_cost
+            grid.cell_surcharge = cell_surcharges(cost, blocked.shape, *rules)
         else:
             grid.cell_surcharge = self.cell_surcharge.copy()
             table = surcharge_table(self.cost_multiplier, self.unknown_cost)

@@ -85,7 +85,9 @@ class Tiles:
         for top, bottom, left, right in np.asarray(windows, dtype=np.int64).reshape(-1, 4):
             rows = slice(top >> shift, (bottom + last) >> shift)
             changed[rows, left >> shift : (right + last) >> shift] = True
-        tables = tables._replace(labels=tables.labels.copy(), counts=tables.counts.copy())
+        old, _, cutting, count, nodes, starts, contacts = tables
+        labels, counts = old.copy(), count.copy()
+        tables = kernels.TileTables(labels, shift, cutting, counts, nodes, starts, contacts)
         kernels.label_tiles(tables, np.ascontiguousarray(blocked), changed)
         return joined(tables, changed)
 
@@ -135,7 +137,7 @@ def joined(tables: kernels.TileTables, changed: Bools) -> Tiles:
 
     Those between tiles that are not marked in `changed` [rows, columns] are taken over.
     """
-    _, shift, corner_cutting, counts, _, _, old_contacts = tables
+    labels, shift, corner_cutting, counts, _, _, old_contacts = tables
     nodes = np.zeros(counts.size + 1, dtype=np.int32)
     np.cumsum(counts.ravel() + 1, out=nodes[1:])
     starts = np.empty(counts.size + 1, dtype=np.int32)
@@ -152,5 +154,5 @@ def joined(tables: kernels.TileTables, changed: Bools) -> Tiles:
     contacts = contacts[: starts[-1]].copy()
     components = np.empty(nodes[-1], dtype=np.int32)
     kernels.join_tiles(nodes, counts.shape[1], starts, contacts, components)
-    tables = tables._replace(nodes=nodes, starts=starts, contacts=contacts)
+    tables = kernels.TileTables(labels, shift, corner_cutting, counts, nodes, starts, contacts)
     return Tiles(tables, components)

@@ -30,8 +30,6 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 
 from llm_astar_planner.search.arrays import Float32s, Int32s
 
-Floats = Float32s
-
 START, GOAL = 0, 1
 # Fourier features of a coordinate: half periods of 1, 1/2, 1/4, ... of the longer side.
 WAVES = 6
@@ -46,9 +44,9 @@ PARTS = 6.0
 class Features:
     """The network's inputs, float32."""
 
-    nodes: Floats  # [n, N, NODE_FEATURES]
-    barriers: Floats  # [n, N, B, BARRIER_FEATURES]: nodes relative to barriers
-    pairs: Floats  # [n, PAIR_FEATURES, N, N]
+    nodes: Float32s  # [n, N, NODE_FEATURES]
+    barriers: Float32s  # [n, N, B, BARRIER_FEATURES]: nodes relative to barriers
+    pairs: Float32s  # [n, PAIR_FEATURES, N, N]
 
 
 def place_nodes(barriers: Int32s, endpoints: Int32s) -> Int32s:
@@ -72,7 +70,7 @@ def featurise(barriers: Int32s, size: Int32s, endpoints: Int32s) -> Features:
     return Features(nodes, barrier_features(barriers, cells, side), pair_features(cells, side))
 
 
-def node_features(barriers: Int32s, size: Int32s, cells: Floats, side: Floats) -> Floats:
+def node_features(barriers: Int32s, size: Int32s, cells: Float32s, side: Float32s) -> Float32s:
     """Return [n, N, NODE_FEATURES]; `cells` [n, N, 2] are the nodes, `side` [n] longer sides."""
     count, nodes = cells.shape[:2]
     unit = side[:, None, None]
@@ -94,7 +92,7 @@ def node_features(barriers: Int32s, size: Int32s, cells: Floats, side: Floats) -
     return np.concatenate(parts, axis=-1, dtype=np.float32)
 
 
-def tip_features(barriers: Int32s, unit: Floats) -> Floats:
+def tip_features(barriers: Int32s, unit: Float32s) -> Float32s:
     """Return [n, N, 6]: the direction in which a barrier's end points; zeros for start and goal.
 
     The unit vector, the vector times the barrier's length over the longer side, and the vector
@@ -109,7 +107,7 @@ def tip_features(barriers: Int32s, unit: Floats) -> Floats:
     return np.concatenate([np.zeros((count, 2, 6)), tips], axis=1, dtype=np.float32)
 
 
-def barrier_features(barriers: Int32s, cells: Floats, side: Floats) -> Floats:
+def barrier_features(barriers: Int32s, cells: Float32s, side: Float32s) -> Float32s:
     """Return [n, N, B, BARRIER_FEATURES]: nodes relative to a barrier's ends and its line."""
     horizontal, line, first, last = np.moveaxis(barriers[:, None], -1, 0)
     x, y = cells[:, :, None, 0], cells[:, :, None, 1]
@@ -126,7 +124,7 @@ def barrier_features(barriers: Int32s, cells: Floats, side: Floats) -> Floats:
     return np.concatenate(parts, axis=-1, dtype=np.float32)
 
 
-def pair_features(cells: Floats, side: Floats) -> Floats:
+def pair_features(cells: Float32s, side: Float32s) -> Float32s:
     """Return [n, PAIR_FEATURES, N, N]: offset from node i to j, distance, inverse distance."""
     gap = cells[:, None] - cells[:, :, None]
     apart = np.hypot(gap[..., 0], gap[..., 1])
@@ -160,23 +158,23 @@ class WeightsError(LlmAstarError, ValueError):
 class Weights:
     """The weights by their names in torch, the sizes of the network and the file's digest."""
 
-    arrays: Mapping[str, Floats]
+    arrays: Mapping[str, Float32s]
     shape: Mapping[str, int]
     digest: str
 
-    def linear(self, name: str, x: Floats) -> Floats:
+    def linear(self, name: str, x: Float32s) -> Float32s:
         """Apply a linear layer to the last axis."""
-        result: Floats = x @ self.arrays[f'{name}.weight'].T
+        result: Float32s = x @ self.arrays[f'{name}.weight'].T
         result += self.arrays[f'{name}.bias']
         return result
 
-    def channels(self, name: str, x: Floats) -> Floats:
+    def channels(self, name: str, x: Float32s) -> Float32s:
         """Apply a linear layer to the last axis but one."""
-        result: Floats = self.arrays[f'{name}.weight'] @ x
+        result: Float32s = self.arrays[f'{name}.weight'] @ x
         result += self.arrays[f'{name}.bias'][:, None]
         return result
 
-    def norm(self, name: str, x: Floats) -> Floats:
+    def norm(self, name: str, x: Float32s) -> Float32s:
         """Apply a layer norm to the last axis."""
         x = x - x.mean(axis=-1, keepdims=True)
         scale = np.sqrt(np.square(x).mean(axis=-1, keepdims=True) + _EPSILON)
@@ -206,7 +204,7 @@ def read_weights(data: bytes, name: str = 'weights') -> Weights:
     return Weights(arrays, header, hashlib.sha256(data).hexdigest()[:12])
 
 
-def hop_logits(weights: Weights, features: Features) -> Floats:
+def hop_logits(weights: Weights, features: Features) -> Float32s:
     """Return logits [n, N, N] that the next hop from node i is node j.
 
     Runs on one core: on a busy machine, BLAS threads make matrices this small ten times slower.
@@ -223,7 +221,7 @@ def blas_controller() -> Any:  # noqa: ANN401 - a class that may be missing
     return ThreadpoolController()
 
 
-def forward(weights: Weights, features: Features) -> Floats:
+def forward(weights: Weights, features: Features) -> Float32s:
     """Return the logits [n, N, N] of the next hops."""
     edge = edge_features(weights, features)
     x = weights.linear('enter_out', relu(weights.linear('enter', features.nodes)))
@@ -237,7 +235,7 @@ def forward(weights: Weights, features: Features) -> Floats:
     return np.asarray(logits + weights.linear('hop', relu(pair))[..., 0])
 
 
-def edge_features(weights: Weights, features: Features) -> Floats:
+def edge_features(weights: Weights, features: Features) -> Float32s:
     """Return features of every pair of nodes [n, edge, N, N], summed over the barriers."""
     pairs = features.pairs
     n, nodes, each, _ = features.barriers.shape
@@ -265,7 +263,7 @@ def edge_features(weights: Weights, features: Features) -> Floats:
     return edge.reshape(n, -1, nodes, nodes)
 
 
-def apply_layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
+def apply_layer(weights: Weights, name: str, x: Float32s, edge: Float32s) -> Float32s:
     """Apply one layer: attention over the nodes, biased by the edge features, and the MLP."""
     n, nodes, width = x.shape
     heads = weights.shape['heads']
@@ -282,13 +280,13 @@ def apply_layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
     return x + weights.linear(f'{name}.down', inner)
 
 
-def relu(x: Floats) -> Floats:
+def relu(x: Float32s) -> Float32s:
     """Return max(x, 0)."""
     # An array of zeros makes this three times as fast as the number 0.
     return np.maximum(x, np.zeros(x.shape[-2:], np.float32))
 
 
-def softmax(x: Floats) -> Floats:
+def softmax(x: Float32s) -> Float32s:
     """Return the softmax over the last axis."""
     x = np.exp(x - x.max(axis=-1, keepdims=True))
     return np.asarray(x / x.sum(axis=-1, keepdims=True))

@@ -18,10 +18,10 @@ from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.any_angle import LineOfSightChecker
-from llm_astar_planner.search.arrays import Bools, Int32s
+from llm_astar_planner.search.arrays import Bools, Float32s, Int32s
 from llm_astar_planner.waypoints.config import SourceContext
 from llm_astar_planner.waypoints.learned import network
-from llm_astar_planner.waypoints.learned.network import GOAL, START, Floats
+from llm_astar_planner.waypoints.learned.network import GOAL, START
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 # A route is a list of node numbers, START first and GOAL last.
@@ -115,7 +115,7 @@ def usable_nodes(cells: Int32s, blocked: Bools) -> Bools:
 
 
 def draw_routes(
-    logits: Floats, usable: Bools, count: int, random: np.random.Generator
+    logits: Float32s, usable: Bools, count: int, random: np.random.Generator
 ) -> list[Route]:
     """Return up to `count` different routes from start to goal, the greedy one first.
 
@@ -131,7 +131,7 @@ def draw_routes(
     return routes
 
 
-def follow(logits: Floats, usable: Bools, random: np.random.Generator | None = None) -> Route:
+def follow(logits: Float32s, usable: Bools, random: np.random.Generator | None = None) -> Route:
     """Return a route of the most probable hops, or of hops drawn with `random`.
 
     No node is visited twice. `logits` is [N, N], `usable` [N].
