@@ -409,7 +409,6 @@ READERS: dict[str, Reader] = {
 
 
 if __name__ == '__main__':
-    chosen = sys.argv[2:] or list(READERS)
-    for found in run({name: READERS[name] for name in chosen}, int(sys.argv[1])):
+    for found in run(READERS, dict(word.split('=') for word in sys.argv[1:])):
         sys.stdout.write(f'{json.dumps(found)}\n')
         sys.stdout.flush()

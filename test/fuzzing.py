@@ -1,6 +1,6 @@
 """Reads damaged files within limits: what a reader may raise, how long and how much it may take.
 
-`python fuzzing.py COUNT NAME...` reads COUNT mutations of each reader's files, each reader in a
+`python fuzz_readers.py NAME=COUNT...` reads COUNT mutations of a reader's files, each reader in a
 process of its own, and prints a line of JSON for each: what went wrong, and the most memory.
 """
 
@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -222,30 +222,33 @@ def fuzz(reader: Reader, name: str, count: int, folder: Path) -> dict[str, Any]:
     return {'failures': failures, 'count': count, 'failed': refused}
 
 
-def run(readers: dict[str, Reader], count: int) -> Iterator[dict[str, Any]]:
-    """Fuzz readers, each in a process of its own."""
-    for name, reader in readers.items():
+def run(readers: dict[str, Reader], counts: dict[str, str]) -> Iterator[dict[str, Any]]:
+    """Fuzz readers, each so many times and in a process of its own."""
+    for name, count in counts.items():
         with tempfile.TemporaryDirectory(prefix='fuzzed-') as folder:
             begin = time.monotonic()
             # The names of files in messages are looked for by that of their folder.
             where = Path(folder) / f'folder-of-{name}'
             where.mkdir()
-            found = in_fork(lambda: fuzz(reader, name, count, where), MOST_BYTES)  # noqa: B023
+            found = in_fork(lambda: fuzz(readers[name], name, int(count), where), MOST_BYTES)  # noqa: B023
             seconds = time.monotonic() - begin
             yield {'name': name, 'seconds': round(seconds, 2), **found}
 
 
-def run_outside(count: int, names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Fuzz readers in two other processes, without the threads of this one; return by name."""
-    names = list(names)
+def run_outside(counts: dict[str, int]) -> dict[str, dict[str, Any]]:
+    """Fuzz readers, each so many times, in two processes without the threads of this one.
+
+    Returns what came of it by name.
+    """
+    words = [f'{name}={count}' for name, count in counts.items()]
     script = str(Path(__file__).with_name('fuzz_readers.py'))
     path = os.pathsep.join(item for item in sys.path if item)
     processes = [
         subprocess.Popen(
-            [sys.executable, script, str(count), *part], env=os.environ | {'PYTHONPATH': path},
+            [sys.executable, script, *part], env=os.environ | {'PYTHONPATH': path},
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )
-        for part in (names[::2], names[1::2]) if part
+        for part in (words[::2], words[1::2]) if part
     ]  # fmt: skip
     found = {}
     for process in processes:

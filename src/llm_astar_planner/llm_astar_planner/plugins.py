@@ -34,8 +34,6 @@ from llm_astar_msgs_adapter.errors import (
     shortened,
 )
 
-from llm_astar_planner.parameter import ParameterError
-
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
@@ -215,7 +213,7 @@ def extensions(kind: str) -> dict[str, EntryPoint]:
 def find_drawing(name: str) -> EntryPoint:
     """Return what draws for a command; loading it imports matplotlib.
 
-    Raises ParameterError where the package with it is not installed.
+    Raises PluginError where the package with it is not installed.
     """
     found = extensions('pictures').get(name)
     if found is None:
@@ -223,7 +221,7 @@ def find_drawing(name: str) -> EntryPoint:
     return found
 
 
-def not_installed(what: str) -> ParameterError:
+def not_installed(what: str) -> PluginError:
     """Return the error that something is in the laboratory, which is not installed."""
     ways = f'`make install` or `pip install ./src/{LAB}` installs it'
-    return ParameterError(f'{what} of the package {LAB}, which is not installed; {ways}')
+    return PluginError(f'{what} of the package {LAB}, which is not installed; {ways}')

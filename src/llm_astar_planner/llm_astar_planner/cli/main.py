@@ -166,7 +166,7 @@ def installed_commands(wanted: str) -> dict[str, tuple[str, str]]:
     """Return the package of modules and the summary of each command, by name.
 
     Those of other packages are looked up only where `wanted` is none of ours. Raises
-    ParameterError where it is a command of a package that is not installed.
+    PluginError where it is a command of a package that is not installed.
     """
     found = {name: (OWN, summary) for name, summary in COMMANDS.items()}
     if wanted in found:

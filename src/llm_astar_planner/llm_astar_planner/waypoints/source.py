@@ -305,7 +305,7 @@ SOURCES = Plugins(
     'source',
     GROUP,
     {
-        'auto': f'{HERE}.auto:AutoSource',
+        'auto': f'{HERE}.config:AutoSource',
         'none': f'{HERE}.replay:NoSource',
         'embedded': f'{HERE}.learned.source:make_embedded',
         'replay': f'{HERE}.replay:make_replay',
