@@ -365,7 +365,9 @@ def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
         'import sys, signal\n'
         # Processes started in the background of a shell ignore the signal.
         'signal.signal(signal.SIGINT, signal.default_int_handler)\n'
+        'from llm_astar_lab.report import write\n'
         'from llm_astar_planner.cli.main import parse\n'
+        'write.draw_all = lambda *_: []\n'
         'args = parse(sys.argv[1:])\n'
         'sys.exit(args.run(args))\n'
     )
