@@ -44,6 +44,8 @@ MAX_ACTIVE = 4
 # Landmarks are measured anew when so much of the map is stricter than what they were measured on
 # that their bounds are weak. Moving obstacles with their inflation cover less: 1 % at 1000 x 1000.
 STALE_SHARE = 1 / 8
+# Each so many maps, one is compared as a whole, to know how much of it is stricter.
+_WHOLE_MAPS = 16
 # So many maps at least lie between: measuring costs as much as a hundred repairs.
 _STALE_MAPS = 64
 # Seconds that `update` waits for searches that use the landmarks, before it leaves the repair to
@@ -51,6 +53,7 @@ _STALE_MAPS = 64
 _READERS_WAIT_S = 0.005
 NO_DISTANCES = np.zeros((0, 0), dtype=np.int32)
 NONE_ACTIVE = np.zeros((0, 2), dtype=np.int64)
+NO_WINDOWS = np.zeros((0, 4), dtype=np.int64)
 
 
 def landmark_count(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_BYTES) -> int:
@@ -183,12 +186,15 @@ class Landmarks:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
         return is_alike(self.freest, grid) and self.freest.covers(grid)
 
-    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
+    def merge(
+        self, grid: GridGraph, windows: NDArray[np.int64] | None = None
+    ) -> NDArray[np.int64]:
         """Take in a map like that measured on; return the cells that became freer or cheaper.
 
-        If there are any, `repair` has to be called with them, before anything else is.
+        If there are any, `repair` has to be called with them, before anything else is. `windows`
+        hold all in which the map differs from the one before, if that is known.
         """
-        return self.freest.merge(grid)
+        return self.freest.merge(grid, windows)
 
     def repair(self, changed: NDArray[np.int64], stop: StopFlag | None = None) -> Iterator[bool]:
         """Lower the distances to the map that was merged, in steps of a few milliseconds.
@@ -227,6 +233,8 @@ class LandmarkManager:
         # The newest, of whatever map; a search takes them by `lend`.
         self.current: Landmarks | None = None
         self._newest: GridGraph | None = None
+        # In which windows it differs from the map merged last, None if that is not known.
+        self._unmerged: list[NDArray[np.int64]] | None = None
         # The maps that the landmarks are known to be admissible on, once repaired.
         self._admitted: weakref.WeakSet[GridGraph] = weakref.WeakSet()
         self._repair: Iterator[bool] | None = None  # begun and not finished
@@ -253,6 +261,11 @@ class LandmarkManager:
         """
         grid = grid.without_rules
         with self._changed:
+            changes = grid.changes_since(self._newest)
+            if self._unmerged is None or changes is None:
+                self._unmerged = None
+            else:
+                self._unmerged.append(changes)
             self._newest = grid
             if self._building is not None and not is_alike(self._building, grid):
                 self._stop_build[0] = 1
@@ -355,7 +368,9 @@ class LandmarkManager:
             self.current = None
             return
         began = time.thread_time()
-        changed = landmarks.merge(grid)
+        is_whole = self._unmerged is None or self._tally['maps'] % _WHOLE_MAPS == 0
+        windows = None if is_whole else np.concatenate([NO_WINDOWS, *(self._unmerged or [])])
+        changed, self._unmerged = landmarks.merge(grid, windows), []
         self._admitted.add(grid)
         if changed.size:
             self._repair = landmarks.repair(changed, self._stop_repair)
@@ -426,5 +441,5 @@ class LandmarkManager:
         if stop[0]:
             self._tried.clear()
         elif landmarks is not None:
-            self.current, self._repair = landmarks, None
+            self.current, self._repair, self._unmerged = landmarks, None, None
             self._admitted = weakref.WeakSet((grid,))
