@@ -37,6 +37,8 @@ _SMALL_BYTES = 32 * 1024 * 1024
 # Fewer than COUNT, or none, if these would not fit: at 4000 x 4000 cells two take 128 MB, and
 # what else is held for the map, 14 bytes a cell, should not be more than doubled.
 MAX_BYTES = 64 * 1024 * 1024
+# With fewer the borders of tiles lead better: on maps of over 2048 x 2048.
+_FEW = 4
 # One landmark alone proves little: only what lies on a line with it.
 MIN_COUNT = 2
 # Landmarks that one query uses.
@@ -79,7 +81,7 @@ def can_measure(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_
 class Landmarks:
     """Distances from a few landmarks to every cell of a grid: int32 [count, cells], units.
 
-    Made by `Landmarks.build`, with the `borders` of tiles where none fit. They prove lower
+    Made by `Landmarks.build`, with the `borders` of tiles where few fit. They prove lower
     bounds on that grid and on every grid that only blocks more cells or raises costs; `merge` and
     `repair` make them follow others.
     """
@@ -123,8 +125,9 @@ class Landmarks:
             if nearest is None or not rows.fill(row, int(nearest.argmax()), stop):
                 return None
             nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
-        borders = None if count else Borders(freest.cells)
-        if borders is not None:
+        borders = None
+        if count < _FEW and grid.cell_surcharge.size:
+            borders = Borders(freest.cells)
             if not any(borders.measure(borders.every, stop)):
                 return None
             # Compiled here in the background, a plan need not wait for what reads them.
