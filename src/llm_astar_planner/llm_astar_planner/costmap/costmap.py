@@ -23,6 +23,7 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from llm_astar_planner.costmap._kernels import inflation as kernels
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
 from llm_astar_planner.search.arrays import Bools, Int8s, Int64s
+from llm_astar_planner.search.double_buffer import DoubleBuffer
 from llm_astar_planner.search.grid_graph import GridGraph, whole
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
@@ -43,6 +44,7 @@ def inflate(
     config: CostmapConfig,
     before: tuple[Bools, Int8s] | None = None,
     windows: Int64s | None = None,
+    buffer: DoubleBuffer | None = None,
 ) -> tuple[Bools, Int8s]:
     """Return which cells the robot's centre must not be in, and what the cells cost.
 
@@ -50,20 +52,25 @@ def inflate(
     grid, and -1 for what an unknown cell costs: unknown, and not inflated above `unknown_cost`.
     Without a radius these are the map's own. O(cells), or those in the `windows`, int64 [n, 4]
     (top, bottom, left, right) half open, where `before` is what this returned for another map:
-    they hold all cells that differ and all that the inflation reaches from there.
+    they hold all cells that differ and all that the inflation reaches from there. `buffer` is
+    that of the series of maps.
     """
     if not config.has_radius:
         blocked = grid_map.blocked(config.occupied_threshold, allow_unknown=config.allow_unknown)
         return blocked, grid_map.cells
     shape = grid_map.cells.shape
-    layers = np.empty(shape, dtype=np.bool_), np.empty(shape, dtype=np.int8)
-    blocked, cost = layers if before is None else (before[0].copy(), before[1].copy())
+    if before is None or windows is None or buffer is None:
+        windows = whole(shape)
+        blocked, cost = np.empty(shape, dtype=np.bool_), np.empty(shape, dtype=np.int8)
+    else:
+        blocked = buffer.copy('blocked', before[0], windows, shape)
+        cost = buffer.copy('cost', before[1], windows, shape)
     across = grid_map.width**2 + grid_map.height**2
     inscribed = min(squared_cells(config.robot_radius, grid_map.resolution), across)
     kernels.inflate(
         grid_map.cells, config.occupied_threshold, config.allow_unknown, config.unknown_cost,
-        inscribed, costs_by_distance(config, grid_map), inflation_reach(grid_map, config),
-        whole(shape) if windows is None else windows, blocked, cost,
+        inscribed, costs_by_distance(config, grid_map), inflation_reach(grid_map, config), windows,
+        blocked, cost,
     )  # fmt: skip
     return blocked, cost
 
@@ -117,6 +124,7 @@ class Costmap:
         self.config = config or CostmapConfig()
         self.barrier_map = barrier_map
         self._changes: Int64s | None = None
+        self._buffer = DoubleBuffer()
         if previous is not None:
             self._take_over(previous)
 
@@ -206,14 +214,17 @@ class Costmap:
         # One cell more than the inflation reaches: legal moves depend on the neighbours.
         margin = inflation_reach(now, self.config) + 1
         windows = kernels.changed_windows(before.cells, now.cells, margin)
-        inflated = inflate(now, self.config, layers['_inflated'], windows)
+        self._buffer = previous._buffer
+        inflated = inflate(now, self.config, layers['_inflated'], windows, self._buffer)
         self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
-            graph = graph.without_rules.updated(self.blocked, self._graded_cost(), windows)
+            graph = graph.without_rules.updated(
+                self.blocked, self._graded_cost(), windows, self._buffer
+            )
             self.grid_graph = graph.with_rules(now.forbidden)
         if 'components' in layers:
-            self.components = layers['components'].updated(self.blocked, windows)
+            self.components = layers['components'].updated(self.blocked, windows, self._buffer)
         self._changes = windows
 
     @cached_property
