@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import CollisionChecker
+from llm_astar_planner.search.any_angle import straight_path
 from llm_astar_planner.search.grid_graph import GridGraph, path_units
 
 
@@ -49,6 +50,11 @@ def is_move(grid: GridGraph, cell, other) -> bool:
         return False
     corner = grid.blocked[y, other_x] or grid.blocked[other_y, x]
     return grid.corner_cutting or not corner
+
+
+def can_see(grid: GridGraph, cell, other) -> bool:
+    """Whether the straight line between two cells' centres crosses no blocked cell."""
+    return straight_path(grid, np.array([cell, other], dtype=np.int32)) is not None
 
 
 def assert_path(grid: GridGraph, path, start, goal, cost) -> None:

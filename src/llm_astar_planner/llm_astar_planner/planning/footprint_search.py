@@ -39,7 +39,7 @@ MAX_REACH = 1000.0
 # Cells that are tried, nearest first, where the footprint does not fit at the one requested.
 MAX_CELLS = 20_000
 ROUNDING = 1e-6
-HEADING_ANGLE = 2.0 * math.pi / HEADINGS
+ANGLES = [2.0 * math.pi / HEADINGS * heading for heading in range(HEADINGS)]
 CLEARED = 'the footprint meets an obstacle where the robot stands: cells under it count as free'
 NO_TURN = 'the footprint cannot turn on the spot at the start to where the path leads'
 
@@ -254,8 +254,7 @@ class FootprintSearch:
     def free_cells(self, cells: Int64s, yaw: float | None) -> Bools:
         """Tell at which cells [n, 2] the footprint is free, looking along yaw; None: along any."""
         free = np.zeros(len(cells), dtype=np.bool_)
-        every = [HEADING_ANGLE * heading for heading in range(HEADINGS)]
-        for angle in every if yaw is None else [yaw]:
+        for angle in ANGLES if yaw is None else [yaw]:
             poses = np.column_stack([cells, np.full(len(cells), angle)])
             free |= ~self.checker.collisions_on_grid(poses)
         return free
@@ -283,8 +282,7 @@ class FootprintSearch:
         """Return the headings, bits of a mask, from and to which it can turn at a cell."""
         if yaw is None:
             return EVERY_HEADING
-        angles = [HEADING_ANGLE * heading for heading in range(HEADINGS)]
-        return sum(1 << h for h, a in enumerate(angles) if self.checker.can_turn(cell, a, yaw))
+        return sum(1 << h for h, a in enumerate(ANGLES) if self.checker.can_turn(cell, a, yaw))
 
 
 # Cells [height, width], the threshold from which they are lethal, and whether unknown ones are.
@@ -335,8 +333,7 @@ class FootprintChecker:
 
         Yaws are relative to the grid, in radians.
         """
-        x, y = map(float, place)
-        return not kernels.turn_collides(self._rules, x, y, (begin, end))
+        return not kernels.turn_collides(self._rules, *map(float, place), (begin, end))
 
     def path_collides(
         self, path: ArrayLike, start_yaw: float | None = None, goal_yaw: float | None = None

@@ -30,9 +30,8 @@ from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, 
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification import verify
-from llm_astar_planner.planning.endpoints import resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
-from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_planner import PathPlanner, resolve_endpoints
 from llm_astar_planner.planning.path_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -306,8 +307,7 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
 
     Those that only nodes have may be missing.
     """
-    same = {name: values[name] for name in SAME}
-    return same | {
+    return dict(zip(SAME, itemgetter(*SAME)(values))) | {
         'time_limit': values['max_planning_time'],
         'source_time_limit': values['source_timeout'],
         'max_suboptimality': values['max_suboptimality'] or None,

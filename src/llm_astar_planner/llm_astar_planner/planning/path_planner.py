@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.endpoints import resolve_endpoints
+from llm_astar_planner.planning.endpoints import (
+    blocked_message,
+    goal_failure,
+    moved_goal,
+    moved_start,
+    moved_via,
+)
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     curve_cells,
@@ -449,6 +455,42 @@ class PathPlanner:
         if collides(self.costmap, request, points):
             return 'the footprint would meet an obstacle'
         return footprint_problem(interpolate(points), self.costmap, request)
+
+
+def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
+    """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
+    components, start, goal, via = costmap.components, request.start, request.goal, request.via
+    if not components.at(start):
+        start = moved_start(costmap, request)
+    # Where rules of the road cut a stretch between many via points off, its search finds out.
+    if costmap.grid_map.forbidden.size and not via:
+        components = costmap.reached(start)
+    component = components.at(start)
+    if components.at(goal) != component:
+        goal = moved_goal(costmap, request, goal, (components, component))
+    if via:
+        via = tuple(
+            cell
+            if components.at(cell) == component
+            else moved_goal(costmap, request, cell, (components, component), f'via {number}')
+            for number, cell in enumerate(via, start=1)
+        )
+    if (start, goal, via) == (request.start, request.goal, request.via):
+        return Endpoints(start, goal, via)
+    resolution = costmap.grid_map.resolution
+    start_shift = math.dist(request.start, start) * resolution
+    goal_shift = math.dist(request.goal, goal) * resolution
+    warnings = []
+    if start != request.start:
+        message = blocked_message(costmap, 'start', request.start)
+        begin = costmap.describe_cell(start)
+        warnings.append(f'{message}; the path begins at {begin}, {start_shift:.2f} m off')
+    if via != request.via:
+        warnings.append(moved_via(costmap, request, via))
+    if goal != request.goal:
+        failure, end = goal_failure(costmap, request, request.goal), costmap.describe_cell(goal)
+        warnings.append(f'{failure}; the path ends at {end}, {goal_shift:.2f} m off')
+    return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
 def curve_measures(costmap: Costmap, curve: Float64s) -> tuple[float, float]:

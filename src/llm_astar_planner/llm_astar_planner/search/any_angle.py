@@ -47,18 +47,6 @@ class AnyAnglePath(NamedTuple):
     cost: float
 
 
-def can_see(grid: GridGraph, cell: Cell, other: Cell) -> bool:
-    """Tell whether the straight line between two cells' centres crosses no blocked cell.
-
-    Where it passes exactly through a corner, both cells next to the corner must be free, unless
-    the grid allows corner cutting. Raises ValueError for a cell off the grid.
-    """
-    grid.index(cell)
-    grid.index(other)
-    rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-    return bool(kernels.line_cost(*rules, *cell, *other) >= 0.0)
-
-
 def straight_path(grid: GridGraph, points: Int32s) -> AnyAnglePath | None:
     """Return the path of straight lines through cells [n, 2], None where one is blocked."""
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting

@@ -58,9 +58,8 @@ class CoarseGraph:
         if component == 0 or component != tiles[goal[1], goal[0]]:
             return None
         rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-        points = kernels.taut_route(
-            tiles.tables, self._is_open, self._places, self._prices, start, goal, most, rules
-        )
+        graph = tiles.tables, self._is_open, self._places, self._prices
+        points = kernels.taut_route(graph, start, goal, most, rules)
         if not points:
             raise TimeoutError(f'no route after {most} nodes')
         return np.array(points[1:-1], dtype=np.int64).reshape(-1, 2)

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from grids import can_see
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.footprint import Footprint
@@ -12,7 +13,6 @@ from llm_astar_planner.planning.path_validator import CollisionChecker, via_prob
 from llm_astar_planner.planning.plan_reuse import Ways, cells_along, way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.any_angle import can_see
 from llm_astar_planner.search.grid_graph import path_cost, path_length
 
 # A block in the middle, with a way above it and one below that is as long.

@@ -4,11 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from grids import assert_path, queries
+from grids import assert_path, can_see, queries
 from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_planner.search._kernels import coarse as kernels
-from llm_astar_planner.search.any_angle import can_see
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.coarse import CoarseGraph
 from llm_astar_planner.search.grid_graph import GridGraph
@@ -111,7 +110,7 @@ def test_leaving_out_moves_across_open_tiles_changes_no_cost(shift):
         costs = []
         for _ in range(2):
             nodes = graph._tiles.tables, graph._is_open, graph._places, graph._prices
-            points, cost = kernels.route(*nodes, start, goal, 10**9)
+            points, cost = kernels.route(nodes, start, goal, 10**9)
             assert points
             costs.append(cost)
             pruned += int(graph._is_open.sum())

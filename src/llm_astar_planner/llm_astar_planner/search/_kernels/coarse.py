@@ -23,6 +23,8 @@ from llm_astar_planner.search.arrays import Bools, Float32s, Int64s, Uint16s
 from llm_astar_planner.search.kernel_cache import jit
 
 Points = list[tuple[int, int]]
+# The tiles, which of them are open, and the middle and the price of each node.
+Graph = tuple[TileTables, Bools, Int64s, Float32s]
 
 # How much longer a diagonal move is than a straight one, and half of its length, in cells.
 DIAGONAL = math.sqrt(2.0) - 1.0
@@ -173,19 +175,14 @@ def open_neighbours(
 
 @jit
 def route(
-    tiles: TileTables,
-    is_open: Bools,
-    places: Int64s,
-    prices: Float32s,
-    start: tuple[int, int],
-    goal: tuple[int, int],
-    most: int,
+    graph: Graph, start: tuple[int, int], goal: tuple[int, int], most: int
 ) -> tuple[Points, float]:
     """Return a cheapest route between two connected free cells, and its cost.
 
     The route is the cells (x, y) of its nodes, and where it enters each; empty if more than
     `most` nodes would have to be expanded.
     """
+    tiles, is_open, places, prices = graph
     labels, shift, nodes = tiles.labels, tiles.shift, tiles.nodes
     columns = is_open.shape[1]
     start_x, start_y = start
@@ -271,18 +268,11 @@ def route(
 
 @jit
 def taut_route(
-    tiles: TileTables,
-    is_open: Bools,
-    places: Int64s,
-    prices: Float32s,
-    start: tuple[int, int],
-    goal: tuple[int, int],
-    most: int,
-    rules: Rules,
+    graph: Graph, start: tuple[int, int], goal: tuple[int, int], most: int, rules: Rules
 ) -> Points:
     """Return where a cheapest route turns once it is pulled taut, with its ends; see `route`."""
-    points, _ = route(tiles, is_open, places, prices, start, goal, most)
-    return taut(rules, tiles.shift, points) if points else points
+    points, _ = route(graph, start, goal, most)
+    return taut(rules, graph[0].shift, points) if points else points
 
 
 @jit
