@@ -22,10 +22,12 @@ from llm_astar_lab.play.live import LiveFeed
 from llm_astar_lab.play.maps import PlayError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, plan_report
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 
@@ -197,6 +199,20 @@ def test_a_plan_that_cannot_be_read_is_said_to_be_so():
         assert not plan['found']
     feed.show_plan(np.array([[0.0, 0.0]]), report)
     assert asyncio.run(newest_plan(feed))['found']
+
+
+def test_what_closes_the_way_of_a_running_graph_is_sent_in_cells():
+    cells = np.zeros((20, 30), dtype=np.int8)
+    cells[:, 15], cells[9:12, 15] = 100, 0
+    grid_map = GridMap(cells, 0.5)
+    planner = Planner(grid_map, CostmapConfig(robot_radius=1.5))
+    plan = planner.plan(PlanRequest((4, 10), (26, 10)))
+    feed = LiveFeed()
+    feed.show_map(grid_map)
+    feed.show_plan(np.zeros((0, 2)), asdict(plan_report(plan, grid_map)))
+    (cause,) = asyncio.run(newest_plan(feed))['causes']
+    assert cause['name'] == 'radius'
+    assert cause['points'][-1] == [15.0, 10.0]
 
 
 async def newest_plan(feed):

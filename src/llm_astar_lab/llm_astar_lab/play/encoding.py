@@ -15,11 +15,13 @@ import shapely
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import clause_price, finite_or_none
+from llm_astar_planner.planning.types import Why, clause_price, finite_or_none
 from llm_astar_planner.search.methods import HEURISTIC_NAMES, METHODS
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
 from llm_astar_lab.pictures.style import page_colours
@@ -91,8 +93,10 @@ def place_json(place: Place, grid_map: GridMap) -> dict[str, Any]:
     return {'name': place.name, 'polygon': cells_of(shapely.get_coordinates(outline), grid_map)}
 
 
-def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) -> dict[str, Any]:
-    """Return the answer to a request for a plan."""
+def reply_json(
+    request: PlayRequest, planner: Planner, plans: list[PlayedPlan], answer: dict[str, Any] | None
+) -> dict[str, Any]:
+    """Return the answer to a request for a plan, and to its question where it has one."""
     costmap, command = planner.costmap, command_of(request)
     obstacles = planner.grid_map.blocked(
         costmap.config.occupied_threshold, allow_unknown=costmap.config.allow_unknown
@@ -100,6 +104,8 @@ def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) 
     return {
         'plans': [plan_json(played, planner, request.places) for played in plans],
         'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)),
+        'answer': answer,
+        'rules': [rule_json(zone, planner.grid_map) for zone in request.zones if zone.rule],
         'command': command,
         'command_note': EDITED if command is None else '',
     }
@@ -120,10 +126,34 @@ def plan_json(played: PlayedPlan, planner: Planner, places: Places) -> dict[str,
         'path': plan.path.tolist(),
         'any_angle': None if plan.any_angle is None else plan.any_angle.points.tolist(),
         'via': [list(cell) for cell in plan.via],
+        'causes': causes_json(plan.why, grid_map),
+        'ways': [way.to_json() | {'path': way.path.tolist()} for way in plan.alternatives],
         'regions': None if instructed is None else regions_json(instructed, grid_map),
         'expanded': {'order': encoded(order[:MAX_ORDER].astype('<i4'))},
         'order_is_known': played.order is not None,
     }
+
+
+def causes_json(why: Why | None, grid_map: GridMap) -> list[dict[str, Any]]:
+    """Return where what closes the way lies, by name, in cells."""
+    places = () if why is None else why.places()
+    return [{'name': name, 'points': cells_of(points, grid_map)} for name, points in places]
+
+
+def rule_json(zone: Zone, grid_map: GridMap) -> dict[str, Any]:
+    """Return in cells where a rule of the road holds, and from where to where it leads."""
+    return {
+        'kind': zone.kind,
+        'name': zone.name,
+        'width': zone.width / grid_map.resolution,
+        'rings': rings_of(zone.area, grid_map),
+        'arrows': [cells_of(arrow, grid_map) for arrow in zone.arrows()],
+    }
+
+
+def rings_of(shape: BaseGeometry, grid_map: GridMap) -> list[list[list[float]]]:
+    """Return the outlines of polygons in metres in cells."""
+    return [cells_of(line.coords, grid_map) for line in shapely.get_parts(shape.boundary)]
 
 
 def regions_json(path: InstructedPath, grid_map: GridMap) -> dict[str, Any]:
@@ -135,9 +165,8 @@ def regions_json(path: InstructedPath, grid_map: GridMap) -> dict[str, Any]:
     for outcome in path.outcome.clauses:
         for area in path.shown_areas(outcome.clause) if outcome.clause.regions else ():
             shape = area.outline & path.measurement.regions.map_outline
-            rings = [cells_of(line.coords, grid_map) for line in shapely.get_parts(shape.boundary)]
             look = {'is_avoided': outcome.clause.is_closed, 'status': outcome.status.name}
-            areas.append(look | {'rings': rings})
+            areas.append(look | {'rings': rings_of(shape, grid_map)})
         parts += [cells_of(part, grid_map) for part in path.violating_parts(outcome)]
     visits = [*path.visited_points()]
     return {'areas': areas, 'violations': parts, 'visits': cells_of(visits, grid_map)}

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_planner.planning.types import Why
 from numpy.typing import NDArray
 
-from llm_astar_lab.play.encoding import grid_json, report_json
+from llm_astar_lab.play.encoding import causes_json, grid_json, report_json
 from llm_astar_lab.play.maps import MAX_CELLS, PlayError
 
 # Seconds between two looks at what is new, and between two signs of life.
@@ -138,11 +139,12 @@ def live_plan_json(
         raise ValueError(f'a path of {len(points)} points, or with one that is not finite')
     places = grid_map.world_to_grid([(x, y) for x, y, _ in report['waypoints']]).round(3).tolist()
     waypoints = [(x, y, status) for (x, y), (*_, status) in zip(places, report['waypoints'])]
-    metres = report['length']
+    metres, why = report['length'], report['why']
     cells = None if metres is None else metres / grid_map.resolution
     return report_json(report, waypoints, cells, metres) | {
         'role': 'live',
         'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
         'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(),
         'via': [],
+        'causes': causes_json(why and Why(**why, cell=None, reached=0), grid_map),
     }

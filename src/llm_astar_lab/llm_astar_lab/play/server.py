@@ -141,7 +141,8 @@ class PlayApp(Starlette):
     def work(self, asked: PlayRequest, stop: StopFlag) -> bytes:
         """Return the answer to a request, as JSON."""
         planner, plans = self._service.plan(asked, stop)
-        return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
+        answer = self._service.answer(asked, planner, stop)
+        return json.dumps(reply_json(asked, planner, plans, answer), allow_nan=False).encode()
 
 
 async def read_body(request: Request, limit: int) -> object:

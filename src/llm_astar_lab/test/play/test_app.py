@@ -144,6 +144,44 @@ def crossed(reply):
     return [cell for cell in path if 54 <= cell[0] < 86 and 41 <= cell[1] < 50]
 
 
+def test_a_drawn_rule_of_the_road_is_planned_with_and_sent_back_with_its_arrows(page):
+    free = plan(page)['plans'][0]
+    line = {'type': 'LineString', 'coordinates': [[5.0, 9.0], [35.0, 9.0]]}
+    rule = {'name': 'east', 'kind': 'one_way', 'width': 3.0}
+    feature = {'type': 'Feature', 'properties': rule, 'geometry': line}
+    features = {'type': 'FeatureCollection', 'features': [feature]}
+    reply = plan(page, drawn=json.dumps(features))
+    (sent,) = reply['rules']
+    assert (sent['kind'], sent['name'], sent['width']) == ('one_way', 'east', 3.0)
+    assert sent['arrows'] == [[[4.5, 8.5], [34.5, 8.5]]]
+    assert sent['rings']
+    assert reply['plans'][0]['figures']['length'] > free['figures']['length'] + 1.0
+
+
+def test_causes_and_ways_are_sent_as_a_plan_has_them(page):
+    closed = plan(page, robot_radius=4.0)['plans'][0]
+    assert [cause['name'] for cause in closed['causes']] == ['radius']
+    assert closed['causes'][0]['points']
+    chosen, astar = plan(page, alternatives=3)['plans']
+    assert [round(way['length'], 1) for way in chosen['ways']] == [43.4, 46.7]
+    assert chosen['ways'][1]['path'][0] == DEMO['start']
+    assert astar['ways'] == []
+
+
+def test_a_question_about_the_path_is_answered_or_said_not_to_be_understood(page):
+    house = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95], 'robot_radius': 0.2}
+    reply = plan(page, **house, why='why not through the green bathroom?')
+    answer = reply['answer']
+    assert answer['sentence'].startswith('through the green bathroom: 15.2 m instead of 14.2 m')
+    assert answer['path'][0] == [27, 30]
+    assert "'--why=why not through the green bathroom?'" in reply['command']
+    assert plan(page, **house, why='why so long?')['answer']['path'] == []
+    answer = plan(page, **house, why='why me?')['answer']
+    assert 'is not understood; ask' in answer['sentence']
+    assert answer['path'] == []
+    assert plan(page)['answer'] is None
+
+
 def test_a_drawn_place_is_understood_and_replaces_one_of_its_name(page):
     ask = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95]}
     for name in ('charger', 'sofa'):
