@@ -153,7 +153,7 @@ def test_a_drawn_rule_of_the_road_is_planned_with_and_sent_back_with_its_arrows(
     reply = plan(page, drawn=json.dumps(features))
     (sent,) = reply['rules']
     assert (sent['kind'], sent['name'], sent['width']) == ('one_way', 'east', 3.0)
-    assert sent['arrows'] == [[[4.5, 8.5], [34.5, 8.5]]]
+    assert sent['arrows'] == [[[5.0, 9.0], [35.0, 9.0]]]
     assert sent['rings']
     assert reply['plans'][0]['figures']['length'] > free['figures']['length'] + 1.0
 

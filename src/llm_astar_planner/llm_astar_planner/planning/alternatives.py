@@ -36,9 +36,12 @@ from llm_astar_planner.search.stop import StopFlag
 MOST_OBSTACLES, LEAST_SHARE = 12, 0.05
 # Crossings of one ray, there less back, up to which a path is followed.
 MOST_CROSSINGS = 3
-# Ways that cost more than so many times the best are none to choose from.
-MOST_LONGER = 2.0
+# Ways that cost more than so many times the best are none to choose from, nor those that cost more
+# than it by over so large a part of the largest perimeter of the obstacles on the other side: the
+# best way passes these, and such a way loops around them.
+MOST_LONGER, MOST_AROUND = 2.0, 0.5
 OTHER, LEFT, RIGHT = range(3)
+ROUNDING = 1e-6
 
 Class = tuple[int, ...]
 # Of obstacles by number, how often a path may not cross their rays.
@@ -46,11 +49,15 @@ Excluded = dict[int, frozenset[int]]
 
 
 class Ray(NamedTuple):
-    """The half line up from a cell (x, y) of an obstacle; `centre` is that of the obstacle."""
+    """The half line up from a cell (x, y) of an obstacle.
+
+    `centre` is that of the obstacle, `perimeter` that of the box around it, in cells.
+    """
 
     x: int
     y: int
     centre: tuple[float, float]
+    perimeter: float
 
     def sides(self, shape: tuple[int, ...]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return the cells left and right of it, bool [height, width] each."""
@@ -109,7 +116,9 @@ class WaysSearch:
             rows, columns = np.nonzero(labels[boxes[number]] == number)
             y, x = rows + boxes[number][0].start - 1, columns + boxes[number][1].start - 1
             top = int(y.argmax())
-            rays.append(Ray(int(x[top]), int(y[top]), (float(x.mean()), float(y.mean()))))
+            perimeter = 2.0 * sum(part.stop - part.start for part in boxes[number])
+            centre = float(x.mean()), float(y.mean())
+            rays.append(Ray(int(x[top]), int(y[top]), centre, perimeter))
         return rays
 
     def ways(self) -> Iterator[Alternative]:
@@ -127,15 +136,17 @@ class WaysSearch:
 
         push({})
         first: Class = ()
-        most = MOST_LONGER * queue[0][0] if queue else 0.0
-        while queue and queue[0][0] <= most:
+        best = queue[0][0] if queue else 0.0
+        while queue and queue[0][0] <= MOST_LONGER * best:
             _, _, excluded, way, crossed = heapq.heappop(queue)
             if crossed not in found:
                 found.add(crossed)
                 first = first or crossed
-                others = [ray.centre for ray, a, b in zip(rays, crossed, first) if a != b]
-                if not crosses_itself(way.path):
-                    yield way._replace(around=self.metres(others))
+                others = [ray for ray, a, b in zip(rays, crossed, first) if a != b]
+                around = max((ray.perimeter for ray in others), default=0.0)
+                is_loop = way.cost > best + MOST_AROUND * around + ROUNDING
+                if not is_loop and not crosses_itself(way.path):
+                    yield way._replace(around=self.metres([ray.centre for ray in others]))
             for number, crossing in enumerate(crossed):
                 more = excluded.get(number, frozenset()) | {crossing}
                 push({**excluded, number: more})

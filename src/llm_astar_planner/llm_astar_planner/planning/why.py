@@ -26,9 +26,15 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap._kernels.changes import changed_windows
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.inflation import inflate, squared_cells
+from llm_astar_planner.costmap.inflation import (
+    inflate,
+    inflated_again,
+    inflation_reach,
+    squared_cells,
+)
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
@@ -173,8 +179,13 @@ class Causes:
         self.lethal = self.base.cells >= threshold
         self.names: list[tuple[str, str]] = []
         self.radius = -1
-        is_plain = composed is None and (config.allow_unknown or not (self.base.cells < 0).any())
-        walls = costmap.blocked if is_plain else inflate(self.base, self.config)[0]
+        if config.allow_unknown or not (self.base.cells < 0).any():
+            # Only around zones it differs from that of the map with them.
+            before, reach = (costmap.blocked, costmap.cost), inflation_reach(self.base, config)
+            changed = changed_windows(grid_map.cells, self.base.cells, reach)
+            walls, _ = inflated_again(self.base, config, before, changed)
+        else:
+            walls, _ = inflate(self.base, self.config)
         self.layers = [Layers(walls)]
         # Without the robot's radius, also that with which a costmap was inflated.
         if config.robot_radius > 0.0 or threshold > config.occupied_threshold:

@@ -74,7 +74,7 @@ def fill_room(
     other group is wide. Axis by axis, see `costmap._kernels.inflation`.
     """
     height, width = lethal.shape
-    steps = np.full((height, width), reach + 1, dtype=np.int32)
+    steps = np.full((height, width), reach + 1, dtype=np.int16)
     for y in range(height):
         row, before, walls = steps[y], steps[max(y - 1, 0)], lethal[y]
         for x in range(width):
@@ -87,12 +87,11 @@ def fill_room(
         row = steps[y]
         for x in range(width):
             best = (reach * reach + 1) * is_open[groups[y, x]]
-            is_narrow = best and not is_wide[wide_groups[y, x]]
-            for step in range(0 if is_narrow else width, reach + 1):
-                if step * step >= best:
-                    break
+            step = reach + 1 if is_wide[wide_groups[y, x]] else 0
+            while step * step < best:
                 nearest = min(row[max(x - step, 0)], row[min(x + step, width - 1)])
                 best = min(best, nearest * nearest + step * step)
+                step += 1
             squared[y, x] = best
 
 
