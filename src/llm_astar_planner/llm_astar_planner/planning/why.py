@@ -85,10 +85,8 @@ class Layers:
 
     def __init__(self, walls: Mask) -> None:
         """Start with walls, bool [height, width], and nothing else closed."""
-        height, width = walls.shape
-        self.groups = np.zeros((height + 2, width + 2), dtype=np.int32)
+        self.groups = np.pad(~walls, 1).astype(np.int32)
         self.cells = self.groups[1:-1, 1:-1]
-        self.cells[:] = ~walls
         self.sets: list[Items | None] = [None, NOTHING]
         self._numbers: dict[Items, int] = {NOTHING: 1}
 
@@ -153,17 +151,12 @@ class Goals(NamedTuple):
     def flood(self, layers: Layers, removed: Items, before: Flood | None = None) -> Flood:
         """Reach what is open without some causes, further than `before` without fewer did."""
         groups, is_open = layers.groups.reshape(-1), layers.is_open(removed)
-        stack, edges = np.empty(groups.size, dtype=np.int32), np.empty(groups.size, dtype=np.int32)
-        if before is None:
-            edge = np.array([self.start], dtype=np.int32)
-            before = Flood(-1, np.zeros(groups.size, dtype=np.uint8), edge)
-        seen, is_first = before.seen.copy(), is_open[groups[before.edges]]
-        first, left = before.edges[is_first], before.edges[~is_first]
-        stack[: len(first)] = first
-        target, met = kernels.flood(
-            groups, is_open, self.steps, self.targets, seen, stack, len(first), edges
-        )
-        return Flood(target, seen, np.concatenate((left, edges[:met])))
+        start = np.array([self.start], dtype=np.int32)
+        _, seen, edges, _ = before or Flood(-1, np.zeros(groups.size, dtype=np.uint8), start)
+        seen, is_first = seen.copy(), is_open[groups[edges]]
+        first = edges[is_first]
+        target, met = kernels.flood(groups, is_open, self.steps, self.targets, seen, first)
+        return Flood(target, seen, np.concatenate((edges[~is_first], met)))
 
 
 class Causes:
@@ -322,8 +315,7 @@ class Causes:
         groups = (
             part for one in (layers, self.layers[0]) for part in (one.cells, one.is_open(removed))
         )
-        room = np.zeros(layers.groups.shape, dtype=np.int32)
-        kernels.fill_room(lethal, reach, *groups, room[1:-1, 1:-1])
+        room: NDArray[np.int32] = kernels.room_of(lethal, reach, *groups)
         return room
 
 
@@ -333,13 +325,9 @@ def grown(
     """Return the cells that lethal cells of a window close to the robot, and their window."""
     reach = math.isqrt(squared_cells(config.robot_radius, grid_map.resolution))
     around = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
-    cells = np.zeros_like(grid_map.cells[around])
-    inside = tuple(
-        slice(part.start - whole.start, part.stop - whole.start)
-        for part, whole in zip(window, around)
-    )
-    cells[inside][lethal] = OCCUPIED
-    return (around[0], around[1]), inflate(GridMap(cells, grid_map.resolution), config)[0]
+    cells = np.zeros_like(grid_map.cells)
+    cells[window][lethal] = OCCUPIED
+    return (around[0], around[1]), inflate(GridMap(cells[around], grid_map.resolution), config)[0]
 
 
 class Explainer:
