@@ -117,13 +117,13 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
             assert plan['path'][0] == [39, 18]
             assert plan['path'][-1] == [7, 19]
             assert len(plan['path']) == len(path.poses)
-            assert plan['figures']['expansions'] == report.operation
-            assert plan['figures']['length_m'] == report.length
-            clauses = plan['instruction']['clauses']
+            assert plan['operation'] == report.operation
+            assert plan['length_m'] == report.length
+            clauses = plan['instruction_report']['clauses']
             assert [clause['status'] for clause in clauses] == ['kept']
             report = graph.call(START, Pose2D(0.0, 0.0))[1]
             failed = events.next('plan', lambda plan: not plan['found'])
-            assert (failed['code'], failed['message']) == ('GOAL_OCCUPIED', report.message)
+            assert (failed['code_name'], failed['message']) == ('GOAL_OCCUPIED', report.message)
             assert failed['path'] == []
             events.next('status', lambda status: '/played/planner_node' in status['message'])
             process.send_signal(signal.SIGINT)
@@ -191,11 +191,11 @@ def test_a_plan_that_cannot_be_read_is_said_to_be_so():
         ([[np.nan, 0.0]], {}),
         ([[0.0, 0.0]], {'seconds_search': np.inf}),
         ([[0.0, 0.0]], {'waypoints': ((1.0, 2.0),)}),
-        ([[0.0, 0.0]], {'instruction_report': {'clauses': 3}}),
+        ([[0.0, 0.0]], {'why': {'causes': 3}}),
     ):
         feed.show_plan(np.array(points), report | fields)
         plan = asyncio.run(newest_plan(feed))
-        assert plan['code'] == 'UNREADABLE'
+        assert plan['code_name'] == 'UNREADABLE'
         assert not plan['found']
     feed.show_plan(np.array([[0.0, 0.0]]), report)
     assert asyncio.run(newest_plan(feed))['found']

@@ -531,10 +531,11 @@ def test_foreign_text_is_shown_as_text(open_page):
         reply = route.fetch().json()
         plan = reply['plans'][0]
         plan.update(title=HOSTILE, message=HOSTILE)
-        plan['waypoints'] = [{'number': HOSTILE, 'x': 3, 'y': 3, 'status': HOSTILE}]
+        plan['waypoints'] = [3, [3, 3, HOSTILE]]
         clause = {'clause': HOSTILE, 'status': HOSTILE, 'detail': HOSTILE * 1000}
         plan.update(causes=[None, {'name': HOSTILE, 'points': [[3, 3]]}], ways=[{'path': HOSTILE}])
-        plan['instruction'] = {'sentence': HOSTILE, 'status': HOSTILE, 'clauses': [clause]}
+        reading = {'sentence': HOSTILE, 'status': HOSTILE}
+        plan['instruction_report'] = {'interpretation': reading, 'clauses': [clause]}
         rules = [{'kind': HOSTILE, 'name': HOSTILE, 'rings': 5, 'arrows': [[1]]}]
         answer = {'sentence': HOSTILE, 'path': HOSTILE}
         route.fulfill(json=reply | {'command': HOSTILE, 'rules': rules, 'answer': answer})
@@ -593,8 +594,7 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
         sent_map = json.load(answer)
     plan = {
         'path': [[5, 5], [6, 6], [7, 6]], 'found': True,
-        'waypoints': [{'number': 1, 'x': 6, 'y': 6, 'status': 'accepted'}],
-        'figures': {'length': 2.41, 'expansions': 3},
+        'waypoints': [[6, 6, 'accepted']], 'length': 2.41, 'operation': 3,
         'message': HOSTILE,
     }  # fmt: skip
     events = (('map', sent_map), ('plan', plan), ('status', {'message': HOSTILE}))

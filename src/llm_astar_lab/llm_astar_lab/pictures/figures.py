@@ -259,8 +259,8 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
     # Wider than the path, which is drawn over the best of them.
     for number, (way, colour) in enumerate(zip(picture.ways, cycle(style.WAYS)), start=1):
-        look = {'linewidth': 9, 'alpha': 0.5, 'label': f'way {number}'}
-        axes.plot(*picture.on_axes(way).T, color=colour, solid_capstyle='round', **look)
+        label, (x, y) = f'way {number}', picture.on_axes(way).T
+        axes.plot(x, y, linewidth=9, alpha=0.5, color=colour, label=label)
     for points in picture.causes:
         x, y = picture.project(np.array(points)).T
         axes.plot(x, y, 'X:', color=style.PATH, markersize=11, zorder=4.9, label='closes the way')

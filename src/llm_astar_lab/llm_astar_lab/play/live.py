@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_planner.planning.types import Why
 from numpy.typing import NDArray
 
-from llm_astar_lab.play.encoding import causes_json, grid_json, report_json
+from llm_astar_lab.play.encoding import causes_json, grid_json
 from llm_astar_lab.play.maps import MAX_CELLS, PlayError
 
 # Seconds between two looks at what is new, and between two signs of life.
@@ -127,7 +127,12 @@ def readable_plan_json(
         json.dumps(plan, allow_nan=False)
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         message = f'the plan of the graph cannot be read: {type(error).__name__}: {error}'
-        return {'role': 'live', 'found': False, 'code': 'UNREADABLE', 'message': message[:400]}
+        return {
+            'role': 'live',
+            'found': False,
+            'code_name': 'UNREADABLE',
+            'message': message[:400],
+        }
     return plan
 
 
@@ -141,8 +146,12 @@ def live_plan_json(
     waypoints = [(x, y, status) for (x, y), (*_, status) in zip(places, report['waypoints'])]
     metres, why = report['length'], report['why']
     cells = None if metres is None else metres / grid_map.resolution
-    return report_json(report, waypoints, cells, metres) | {
+    return report | {
+        'found': report['code'] == 0,
         'role': 'live',
+        'length': cells,
+        'length_m': metres,
+        'waypoints': waypoints,
         'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
         'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(),
         'via': [],

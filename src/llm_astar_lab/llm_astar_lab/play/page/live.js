@@ -9,6 +9,7 @@ import {
 } from './results.js';
 import { points, text } from './codec.js';
 import { GridMap } from './gridmap.js';
+import { planOf } from './plan.js';
 import { say } from './toast.js';
 import { verdictOf } from './verdict.js';
 
@@ -67,8 +68,9 @@ export class Live {
     say(plainly(text(data.message, 400)));
   }
 
-  onPlan(plan) {
+  onPlan(raw) {
     if (!this.map) return;
+    const plan = planOf(raw);
     const path = points(plan.any_angle ?? plan.path);
     const ends = {
       start: points([plan.start])[0] ?? path[0],

@@ -3,7 +3,7 @@
 import * as api from './api.js';
 import { Board } from './board.js';
 import { Bubbles } from './bubbles.js';
-import { bits, number, text } from './codec.js';
+import { bits, number, objects, text } from './codec.js';
 import { Controls } from './controls.js';
 import { FREE, WALL } from './edits.js';
 import { EXAMPLES, markExample, showExamples } from './examples.js';
@@ -11,6 +11,7 @@ import { listenToFiles, readFiles } from './files.js';
 import { GridMap } from './gridmap.js';
 import { applyDrawn, defaultSettings, fromFragment, toFragment } from './link.js';
 import { listenToModes, Live } from './live.js';
+import { planOf } from './plan.js';
 import { Player } from './player.js';
 import { suggestedReply } from './reply.js';
 import { showAnswer, showReply, showUnordered, showVerdict } from './results.js';
@@ -201,7 +202,7 @@ class Page {
 
   onPlans(reply, request, isNewest) {
     if (request.map !== this.stage.map?.id || this.live) return;
-    this.plans = (Array.isArray(reply.plans) ? reply.plans : []).slice(0, 3);
+    this.plans = objects(reply.plans, 3).map(planOf);
     this.hasPlans = true;
     this.controls.showError(null);
     $('main').setAttribute('aria-busy', String(!isNewest));

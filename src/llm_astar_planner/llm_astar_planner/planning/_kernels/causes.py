@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search.kernel_cache import jit
 
-Bools, Bytes, Ints = NDArray[np.bool_], NDArray[np.uint8], NDArray[np.int32]
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int32]
 # What `flood` notes of a cell: reached, and met but not open.
 REACHED, EDGE = 1, 2
 
