@@ -149,16 +149,13 @@ class RequestReader:
         self._count = 0
         self._resized = False
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
-            'map': self._on_map,
-            'map update': self._on_update,
-            'barriers': self._on_barriers,
-            'request': self._on_event,
-            'goal': self._on_goal,
+            'map': self._on_map, 'map update': self._on_update, 'barriers': self._on_barriers,
+            'request': self._on_event, 'goal': self._on_goal,
             'plan': lambda message: self._pending.take_plan(message.value),
             'plan as request': self._on_plan,
             'report': lambda message: self._pending.take_report(message.value),
             **{role: partial(self._poses.take, role) for role in ROLES_OF_POSES},
-        }
+        }  # fmt: skip
 
     def requests(self) -> Iterator[BagRequest]:
         """Yield the requests in the order they were made, each when its plan is known."""

@@ -39,15 +39,13 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
     """Return what the page offers to choose from."""
     _, radius = PARAMETERS['robot_radius'].between or (0.0, 0.0)
     return {
-        'version': __version__,
-        'live': live,
-        'colours': page_colours(),
+        'version': __version__, 'live': live, 'colours': page_colours(),
         'methods': [{'name': name, 'about': ABOUT['methods'][name]} for name in METHODS],
         'sources': [{'name': name, 'about': ABOUT['sources'][name]} for name in SOURCES],
         'heuristics': list(HEURISTIC_NAMES),
         'limits': {'cells': MAX_CELLS, 'text': MAX_REPLY, 'radius_m': radius},
         'maps': [named_json(play_map) for play_map in maps],
-    }
+    }  # fmt: skip
 
 
 def named_json(play_map: PlayMap) -> dict[str, Any]:
@@ -91,12 +89,10 @@ def reply_json(
     )
     return {
         'plans': [plan_json(played, planner, request.places) for played in plans],
-        'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)),
-        'answer': answer,
+        'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)), 'answer': answer,
         'rules': [rule_json(zone, planner.grid_map) for zone in request.zones if zone.rule],
-        'command': command,
-        'command_note': EDITED if command is None else '',
-    }
+        'command': command, 'command_note': EDITED if command is None else '',
+    }  # fmt: skip
 
 
 def plan_json(played: PlayedPlan, planner: Planner, places: Places) -> dict[str, Any]:
@@ -105,22 +101,17 @@ def plan_json(played: PlayedPlan, planner: Planner, places: Places) -> dict[str,
     instructed = instructed_path(plan, Route(planner.costmap, plan.start, plan.goal, places))
     order = np.flatnonzero(plan.expanded) if played.order is None else played.order
     return plan.to_dict() | {
-        'found': plan.code == 0,
-        'role': played.role,
-        'title': played.title,
-        'start': list(plan.start),
-        'goal': list(plan.goal),
-        'path': plan.path.tolist(),
+        'found': plan.code == 0, 'role': played.role, 'title': played.title,
+        'start': list(plan.start), 'goal': list(plan.goal), 'path': plan.path.tolist(),
         'length_m': finite_or_none(plan.length * grid_map.resolution),
         'waypoints': [(point.x, point.y, point.status.value) for point in plan.checked_waypoints],
         'any_angle': None if plan.any_angle is None else plan.any_angle.points.tolist(),
-        'via': [list(cell) for cell in plan.via],
-        'causes': causes_json(plan.why, grid_map),
+        'via': [list(cell) for cell in plan.via], 'causes': causes_json(plan.why, grid_map),
         'ways': [way.to_json() | {'path': way.path.tolist()} for way in plan.alternatives],
         'regions': None if instructed is None else regions_json(instructed, grid_map),
         'expanded': {'order': encoded(order[:MAX_ORDER].astype('<i4'))},
         'order_is_known': played.order is not None,
-    }
+    }  # fmt: skip
 
 
 def causes_json(why: Why | None, grid_map: GridMap) -> list[dict[str, Any]]:
@@ -132,12 +123,10 @@ def causes_json(why: Why | None, grid_map: GridMap) -> list[dict[str, Any]]:
 def rule_json(zone: Zone, grid_map: GridMap) -> dict[str, Any]:
     """Return in cells where a rule of the road holds, and from where to where it leads."""
     return {
-        'kind': zone.kind,
-        'name': zone.name,
-        'width': zone.width / grid_map.resolution,
+        'kind': zone.kind, 'name': zone.name, 'width': zone.width / grid_map.resolution,
         'rings': rings_of(zone.area, grid_map),
         'arrows': [cells_of(arrow, grid_map) for arrow in zone.arrows()],
-    }
+    }  # fmt: skip
 
 
 def rings_of(shape: BaseGeometry, grid_map: GridMap) -> list[list[list[float]]]:

@@ -128,11 +128,8 @@ def readable_plan_json(
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         message = f'the plan of the graph cannot be read: {type(error).__name__}: {error}'
         return {
-            'role': 'live',
-            'found': False,
-            'code_name': 'UNREADABLE',
-            'message': message[:400],
-        }
+            'role': 'live', 'found': False, 'code_name': 'UNREADABLE', 'message': message[:400],
+        }  # fmt: skip
     return plan
 
 
@@ -147,13 +144,8 @@ def live_plan_json(
     metres, why = report['length'], report['why']
     cells = None if metres is None else metres / grid_map.resolution
     return report | {
-        'found': report['code'] == 0,
-        'role': 'live',
-        'length': cells,
-        'length_m': metres,
-        'waypoints': waypoints,
-        'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
-        'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(),
-        'via': [],
+        'found': report['code'] == 0, 'role': 'live', 'length': cells, 'length_m': metres,
+        'waypoints': waypoints, 'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
+        'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(), 'via': [],
         'causes': causes_json(why and Why(**why, cell=None, reached=0), grid_map),
-    }
+    }  # fmt: skip

@@ -123,13 +123,11 @@ class PlanningService:
             request.values, request.places, INTERPRETATION_S, lambda: self._interpreter, settle
         )
         return PlanRequest(
-            *ends,
-            source=waypoint_source(request),
-            sample=sample_key_of(request.play_map.problem, *ends),
-            via=request.via,
+            *ends, source=waypoint_source(request),
+            sample=sample_key_of(request.play_map.problem, *ends), via=request.via,
             instruction=instruction,
             **request_fields(request.values) | {'time_limit': TIME_LIMIT_S},
-        )
+        )  # fmt: skip
 
 
 def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:

@@ -81,15 +81,11 @@ class PlayApp(Starlette):
         self._service = PlanningService()
         self._worker = Worker()
         routes = [
-            Route('/', self.index),
-            Route('/api/options', self.options),
-            Route('/api/map', self.map),
-            Route('/api/map', self.drop_map, methods=['POST']),
-            Route('/api/plan', self.plan, methods=['POST']),
-            Route('/api/queue', self.queue),
-            Route('/api/live', self.live),
-            Mount('/page', StaticFiles(directory=PAGE)),
-        ]
+            Route('/', self.index), Route('/api/options', self.options),
+            Route('/api/map', self.map), Route('/api/map', self.drop_map, methods=['POST']),
+            Route('/api/plan', self.plan, methods=['POST']), Route('/api/queue', self.queue),
+            Route('/api/live', self.live), Mount('/page', StaticFiles(directory=PAGE)),
+        ]  # fmt: skip
         handlers: dict[Any, Any] = dict.fromkeys((LlmAstarError, HTTPException), refuse)
         super().__init__(routes=routes, exception_handlers=handlers)
 

@@ -51,16 +51,13 @@ def said_of(run: RunSummary, pictures: Pictures) -> dict[str, Any]:
     metadata, bags = run.metadata, run.metadata.get('bags')
     return {
         'title': f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report',
-        'headline': headline(run.comparisons),
-        'recorded': sentences.say('recorded', run.recorded),
-        'provenance': provenance(run),
-        'tables': report_tables(run),
+        'headline': headline(run.comparisons), 'recorded': sentences.say('recorded', run.recorded),
+        'provenance': provenance(run), 'tables': report_tables(run),
         'sentences': [sentences.sentence(item) for item in run.comparisons if item.samples],
         'grown': sentences.growth_sentence(run.growths),
-        'left_out': metadata.get('left_out') or [],
-        'notes': metadata.get('notes') or [],
+        'left_out': metadata.get('left_out') or [], 'notes': metadata.get('notes') or [],
         'pictures': pictures,
-    }
+    }  # fmt: skip
 
 
 def markdown_report(run: RunSummary, pictures: Pictures = ()) -> str:

@@ -255,14 +255,11 @@ def ask(
     reply, seconds = query_source(source, query)
     problems = problems_column(reply, query.costmap, query.start, query.goal)
     return reply, {
-        'seconds_source': seconds,
-        'source_status': reply.status.value,
-        'prompt_tokens': reply.prompt_tokens,
-        'completion_tokens': reply.completion_tokens,
-        'waypoints': rows.format_points(reply.waypoints),
-        'reply_problems': problems,
+        'seconds_source': seconds, 'source_status': reply.status.value,
+        'prompt_tokens': reply.prompt_tokens, 'completion_tokens': reply.completion_tokens,
+        'waypoints': rows.format_points(reply.waypoints), 'reply_problems': problems,
         'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
-    }
+    }  # fmt: skip
 
 
 def request_again(
