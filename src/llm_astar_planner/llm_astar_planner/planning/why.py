@@ -26,15 +26,11 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap import inflation
 from llm_astar_planner.costmap._kernels.changes import changed_windows
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.inflation import (
-    inflate,
-    inflated_again,
-    inflation_reach,
-    squared_cells,
-)
+from llm_astar_planner.costmap.inflation import inflate, squared_cells
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
@@ -67,14 +63,10 @@ MOST_STOPS = 20
 WIDEST = 10.0
 ROUNDING = 1e-6
 NAMED = {
-    CLAUSE: 'the instruction "{name}"',
-    ZONE: 'zone {name}',
-    ONE_WAY: 'the one-way {name}',
-    KEEP_RIGHT: 'the keep-right lane {name}',
-    MASK: 'the filter mask {name}',
-    UNKNOWN: 'unknown cells between {from} and {to}',
-    RADIUS: "the robot's radius of {radius:g} m",
-}
+    CLAUSE: 'the instruction "{name}"', ZONE: 'zone {name}', ONE_WAY: 'the one-way {name}',
+    KEEP_RIGHT: 'the keep-right lane {name}', MASK: 'the filter mask {name}',
+    UNKNOWN: 'unknown cells between {from} and {to}', RADIUS: "the robot's radius of {radius:g} m",
+}  # fmt: skip
 
 
 class Layers:
@@ -174,9 +166,12 @@ class Causes:
         self.radius = -1
         if config.allow_unknown or not (self.base.cells < 0).any():
             # Only around zones it differs from that of the map with them.
-            before, reach = (costmap.blocked, costmap.cost), inflation_reach(self.base, config)
+            before, reach = (
+                (costmap.blocked, costmap.cost),
+                inflation.inflation_reach(self.base, config),
+            )
             changed = changed_windows(grid_map.cells, self.base.cells, reach)
-            walls, _ = inflated_again(self.base, config, before, changed)
+            walls, _ = inflation.inflated_again(self.base, config, before, changed)
         else:
             walls, _ = inflate(self.base, self.config)
         self.layers = [Layers(walls)]
