@@ -158,7 +158,7 @@ def test_a_drawn_rule_of_the_road_is_planned_with_and_sent_back_with_its_arrows(
 
 
 def test_causes_and_ways_are_sent_as_a_plan_has_them(page):
-    closed = plan(page, robot_radius=4.0)['plans'][0]
+    closed = plan(page, robot_radius=5.0)['plans'][0]
     assert [cause['name'] for cause in closed['causes']] == ['radius']
     assert closed['causes'][0]['points']
     chosen, astar = plan(page, alternatives=3)['plans']
