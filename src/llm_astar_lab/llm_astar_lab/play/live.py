@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from llm_astar_lab.play.encoding import causes_json, grid_json
 from llm_astar_lab.play.maps import MAX_CELLS, PlayError
 
+Float64s = NDArray[np.float64]
+
 # Seconds between two looks at what is new, and between two signs of life.
 PERIOD_S = 0.1
 KEEP_ALIVE_S = 10.0
@@ -55,7 +57,7 @@ class LiveFeed:
         """Take newer places."""
         self._shown['places'] = next(self._changes), places
 
-    def show_plan(self, points: NDArray[np.float64], report: dict[str, Any]) -> None:
+    def show_plan(self, points: Float64s, report: dict[str, Any]) -> None:
         """Take a newer plan: its points [n, 2] in metres, the fields of its PlanReport."""
         self._shown['plan'] = next(self._changes), (points, report)
 
@@ -119,7 +121,7 @@ def live_map_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
 
 
 def readable_plan_json(
-    points: NDArray[np.float64], report: dict[str, Any], grid_map: GridMap
+    points: Float64s, report: dict[str, Any], grid_map: GridMap
 ) -> dict[str, Any]:
     """Return a graph's plan as `live_plan_json` does, or that it cannot be read."""
     try:
@@ -133,9 +135,7 @@ def readable_plan_json(
     return plan
 
 
-def live_plan_json(
-    points: NDArray[np.float64], report: dict[str, Any], grid_map: GridMap
-) -> dict[str, Any]:
+def live_plan_json(points: Float64s, report: dict[str, Any], grid_map: GridMap) -> dict[str, Any]:
     """Return a graph's plan as the page takes every plan, in cells of the map."""
     if not np.isfinite(points).all() or len(points) > MAX_POINTS:
         raise ValueError(f'a path of {len(points)} points, or with one that is not finite')

@@ -49,6 +49,10 @@ if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.search.any_angle import AnyAnglePath
 
+Int32s = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+Int64s = NDArray[np.int64]
+
 # Goals whose last ways are remembered.
 REMEMBERED_GOALS = 64
 # How far a robot may be off its last way and still be taken to follow it: cells, metres.
@@ -169,7 +173,7 @@ class WayKeeper(NamedTuple):
             return self.compared(kept)
         return self.instructed(kept, self.request.instruction)
 
-    def problem(self, cells: NDArray[np.int32]) -> str | None:
+    def problem(self, cells: Int32s) -> str | None:
         """Say why a path [n, 2] is no answer on this map, or None."""
         request = self.request
         problem = self.planner.problem(request, self.ends, cells)
@@ -181,9 +185,7 @@ class WayKeeper(NamedTuple):
                 problem = 'the footprint would meet an obstacle'
         return problem
 
-    def straightened(
-        self, cells: NDArray[np.int32], turns: NDArray[np.int32]
-    ) -> AnyAnglePath | None:
+    def straightened(self, cells: Int32s, turns: Int32s) -> AnyAnglePath | None:
         """Return the path [n, 2] at any angle, if that is asked for: as it was, through `turns`.
 
         Where the robot does not get to the first turn on a straight line it is shortened again.
@@ -258,9 +260,7 @@ class WayKeeper(NamedTuple):
         return instructed.with_outcome(self.compared(kept), outcome)
 
 
-def rest_of_way(
-    costmap: Costmap, way: Way, plan: Plan
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> tuple[Int32s, Int32s]:
     """Return the cells [n, 2] of a way that are left to a plan's goal, and the turns [m, 2] ahead.
 
     The cells begin at the plan's start: a robot beside the way joins it by a straight line. Raises
@@ -303,7 +303,7 @@ def places_near(away: NDArray[np.float64], nearest: float) -> Iterator[int]:
         yield int(passage[away[passage].argmin()])
 
 
-def between_via(cells: NDArray[np.int32], via: tuple[Cell, ...]) -> list[NDArray[np.int32]]:
+def between_via(cells: Int32s, via: tuple[Cell, ...]) -> list[Int32s]:
     """Cut a path [n, 2] at the via points that it passes in turn; the parts share their ends."""
     cuts = [0]
     for cell in via:
@@ -312,7 +312,7 @@ def between_via(cells: NDArray[np.int32], via: tuple[Cell, ...]) -> list[NDArray
     return [cells[begin : end + 1] for begin, end in pairwise(cuts)]
 
 
-def cells_along(points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
+def cells_along(points: NDArray[np.integer[Any]], blocked: Bools) -> Int32s:
     """Return a path of single moves [n, 2] along straight lines between cells `points` [m, 2].
 
     It keeps to the cells that the lines cross, and goes diagonally where both cells beside are
@@ -321,18 +321,14 @@ def cells_along(points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]) ->
     return np.concatenate(lines_along(points, blocked))
 
 
-def lines_along(
-    points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]
-) -> list[NDArray[np.int32]]:
+def lines_along(points: NDArray[np.integer[Any]], blocked: Bools) -> list[Int32s]:
     """Return the first point, and for each line the cells [n, 2] that `cells_along` adds."""
     corners = np.asarray(points, dtype=np.int64)
     parts = [corners[:1], *(line_cells(*ends, blocked)[1:] for ends in pairwise(corners))]
     return [part.astype(np.int32) for part in parts]
 
 
-def line_cells(
-    begin: NDArray[np.int64], end: NDArray[np.int64], blocked: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def line_cells(begin: Int64s, end: Int64s, blocked: Bools) -> Int64s:
     """Return the cells [n, 2] from one to another, as `cells_along` does."""
     cells, counts = passed_cells(begin, end), np.abs(end - begin)
     # Each move along the shorter side follows one along the longer: both are one if they may be.
@@ -378,7 +374,7 @@ class CachedWaypoints:
     digest: str
     layout: tuple[object, ...]
     reply: WaypointReply
-    path: NDArray[np.int32]
+    path: Int32s
 
     def ahead_of(self, start: Cell) -> tuple[Waypoint, ...] | None:
         """Return the waypoints not passed by a robot at `start`; None if it is off the path."""
@@ -457,7 +453,7 @@ class WaypointCache:
                 self._cached[plan.goal] = cached
 
 
-def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:
+def nearest_on_path(path: Int32s, point: tuple[float, float]) -> tuple[int, float]:
     """Return the index of a path's cell [n, 2] nearest to a point, and the distance in cells."""
     place = int(nearest_places(path, np.array([point], dtype=np.float64))[0])
     return place, math.dist(path[place], point)
