@@ -158,12 +158,9 @@ def list_variants(
 
 
 def make_tasks(
-    samples: Iterable[tuple[BenchmarkSample, int]],
-    variants: Sequence[tuple[Variant, int]],
-    sources: Sequence[SourceSpec],
-    settings: SearchSettings,
-    done: Finished | None = None,
-) -> list[Task]:
+    samples: Iterable[tuple[BenchmarkSample, int]], variants: Sequence[tuple[Variant, int]],
+    sources: Sequence[SourceSpec], settings: SearchSettings, done: Finished | None = None,
+) -> list[Task]:  # fmt: skip
     """Make one task per pair of sample and scale, without the variants that are `done` for it.
 
     A source with `samples` is run on these alone.
