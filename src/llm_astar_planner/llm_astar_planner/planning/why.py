@@ -164,14 +164,12 @@ class Causes:
         self.lethal = self.base.cells >= threshold
         self.names: list[tuple[str, str]] = []
         self.radius = -1
-        if config.allow_unknown or not (self.base.cells < 0).any():
-            # Only around zones it differs from that of the map with them.
-            before, reach = (
-                (costmap.blocked, costmap.cost),
-                inflation.inflation_reach(self.base, config),
-            )
+        if config.has_radius and (config.allow_unknown or not (self.base.cells < 0).any()):
+            # Only around zones these differ from those of the map with them.
+            walls, cost = costmap.blocked.copy(), np.empty_like(self.base.cells)
+            reach = inflation.inflation_reach(self.base, config)
             changed = changed_windows(grid_map.cells, self.base.cells, reach)
-            walls, _ = inflation.inflated_again(self.base, config, before, changed)
+            inflation.inflate_windows(self.base, config, changed, walls, cost)
         else:
             walls, _ = inflate(self.base, self.config)
         self.layers = [Layers(walls)]
