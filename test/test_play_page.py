@@ -597,7 +597,13 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
         'waypoints': [[6, 6, 'accepted']], 'length': 2.41, 'operation': 3,
         'message': HOSTILE,
     }  # fmt: skip
-    events = (('map', sent_map), ('plan', plan), ('status', {'message': HOSTILE}))
+    square = [[5, 5], [9, 5], [9, 9], [5, 9]]
+    zones = [
+        {'kind': 'area', 'name': 'spill', 'cost': 100, 'rings': [square], 'arrows': []},
+        {'kind': 'one_way', 'name': 'east', 'rings': [square], 'arrows': [[[5, 7], [9, 7]]]},
+    ]
+    events = [('map', sent_map), ('rules', zones), ('plan', plan)]
+    events.append(('status', {'message': HOSTILE}))
     body = ''.join(f'event: {name}\ndata: {json.dumps(data)}\n\n' for name, data in events)
 
     def stub(page):
@@ -615,6 +621,8 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
     expect(page.locator('#report')).to_contain_text('<img src=x')
     expect(page.locator('#report')).to_contain_text('Expansions')
     expect(page.locator('#waypoints')).to_contain_text('(6, 6) accepted')
+    expect(page.locator('#legend')).to_contain_text('closed zone')
+    expect(page.locator('#legend')).to_contain_text('one-way')
     expect(page.locator('#map')).to_be_hidden()
     expect(page.locator('#instruction')).to_be_hidden()
     page.get_by_role('button', name='Plan here').click()

@@ -302,19 +302,16 @@ def write_labels(axes: Axes, picture: Picture) -> None:
     labels.take(np.concatenate([np.empty((0, 2)), *marks]))
     numbered = {str(number): point[:2] for number, point in enumerate(picture.waypoints, start=1)}
     numbered |= {f'via {number}': cell for number, cell in enumerate(picture.via, start=1)}
-    for number, way in enumerate(picture.ways, start=1):
-        others = [other for other in picture.ways if other is not way]
-        numbered[f'way {number}'] = apart(way, others)
+    numbered |= {f'way {n}': apart(way, picture.ways) for n, way in enumerate(picture.ways, 1)}
     for text, point in numbered.items():
         if picture.on_map([point]):
             labels.add_number(text, *picture.on_axes([point])[0])
     write_names(labels, picture.places, picture.project)
 
 
-def apart(way: NDArray[np.int32], others: Sequence[NDArray[np.int32]]) -> Point:
-    """Return the cell of a way [n, 2] that is farthest from others; its middle without any."""
-    if not others:
-        return tuple(way[len(way) // 2].tolist())
+def apart(way: NDArray[np.int32], ways: Sequence[NDArray[np.int32]]) -> Point:
+    """Return the cell of a way [n, 2] that is farthest from the others, its middle without any."""
+    others = [other for other in ways if other is not way] or [way[[0, -1]]]
     distances, _ = KDTree(np.concatenate(others)).query(way)
     return tuple(way[distances.argmax()].tolist())
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ def reply_json(
     return {
         'plans': [plan_json(played, planner, request.places) for played in plans],
         'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)), 'answer': answer,
-        'rules': [rule_json(zone, planner.grid_map) for zone in request.zones if zone.rule],
+        'rules': rules_json((zone for zone in request.zones if zone.rule), planner.grid_map),
         'command': command, 'command_note': EDITED if command is None else '',
     }  # fmt: skip
 
@@ -120,13 +121,13 @@ def causes_json(why: Why | None, grid_map: GridMap) -> list[dict[str, Any]]:
     return [{'name': name, 'points': cells_of(points, grid_map)} for name, points in places]
 
 
-def rule_json(zone: Zone, grid_map: GridMap) -> dict[str, Any]:
-    """Return in cells where a rule of the road holds, and from where to where it leads."""
-    return {
-        'kind': zone.kind, 'name': zone.name, 'width': zone.width / grid_map.resolution,
-        'rings': rings_of(zone.area, grid_map),
+def rules_json(zones: Iterable[Zone], grid_map: GridMap) -> list[dict[str, Any]]:
+    """Return in cells where zones lie, and from where to where their rules of the road lead."""
+    return [{
+        'kind': zone.kind, 'name': zone.name, 'cost': zone.cost,
+        'width': zone.width / grid_map.resolution, 'rings': rings_of(zone.area, grid_map),
         'arrows': [cells_of(arrow, grid_map) for arrow in zone.arrows()],
-    }  # fmt: skip
+    } for zone in zones]  # fmt: skip
 
 
 def rings_of(shape: BaseGeometry, grid_map: GridMap) -> list[list[list[float]]]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from functools import partial
 from itertools import count
 from typing import Any
@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.planning.types import Why
 from numpy.typing import NDArray
 
-from llm_astar_lab.play.encoding import causes_json, grid_json
+from llm_astar_lab.play.encoding import causes_json, grid_json, rules_json
 from llm_astar_lab.play.maps import MAX_CELLS, PlayError
 
 Float64s = NDArray[np.float64]
@@ -56,6 +57,10 @@ class LiveFeed:
     def show_places(self, places: Places) -> None:
         """Take newer places."""
         self._shown['places'] = next(self._changes), places
+
+    def show_zones(self, zones: Iterable[Zone]) -> None:
+        """Take newer zones and rules of the road."""
+        self._shown['zones'] = next(self._changes), tuple(zones)
 
     def show_plan(self, points: Float64s, report: dict[str, Any]) -> None:
         """Take a newer plan: its points [n, 2] in metres, the fields of its PlanReport."""
@@ -103,6 +108,9 @@ class LiveFeed:
         if 'map' in shown:
             (number, grid_map), (of_places, places) = shown['map'], shown['places']
             make['map'] = (number, of_places), partial(live_map_json, grid_map, places)
+        if 'map' in shown and 'zones' in shown:
+            number, zones = shown['zones']
+            make['rules'] = (number, grid_map.layout), partial(rules_json, zones, grid_map)
         if 'map' in shown and 'plan' in shown:
             # Cells of a path are those of a layout of the map.
             number, (points, report) = shown['plan']

@@ -128,8 +128,8 @@ def show(
 
 def may_touch(plan: Plan, asked: Problem) -> bool:
     """Tell whether the path of a robot without a size is close to an obstacle of a metric map."""
-    has_size = asked.request.footprint or asked.planner.costmap.config.robot_radius
-    return asked.coordinates.metres and not has_size and plan.clearance < NARROW
+    size = asked.request.footprint or asked.planner.config.robot_radius
+    return asked.coordinates.metres and not size and plan.clearance < NARROW
 
 
 def ends_route(plan: Plan) -> bool:

@@ -1,7 +1,7 @@
 // Areas on a map: what an instruction is about, and the places and zones that are drawn.
 
 import { number, points } from './codec.js';
-import { isClosed } from './shapes.js';
+import { CLOSED, isClosed, KINDS } from './shapes.js';
 
 // Pixels between the lines of a hatch: where a path is not to be.
 const HATCH = 9;
@@ -49,9 +49,10 @@ export function areaIcon(area, palette) {
 
 /** Draw the rules of the road: where they hold, and arrows along the ways that they leave. */
 export function drawRules(context, rules, view, palette) {
-  for (const { kind, rings, arrows, width } of rules) {
+  for (const { kind, rings, arrows, width, cost } of rules) {
     const outlines = (Array.isArray(rings) ? rings : []).map((ring) => points(ring).map(view.toPixel));
-    drawArea(context, outlines, ruleLook(kind, palette));
+    const look = kind in KINDS ? ruleLook(kind, palette) : zoneLook(cost >= CLOSED, palette);
+    drawArea(context, outlines, look);
     const apart = kind === 'keep_right' ? (number(width) ?? 0) / 4 : 0;
     for (const arrow of (Array.isArray(arrows) ? arrows : []).slice(0, MAX_ARROWS)) {
       const [from, to] = points(arrow, 2);

@@ -36,6 +36,7 @@ export class Live {
     const on = (name, handle) =>
       this.source.addEventListener(name, (event) => this.take(event, handle));
     on('map', (data) => this.onMap(data));
+    on('rules', (data) => this.onRules(data));
     on('plan', (data) => this.onPlan(data));
     on('status', (data) => this.onStatus(data));
     this.source.addEventListener('error', () => say('The server does not answer; trying again.'));
@@ -62,6 +63,12 @@ export class Live {
     this.stage.setMap(map, isSame);
     this.stage.showLegend();
     if (isSame && this.plan) this.stage.setLivePlan(...this.plan);
+  }
+
+  onRules(rules) {
+    this.stage.setRules(rules);
+    this.stage.showLegend();
+    this.stage.draw();
   }
 
   onStatus(data) {

@@ -324,8 +324,9 @@ export function showLegend(palette, shown) {
   };
   const mark = (shape, colour) => (context) =>
     drawMarker(context, shape, [10, 10], 6.5, colour, palette.edge, 1);
+  const zones = [...shapes, ...rules.filter(({ kind }) => !(kind in KINDS))];
   const zone = (name, isMeant) =>
-    shapes.some((shape) => shape.cost > FREE && isClosed(shape) === isMeant)
+    zones.some((shape) => shape.cost > FREE && isClosed(shape) === isMeant)
       ? [[name, areaIcon({ zone: isMeant }, palette)]]
       : [];
   const entries = [

@@ -3,7 +3,7 @@
 import { points, text } from './codec.js';
 
 const MAX_FEATURES = 400;
-const CLOSED = 100;
+export const CLOSED = 100;
 
 /** Return the features of a list or a FeatureCollection; what is none is left out. */
 export function featuresOf(value) {

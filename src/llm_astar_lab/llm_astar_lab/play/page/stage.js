@@ -44,7 +44,7 @@ export class Stage {
     this.ends = null;
     this.edits = new Edits(map);
     this.main.draft = [];
-    this.setRules([], []);
+    if (!isSame) this.setRules();
     this.lethal = null;
     if (!isSame) this.viewport.reset();
     this.base = new MapLayer(map);
@@ -73,7 +73,7 @@ export class Stage {
   /** Return the places and zones at a point in cells, the smallest first. */
   shapesAt(point) {
     const zones = this.main.shapes.filter(({ cost }) => cost !== undefined);
-    const rules = this.main.rules.map((rule) => ({ ...rule, cost: 0 }));
+    const rules = this.main.rules.map((rule) => ({ ...rule, cost: number(rule.cost) ?? 0 }));
     return [
       ...this.places().toReversed(),
       ...[...zones, ...rules].map((zone) => ({ ...zone, polygon: points(zone.rings?.[0]) })),
