@@ -14,6 +14,7 @@ import httpx
 import numpy as np
 import pytest
 import rclpy
+import shapely
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import GOAL, START, calling, spinning, wait_for
@@ -22,10 +23,13 @@ from llm_astar_lab.play.live import LiveFeed
 from llm_astar_lab.play.maps import PlayError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, plan_report
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 
@@ -109,19 +113,20 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
             if not shown['places']:  # which come on a topic of their own
                 shown = events.next('map', lambda value: value['places'])
             assert all(place['name'] and place['polygon'] for place in shown['places'])
+            assert events.next('rules') == []
             path, report, _ = graph.call(START, GOAL)
             plan = events.next('plan', lambda plan: plan.get('path'))
             assert plan['found']
             assert plan['path'][0] == [39, 18]
             assert plan['path'][-1] == [7, 19]
             assert len(plan['path']) == len(path.poses)
-            assert plan['figures']['expansions'] == report.operation
-            assert plan['figures']['length_m'] == report.length
-            clauses = plan['instruction']['clauses']
+            assert plan['operation'] == report.operation
+            assert plan['length_m'] == report.length
+            clauses = plan['instruction_report']['clauses']
             assert [clause['status'] for clause in clauses] == ['kept']
             report = graph.call(START, Pose2D(0.0, 0.0))[1]
             failed = events.next('plan', lambda plan: not plan['found'])
-            assert (failed['code'], failed['message']) == ('GOAL_OCCUPIED', report.message)
+            assert (failed['code_name'], failed['message']) == ('GOAL_OCCUPIED', report.message)
             assert failed['path'] == []
             events.next('status', lambda status: '/played/planner_node' in status['message'])
             process.send_signal(signal.SIGINT)
@@ -189,19 +194,50 @@ def test_a_plan_that_cannot_be_read_is_said_to_be_so():
         ([[np.nan, 0.0]], {}),
         ([[0.0, 0.0]], {'seconds_search': np.inf}),
         ([[0.0, 0.0]], {'waypoints': ((1.0, 2.0),)}),
-        ([[0.0, 0.0]], {'instruction_report': {'clauses': 3}}),
+        ([[0.0, 0.0]], {'why': {'causes': 3}}),
     ):
         feed.show_plan(np.array(points), report | fields)
         plan = asyncio.run(newest_plan(feed))
-        assert plan['code'] == 'UNREADABLE'
+        assert plan['code_name'] == 'UNREADABLE'
         assert not plan['found']
     feed.show_plan(np.array([[0.0, 0.0]]), report)
     assert asyncio.run(newest_plan(feed))['found']
 
 
-async def newest_plan(feed):
+def test_zones_and_rules_of_a_running_graph_are_sent_in_cells():
+    line = shapely.LineString([(1.0, 2.0), (5.0, 2.0)])
+    lane = Zone('1', line, 0, name='lane', kind='one_way', width=1.0)
+    feed = LiveFeed()
+    feed.show_map(GridMap(np.zeros((20, 30), dtype=np.int8), 0.5))
+    feed.show_zones([lane, Zone('2', shapely.box(0, 0, 1, 1), name='spill')])
+    one_way, area = asyncio.run(newest(feed, 'rules'))
+    assert one_way['arrows'] == [[[1.5, 3.5], [9.5, 3.5]]]
+    assert (one_way['name'], one_way['kind'], one_way['width']) == ('lane', 'one_way', 2.0)
+    assert (area['name'], area['kind'], area['cost'], area['arrows']) == ('spill', 'area', 100, [])
+    assert len(area['rings'][0]) == 5
+
+
+def test_what_closes_the_way_of_a_running_graph_is_sent_in_cells():
+    cells = np.zeros((20, 30), dtype=np.int8)
+    cells[:, 15], cells[9:12, 15] = 100, 0
+    grid_map = GridMap(cells, 0.5)
+    planner = Planner(grid_map, CostmapConfig(robot_radius=1.5))
+    plan = planner.plan(PlanRequest((4, 10), (26, 10)))
+    feed = LiveFeed()
+    feed.show_map(grid_map)
+    feed.show_plan(np.zeros((0, 2)), asdict(plan_report(plan, grid_map)))
+    (cause,) = asyncio.run(newest_plan(feed))['causes']
+    assert cause['name'] == 'radius'
+    assert cause['points'][-1] == [15.0, 10.0]
+
+
+def newest_plan(feed):
+    return newest(feed, 'plan')
+
+
+async def newest(feed, kind):
     async for event in feed.follow():
-        if event.startswith('event: plan'):
+        if event.startswith(f'event: {kind}'):
             return json.loads(event.split('data: ')[1])
 
 

@@ -197,6 +197,10 @@ def test_each_example_shows_what_its_name_says(open_page):
         'Good waypoints': 'The waypoints win',
         'Bad waypoints': 'The search without waypoints wins',
         'Graded costs': 'Path found',
+        'Why not?': 'Path found',
+        'No path': "the robot's radius of 0.6 m closes the way",
+        'Several ways': 'Path found',
+        'Rules of the road': 'Path found',
         'The paper': 'The waypoints win',
     }
     assert page.locator('#examples button').all_text_contents() == list(shows)
@@ -406,6 +410,74 @@ def test_a_reading_that_is_not_meant_is_not_understood(open_page):
     expect(page.locator('#question')).to_be_hidden()
 
 
+def colour_at(page, person, x, y):
+    """Return the red, green and blue of the map at a cell of the house."""
+    left, top = person.at(x, y)
+    box = page.locator('#board canvas').bounding_box()
+    script = """([x, y]) => {
+        const canvas = document.querySelector('#board canvas');
+        const part = canvas.width / canvas.clientWidth;
+        return [...canvas.getContext('2d').getImageData(part * x, part * y, 1, 1).data];
+    }"""
+    return tuple(page.evaluate(script, [left - box['x'], top - box['y']])[:3])
+
+
+def test_a_question_about_the_path_is_answered_and_the_other_path_drawn(open_page):
+    page = open_page(HOUSE)
+    page.locator('#why').fill('why not through the green bathroom?')
+    page.locator('#why').press('Enter')
+    expect(page.locator('#answer')).to_have_text(
+        re.compile(r'^through the green bathroom: 15\.2 m instead of 14\.2 m; its narrowest place')
+    )
+    expect(page.locator('#legend')).to_contain_text('path that was asked about')
+    expect(page).to_have_url(re.compile('why=why'))
+    expect(page.locator('#command')).to_contain_text('--why=')
+    page.locator('#why').fill('why me?')
+    page.get_by_role('button', name='Ask', exact=True).click()
+    expect(page.locator('#answer')).to_contain_text('is not understood; ask')
+    expect(page.locator('#legend')).not_to_contain_text('path that was asked about')
+
+
+def test_what_closes_the_way_is_named_and_marked(open_page):
+    page = open_page(f'{HOUSE}&robot_radius=0.6')
+    expect(page.locator('#verdict')).to_contain_text('a radius of 0.499 m passes, at (5.05, 2.45)')
+    expect(page.locator('#legend')).to_contain_text('closes the way')
+    assert colour_at(page, Person(page), 50, 24) == (200, 16, 46)
+
+
+def test_ways_to_choose_from_are_listed_and_drawn(open_page):
+    page = open_page('map=demo.json:0&start=39,18&goal=7,19')
+    expect(page.locator('#ways')).to_be_hidden()
+    page.locator('#alternatives').select_option('3')
+    expect(page.locator('#ways li')).to_have_count(2)
+    expect(page.locator('#ways')).to_contain_text('way 2: 46.7 cells, clearance 1.00 cells, ')
+    expect(page.locator('#legend')).to_contain_text('way 2')
+    expect(page).to_have_url(re.compile('alternatives=3'))
+
+
+def test_a_one_way_is_drawn_planned_with_and_saved(open_page):
+    page = open_page(HOUSE)
+    before = page.locator('.panel.main .figures').text_content()
+    person = Person(page)
+    person.click('Zone')
+    page.locator('#zone-cost').select_option('one_way')
+    expect(page.locator('#zone-note')).to_contain_text('Drag a line the way it leads')
+    person.drag((70, 58), (70, 44))
+    expect(page.locator('#legend')).to_contain_text('one-way')
+    expect(page.locator('.panel.main .figures')).not_to_have_text(before)
+    page.mouse.move(*person.at(72, 50))
+    expect(page.locator('#readout')).to_contain_text('one-way 1 (one-way)')
+    page.locator('#zone-cost').select_option('keep_right')
+    for point in ((20, 60), (60, 60), (100, 60), (100, 60)):
+        person.press_map(*point)
+    expect(page.locator('#legend')).to_contain_text('keep-right lane')
+    with page.expect_download() as file:
+        page.get_by_role('button', name='Save GeoJSON').click()
+    features = json.loads(file.value.path().read_text())['features']
+    assert [len(one['geometry']['coordinates']) for one in features] == [2, 3]
+    assert features[0]['properties'] == {'name': 'one-way 1', 'kind': 'one_way', 'width': 1}
+
+
 def test_a_link_reproduces_the_view(open_page):
     fragment = (
         f'{DEMO}&start=39,18&goal=7,19&method=guided&source=coarse&max_suboptimality=1.5'
@@ -459,10 +531,14 @@ def test_foreign_text_is_shown_as_text(open_page):
         reply = route.fetch().json()
         plan = reply['plans'][0]
         plan.update(title=HOSTILE, message=HOSTILE)
-        plan['waypoints'] = [{'number': HOSTILE, 'x': 3, 'y': 3, 'status': HOSTILE}]
+        plan['waypoints'] = [3, [3, 3, HOSTILE]]
         clause = {'clause': HOSTILE, 'status': HOSTILE, 'detail': HOSTILE * 1000}
-        plan['instruction'] = {'sentence': HOSTILE, 'status': HOSTILE, 'clauses': [clause]}
-        route.fulfill(json=reply | {'command': HOSTILE})
+        plan.update(causes=[None, {'name': HOSTILE, 'points': [[3, 3]]}], ways=[{'path': HOSTILE}])
+        reading = {'sentence': HOSTILE, 'status': HOSTILE}
+        plan['instruction_report'] = {'interpretation': reading, 'clauses': [clause]}
+        rules = [{'kind': HOSTILE, 'name': HOSTILE, 'rings': 5, 'arrows': [[1]]}]
+        answer = {'sentence': HOSTILE, 'path': HOSTILE}
+        route.fulfill(json=reply | {'command': HOSTILE, 'rules': rules, 'answer': answer})
 
     def hostile_map(route):
         sent = route.fetch().json()
@@ -474,7 +550,7 @@ def test_foreign_text_is_shown_as_text(open_page):
         page.route('**/api/map*', hostile_map)
 
     page = open_page(f'{DEMO}&reply={quote(HOSTILE)}&walls=zzzzzzzzz.zzzzzzz&via=1;x', stub)
-    for selector in ('#clauses', '#sentence', '#command', '#places', '.panel.main .title'):
+    for selector in ('#clauses', '#sentence', '#command', '#places', '#answer', '.main .title'):
         expect(page.locator(selector)).to_contain_text('<img src=x')
     assert len(page.locator('#clauses').text_content()) < 2000
     assert page.locator('main img, main script').count() == 0
@@ -518,11 +594,16 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
         sent_map = json.load(answer)
     plan = {
         'path': [[5, 5], [6, 6], [7, 6]], 'found': True,
-        'waypoints': [{'number': 1, 'x': 6, 'y': 6, 'status': 'accepted'}],
-        'figures': {'length': 2.41, 'expansions': 3},
+        'waypoints': [[6, 6, 'accepted']], 'length': 2.41, 'operation': 3,
         'message': HOSTILE,
     }  # fmt: skip
-    events = (('map', sent_map), ('plan', plan), ('status', {'message': HOSTILE}))
+    square = [[5, 5], [9, 5], [9, 9], [5, 9]]
+    zones = [
+        {'kind': 'area', 'name': 'spill', 'cost': 100, 'rings': [square], 'arrows': []},
+        {'kind': 'one_way', 'name': 'east', 'rings': [square], 'arrows': [[[5, 7], [9, 7]]]},
+    ]
+    events = [('map', sent_map), ('rules', zones), ('plan', plan)]
+    events.append(('status', {'message': HOSTILE}))
     body = ''.join(f'event: {name}\ndata: {json.dumps(data)}\n\n' for name, data in events)
 
     def stub(page):
@@ -540,6 +621,8 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
     expect(page.locator('#report')).to_contain_text('<img src=x')
     expect(page.locator('#report')).to_contain_text('Expansions')
     expect(page.locator('#waypoints')).to_contain_text('(6, 6) accepted')
+    expect(page.locator('#legend')).to_contain_text('closed zone')
+    expect(page.locator('#legend')).to_contain_text('one-way')
     expect(page.locator('#map')).to_be_hidden()
     expect(page.locator('#instruction')).to_be_hidden()
     page.get_by_role('button', name='Plan here').click()

@@ -55,13 +55,11 @@ def problems_column(reply: WaypointReply, costmap: Costmap, start: Cell, goal: C
     points, is_cut = reply.waypoints, was_cut(reply)
     checks = {
         'no_list': reply.status is SourceStatus.MALFORMED,
-        'empty': reply.status is SourceStatus.NO_WAYPOINTS,
-        'cut': is_cut,
+        'empty': reply.status is SourceStatus.NO_WAYPOINTS, 'cut': is_cut,
         'wrong_start': bool(points) and points[0] != start,
         'wrong_goal': bool(points) and not is_cut and points[-1] != goal,
-        **check_points(points, costmap),
-        **check_examples(reply, costmap, start, goal),
-    }
+        **check_points(points, costmap), **check_examples(reply, costmap, start, goal),
+    }  # fmt: skip
     return ';'.join(name for name in PROBLEMS if checks[name]) or NOTHING_WRONG
 
 

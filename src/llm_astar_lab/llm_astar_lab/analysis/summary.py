@@ -212,9 +212,7 @@ def summarise_variant(
     verdicts = count_texts(stored, variant, 'verdicts', lambda text: filter(None, text.split(';')))
     bounds, round_trips = rows['ratio'], rows['seconds_round_trip']
     return VariantSummary(
-        variant=variant,
-        samples=len(found),
-        maps=len(np.unique(maps)),
+        variant=variant, samples=len(found), maps=len(np.unique(maps)),
         valid=stats.mean_interval(found, maps, seed),
         **{name: stats.ratio_of(pairs[name], pairs['map'], seed) for name in COMPARED},
         optimal=stats.mean_interval(is_optimal, pairs['map'], seed),
@@ -222,26 +220,21 @@ def summarise_variant(
         seconds_search=spread(rows['seconds_search']),
         waypoints=int(rows['waypoints'].sum()) / len(found),
         verdicts={name: count / verdicts.total() for name, count in verdicts.most_common()},
-        prompt_tokens=tokens[0],
-        completion_tokens=tokens[1],
+        prompt_tokens=tokens[0], completion_tokens=tokens[1],
         cost=None if price is None else (tokens[0] * price[0] + tokens[1] * price[1]) / 1e6,
         seconds_round_trip=spread(round_trips[round_trips >= 0]),
         operation_exact=ratio_if_any(exact['operation'], exact['map'], seed),
-        proven=spread(bounds[bounds >= 1.0]),
-        unanswered=int(np.count_nonzero(~rows['answered'])),
-        failures=failures_of(stored, variant),
-        clearance=spread(clearances),
+        proven=spread(bounds[bounds >= 1.0]), unanswered=int(np.count_nonzero(~rows['answered'])),
+        failures=failures_of(stored, variant), clearance=spread(clearances),
         least_clearance=float(clearances.min()) if len(clearances) else math.nan,
-        turns=spread(rows['turns'][found]),
-        unknown_length=spread(rows['unknown_length'][found]),
+        turns=spread(rows['turns'][found]), unknown_length=spread(rows['unknown_length'][found]),
         recorded=ratio_if_any(rows['recorded'][both], maps[both], seed),
         instruction=satisfied_share(rows, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
-        families=families,
-        family_means=family_means,
+        families=families, family_means=family_means,
         replies=dict(count_texts(stored, variant, 'reply_problems', count_problems)),
         seconds_reply=spread(rows['seconds_reply']),
-    )
+    )  # fmt: skip
 
 
 def count_texts(

@@ -389,16 +389,12 @@ def waypoint_markers(
     Green where accepted, red where not. They replace the spheres before; no waypoints delete them.
     """
     marker = {
-        'header': header(frame_id, stamp),
-        'ns': 'waypoints',
-        'type': SPHERE_LIST,
-        'action': ADD if waypoints else DELETE,
-        'pose': pose_of(Pose2D(0.0, 0.0)),
-        'scale': {'x': size, 'y': size, 'z': size},
-        'color': ACCEPTED,
+        'header': header(frame_id, stamp), 'ns': 'waypoints', 'type': SPHERE_LIST,
+        'action': ADD if waypoints else DELETE, 'pose': pose_of(Pose2D(0.0, 0.0)),
+        'scale': {'x': size, 'y': size, 'z': size}, 'color': ACCEPTED,
         'points': [{'x': float(x), 'y': float(y)} for x, y, _ in waypoints],
         'colors': [ACCEPTED if found == 'accepted' else REJECTED for *_, found in waypoints],
-    }
+    }  # fmt: skip
     return make_message('visualization_msgs/msg/MarkerArray', markers=[marker])
 
 

@@ -44,16 +44,11 @@ def qos(depth: int = 10, *, latched: bool = False) -> dict[str, Any]:
     """Return a reliable QoS as a bag holds it; `latched` is for subscribers that join late."""
     forever = {'nsec': 854775807, 'sec': 9223372036}
     return {
-        'avoid_ros_namespace_conventions': False,
-        'deadline': forever,
-        'depth': depth,
-        'durability': 'transient_local' if latched else 'volatile',
-        'history': 'keep_last',
-        'lifespan': forever,
-        'liveliness': 'automatic',
-        'liveliness_lease_duration': forever,
+        'avoid_ros_namespace_conventions': False, 'deadline': forever, 'depth': depth,
+        'durability': 'transient_local' if latched else 'volatile', 'history': 'keep_last',
+        'lifespan': forever, 'liveliness': 'automatic', 'liveliness_lease_duration': forever,
         'reliability': 'reliable',
-    }
+    }  # fmt: skip
 
 
 LATCHED = qos(1, latched=True)

@@ -199,14 +199,9 @@ def save_exchanges(
 
 
 def make_config(
-    args: argparse.Namespace,
-    bags: Sequence[Bag],
-    selection: TopicSelection,
-    listed: Sequence[ListedRequest],
-    rules: dict[str, Any],
-    *,
-    folder: ResultsFolder,
-) -> Evaluation:
+    args: argparse.Namespace, bags: Sequence[Bag], selection: TopicSelection,
+    listed: Sequence[ListedRequest], rules: dict[str, Any], *, folder: ResultsFolder,
+) -> Evaluation:  # fmt: skip
     """Return what the evaluation covers.
 
     All baselines are added only where the barriers of every map are known.
@@ -214,13 +209,10 @@ def make_config(
     values = defaults(RULES, cli=True) | rules
     places = open_places(args.places_file or '', None)
     settings = common.search_settings(
-        args,
-        places,
-        costmap=costmap_config(rules),
-        tolerance=values['tolerance'],
+        args, places, costmap=costmap_config(rules), tolerance=values['tolerance'],
         start_tolerance=values['start_tolerance'],
         paper_corners='corner_cutting' not in rules and not args.params_file,
-    )
+    )  # fmt: skip
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
@@ -234,11 +226,9 @@ def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, An
     settings = config.settings
     return common.deciding_parameters(args, 'requests', 'plan_window') | {
         'rules': None if settings.costmap is None else asdict(settings.costmap),
-        'tolerance': settings.tolerance,
-        'start_tolerance': settings.start_tolerance,
-        'paper_corners': settings.paper_corners,
-        'topics': list(asdict(config.selection).values()),
-    }
+        'tolerance': settings.tolerance, 'start_tolerance': settings.start_tolerance,
+        'paper_corners': settings.paper_corners, 'topics': list(asdict(config.selection).values()),
+    }  # fmt: skip
 
 
 def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:

@@ -92,15 +92,12 @@ class BagRequest:
         """Return its columns of a results row; `planner` checks the path."""
         grid_map, instruction = self.grid_map, self.instruction
         columns: dict[str, Any] = {
-            'bag': self.bag,
-            'request': self.index,
-            'stamp': self.time / 1e9,
-            'map_digest': grid_map.digest,
-            'recorded_code': self.code,
+            'bag': self.bag, 'request': self.index, 'stamp': self.time / 1e9,
+            'map_digest': grid_map.digest, 'recorded_code': self.code,
             'recorded_waypoints': format_points(grid_map.world_to_grid(self.waypoints).round(6)),
             'recorded_instruction': str((instruction or {}).get('summary', '')),
             'recorded_instruction_satisfied': satisfied_column(instruction),
-        }
+        }  # fmt: skip
         if self.points is None:
             return columns
         points = grid_map.world_to_grid(self.points).round(6)

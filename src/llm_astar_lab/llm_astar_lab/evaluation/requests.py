@@ -129,12 +129,9 @@ class RequestReader:
     """Reads the requests of one bag."""
 
     def __init__(
-        self,
-        bag: Bag,
-        selection: TopicSelection,
-        window: float,
+        self, bag: Bag, selection: TopicSelection, window: float,
         listed: Sequence[ListedRequest] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Take an open bag; a recorded plan may come `window` seconds after its request."""
         self.bag = bag
         self._roles = topic_roles(bag, selection)
@@ -149,16 +146,13 @@ class RequestReader:
         self._count = 0
         self._resized = False
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
-            'map': self._on_map,
-            'map update': self._on_update,
-            'barriers': self._on_barriers,
-            'request': self._on_event,
-            'goal': self._on_goal,
+            'map': self._on_map, 'map update': self._on_update, 'barriers': self._on_barriers,
+            'request': self._on_event, 'goal': self._on_goal,
             'plan': lambda message: self._pending.take_plan(message.value),
             'plan as request': self._on_plan,
             'report': lambda message: self._pending.take_report(message.value),
             **{role: partial(self._poses.take, role) for role in ROLES_OF_POSES},
-        }
+        }  # fmt: skip
 
     def requests(self) -> Iterator[BagRequest]:
         """Yield the requests in the order they were made, each when its plan is known."""
@@ -254,13 +248,9 @@ class RequestReader:
             self._make_request(f'listed request {item.number}', item.start, item.goal)
 
     def _make_request(
-        self,
-        when: str,
-        start: Place,
-        goal: Place,
-        call: Call | None = None,
+        self, when: str, start: Place, goal: Place, call: Call | None = None,
         tolerance: float = 0.0,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Make a request on the current map, or say why that is not possible."""
         made = (self.bag.name, self._count, self._now)
         self._count += 1

@@ -121,16 +121,12 @@ def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
         for name, topic in sorted(bag.topics.items())
     ]
     return {
-        'bag': bag.name,
-        'path': str(bag.path),
-        'start': bag.start / 1e9,
+        'bag': bag.name, 'path': str(bag.path), 'start': bag.start / 1e9,
         'seconds': bag.seconds(bag.end),
-        'messages': sum(topic.count for topic in bag.topics.values()),
-        'topics': topics,
-        'missing': find_missing(bag, roles, selection) or '',
-        'notes': bag.problems.notes,
+        'messages': sum(topic.count for topic in bag.topics.values()), 'topics': topics,
+        'missing': find_missing(bag, roles, selection) or '', 'notes': bag.problems.notes,
         'left_out': bag.problems.lines(),
-    }
+    }  # fmt: skip
 
 
 def describe_text(contents: Mapping[str, Any]) -> str:

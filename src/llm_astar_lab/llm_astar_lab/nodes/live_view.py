@@ -14,6 +14,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.places import PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from llm_astar_planner.caches import Recent
+from llm_astar_planner.costmap.zones import ZonesError, zones_from_geojson
 from llm_astar_planner.instructions.messages import QuestionError, parse_object
 from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
@@ -49,6 +50,7 @@ class LiveView:
         MapSubscription(Entities(node), lambda grid_map, _: viewer.show_map(grid_map))
         node.create_subscription(Path, 'plan', self._on_path, RELIABLE)
         node.create_subscription(String, f'{planner}/places_geojson', self._on_places, LATCHED)
+        node.create_subscription(String, f'{planner}/zones_geojson', self._on_zones, LATCHED)
 
     def follow(self, stopped: threading.Event) -> None:
         """Show what comes until `stopped` is set."""
@@ -84,6 +86,12 @@ class LiveView:
         with contextlib.suppress(QuestionError, PlacesError):
             places = parse_object(message.data)
             self._viewer.show_places(places_from_geojson(places, 'the places of the graph'))
+
+    def _on_zones(self, message: String) -> None:
+        with contextlib.suppress(QuestionError, PlacesError, ZonesError):
+            features = parse_object(message.data)
+            is_empty = features.get('features') == []
+            self._viewer.show_zones([] if is_empty else zones_from_geojson(features, 0.0)[0])
 
     def _on_path(self, message: Path) -> None:
         with contextlib.suppress(ValueError):  # a malformed path is somebody else's

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import cycle
 from pathlib import Path
 from textwrap import fill
 
@@ -31,6 +32,7 @@ from matplotlib.patheffects import Normal, Stroke
 from matplotlib.transforms import Affine2D, offset_copy
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import KDTree
 
 from llm_astar_lab.pictures import raster, style
 from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
@@ -255,8 +257,10 @@ def draw(axes: Axes, picture: Picture) -> None:
     if picture.recorded is not None and len(picture.recorded):
         x, y = picture.on_axes(picture.recorded).T
         axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
-    for number, way in enumerate(picture.ways, start=1):
-        axes.plot(*picture.on_axes(way).T, linewidth=5, alpha=0.4, label=f'way {number}')
+    # Wider than the path, which is drawn over the best of them.
+    for number, (way, colour) in enumerate(zip(picture.ways, cycle(style.WAYS)), start=1):
+        label, (x, y) = f'way {number}', picture.on_axes(way).T
+        axes.plot(x, y, linewidth=9, alpha=0.5, color=colour, label=label)
     for points in picture.causes:
         x, y = picture.project(np.array(points)).T
         axes.plot(x, y, 'X:', color=style.PATH, markersize=11, zorder=4.9, label='closes the way')
@@ -298,10 +302,18 @@ def write_labels(axes: Axes, picture: Picture) -> None:
     labels.take(np.concatenate([np.empty((0, 2)), *marks]))
     numbered = {str(number): point[:2] for number, point in enumerate(picture.waypoints, start=1)}
     numbered |= {f'via {number}': cell for number, cell in enumerate(picture.via, start=1)}
+    numbered |= {f'way {n}': apart(way, picture.ways) for n, way in enumerate(picture.ways, 1)}
     for text, point in numbered.items():
         if picture.on_map([point]):
             labels.add_number(text, *picture.on_axes([point])[0])
     write_names(labels, picture.places, picture.project)
+
+
+def apart(way: NDArray[np.int32], ways: Sequence[NDArray[np.int32]]) -> Point:
+    """Return the cell of a way [n, 2] that is farthest from the others, its middle without any."""
+    others = [other for other in ways if other is not way] or [way[[0, -1]]]
+    distances, _ = KDTree(np.concatenate(others)).query(way)
+    return tuple(way[distances.argmax()].tolist())
 
 
 def draw_footprints(axes: Axes, picture: Picture, footprint: Footprint) -> None:

@@ -27,10 +27,12 @@ from llm_astar_lab.pictures import raster, style
 MARGIN = 1.0
 # Inches of their figure, at most.
 WIDTH, MAX_HEIGHT = 8.0, 8.0
-TINT = 0.08
+TINT = 0.09
 # Sizes of a name in points, tried in this order, and shifts in its own sizes.
 SIZES = (9.0, 7.5, 6.0)
 SHIFTS = ((0, 0), (0, 1), (0, -1), (0, 2), (0, -2), (0.6, 0), (-0.6, 0), (0, 3), (0, -3))
+# How far from the middle of a wide place, as a share of its width.
+ASIDE = 0.3
 # The size of a number in points, and where it may be beside its mark, in points: the directions at
 # growing distances.
 NUMBER_SIZE = 9.5
@@ -102,7 +104,10 @@ class Labels:
             label.set_fontsize(size)
             label.set_rotation(self.rotation(label, shape))
             box = label.get_window_extent()
-            moved = [box.translated(dx * box.width, dy * box.height) for dx, dy in shifts]
+            # In a wide place there is room to both sides of its middle.
+            aside = ASIDE * np.ptp(self.pixels(np.reshape(shape.bounds, (2, 2)))[:, 0]) / box.width
+            wide = ((0, 0), (aside, 0), (-aside, 0)) if aside > 1.0 else ()
+            moved = [box.translated(x * box.width, y * box.height) for x, y in (*wide, *shifts)]
             if self.put(label, moved):
                 return
 

@@ -17,6 +17,10 @@ from scipy.ndimage import maximum_filter
 
 from llm_astar_lab.pictures import style
 
+Float64s = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+
 # What a cell shows. Where cells share a pixel, the one with the highest number is seen.
 OPEN, UNKNOWN, EXPANDED, INFLATED, OBSTACLE = range(5)
 COLOURS = (style.FREE, style.UNKNOWN, style.EXPANDED, style.INFLATED, style.OBSTACLE)
@@ -47,16 +51,14 @@ class Window(NamedTuple):
         """Rows."""
         return self.top - self.bottom
 
-    def cut(self, codes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def cut(self, codes: Bytes) -> Bytes:
         """Return this part of an array [height, width]."""
         return codes[self.bottom : self.top, self.left : self.right]
 
 
 def cell_codes(
-    grid_map: GridMap,
-    expanded: NDArray[np.bool_] | None = None,
-    inflated: NDArray[np.bool_] | None = None,
-) -> NDArray[np.uint8]:
+    grid_map: GridMap, expanded: Bools | None = None, inflated: Bools | None = None
+) -> Bytes:
     """Return what each cell shows: uint8 [height, width].
 
     `expanded` and `inflated`, the cells that the robot's body closes, are bool [height, width];
@@ -72,16 +74,14 @@ def cell_codes(
     return codes
 
 
-def expanded_cells(
-    order: ExpansionOrder, shape: tuple[int, ...], expansions: int
-) -> NDArray[np.bool_]:
+def expanded_cells(order: ExpansionOrder, shape: tuple[int, ...], expansions: int) -> Bools:
     """Return which cells of a map are expanded after so many expansions: bool [height, width]."""
     expanded = np.zeros(shape, dtype=np.bool_)
     expanded.flat[order.order[: order.cells_after(expansions)]] = True
     return expanded
 
 
-def choose_window(codes: NDArray[np.uint8], points: NDArray[np.float64]) -> Window:
+def choose_window(codes: Bytes, points: Float64s) -> Window:
     """Return the part of a map worth drawing: around expanded cells and points [n, 2].
 
     It is the part that is known, where what happens takes most of that.
@@ -108,9 +108,7 @@ def no_strip(part: Window, known: Window) -> Window:
     )
 
 
-def surroundings(
-    places: NDArray[np.float64] | NDArray[np.int64], codes: NDArray[np.uint8], margin: int
-) -> Window:
+def surroundings(places: Float64s | NDArray[np.int64], codes: Bytes, margin: int) -> Window:
     """Return the part of a map within `margin` cells of the box of `places` [n, 2]."""
     height, width = codes.shape
     if not len(places):
@@ -120,7 +118,7 @@ def surroundings(
     return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
 
 
-def widen_expanded(codes: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+def widen_expanded(codes: Bytes, size: int) -> Bytes:
     """Return codes whose expanded cells are `size` cells wide, so that single ones can be seen."""
     if size < 2:
         return codes
@@ -128,18 +126,18 @@ def widen_expanded(codes: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
     return np.where(wide & (codes < EXPANDED), np.uint8(EXPANDED), codes)
 
 
-def resize(codes: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+def resize(codes: Bytes, width: int, height: int) -> Bytes:
     """Return codes at another size; no obstacle is lost where cells share a pixel."""
     return resize_rows(resize_rows(codes, height).T, width).T
 
 
-def resize_rows(codes: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
+def resize_rows(codes: Bytes, rows: int) -> Bytes:
     """Return codes with another number of rows: of several the highest codes, or repeated."""
     count = len(codes)
     firsts = np.arange(rows) * count // rows
     if rows >= count:
         return codes[firsts]
-    resized: NDArray[np.uint8] = np.maximum.reduceat(codes, firsts, axis=0)
+    resized: Bytes = np.maximum.reduceat(codes, firsts, axis=0)
     return resized
 
 
@@ -150,14 +148,14 @@ def cells_to_metres(grid_map: GridMap) -> Affine2D:
     return turned.translate(origin.x, origin.y)
 
 
-def bounds_of(window: Window, to_axes: Affine2D) -> NDArray[np.float64]:
+def bounds_of(window: Window, to_axes: Affine2D) -> Float64s:
     """Return the least and the largest coordinates [2, 2] of a part of a map on the axes."""
     xs, ys = (window.left - 0.5, window.right - 0.5), (window.bottom - 0.5, window.top - 0.5)
     corners = to_axes.transform([(x, y) for x in xs for y in ys])
     return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
-def draw_codes(axes: Axes, codes: NDArray[np.uint8], window: Window, to_axes: Affine2D) -> None:
+def draw_codes(axes: Axes, codes: Bytes, window: Window, to_axes: Affine2D) -> None:
     """Draw what the cells of a part of a map show, turned as the map is."""
     axes.imshow(
         PALETTE[codes], origin='lower', interpolation='nearest',

@@ -29,6 +29,8 @@ INFLATED, OBSTACLE = '#a9aeb8', '#262a33'
 PATH, PATH_OUTLINE = '#0050b5', '#ffffff'
 # A path that a bag holds, for comparison.
 RECORDED = '#e07b00'
+# Ways to choose from, one after the other.
+WAYS = ('#e07b00', '#8e44ad', '#00838f', '#8c6d46')
 # The robot's outline along a path.
 FOOTPRINT = '#5c8fd6'
 
@@ -53,7 +55,7 @@ CLAUSES = {
 # Where a path is not to be, and is not.
 AVOIDED = '#b5533c'
 # Named places.
-AREA, OBJECT = '#5b7f95', '#8c6d46'
+AREA, OBJECT = '#00838f', '#8c6d46'
 
 # Of pages and charts: text, less important text, lines, background of tables.
 INK, SOFT, LINE, WASH = '#1f2430', '#5b6270', '#d9dce3', '#f4f5f8'
@@ -61,12 +63,12 @@ INK, SOFT, LINE, WASH = '#1f2430', '#5b6270', '#d9dce3', '#f4f5f8'
 CHART, BASELINE, WORSE = '#0050b5', '#9aa0ac', '#d55e00'
 
 
-def page_colours() -> dict[str, str | dict[str, str]]:
+def page_colours() -> dict[str, object]:
     """Return the colours by what is drawn, for JSON; `waypoint` has one for each status."""
     return {
         'free': FREE, 'obstacle': OBSTACLE, 'unknown': UNKNOWN, 'inflated': INFLATED,
         'expanded': EXPANDED, 'path': PATH, 'recorded': RECORDED, 'start': START.colour,
         'goal': GOAL.colour, 'via': VIA.colour, 'footprint': FOOTPRINT,
         'waypoint': {status: mark.colour for status, mark in WAYPOINTS.items()},
-        'avoided': AVOIDED, 'clause': dict(CLAUSES),
+        'avoided': AVOIDED, 'ways': WAYS, 'clause': dict(CLAUSES),
     }  # fmt: skip

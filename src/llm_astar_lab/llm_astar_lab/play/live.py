@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from functools import partial
 from itertools import count
 from typing import Any
@@ -15,10 +15,14 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_planner.costmap.zones import Zone
+from llm_astar_planner.planning.types import Why
 from numpy.typing import NDArray
 
-from llm_astar_lab.play.encoding import grid_json, report_json
+from llm_astar_lab.play.encoding import causes_json, grid_json, rules_json
 from llm_astar_lab.play.maps import MAX_CELLS, PlayError
+
+Float64s = NDArray[np.float64]
 
 # Seconds between two looks at what is new, and between two signs of life.
 PERIOD_S = 0.1
@@ -54,7 +58,11 @@ class LiveFeed:
         """Take newer places."""
         self._shown['places'] = next(self._changes), places
 
-    def show_plan(self, points: NDArray[np.float64], report: dict[str, Any]) -> None:
+    def show_zones(self, zones: Iterable[Zone]) -> None:
+        """Take newer zones and rules of the road."""
+        self._shown['zones'] = next(self._changes), tuple(zones)
+
+    def show_plan(self, points: Float64s, report: dict[str, Any]) -> None:
         """Take a newer plan: its points [n, 2] in metres, the fields of its PlanReport."""
         self._shown['plan'] = next(self._changes), (points, report)
 
@@ -100,6 +108,9 @@ class LiveFeed:
         if 'map' in shown:
             (number, grid_map), (of_places, places) = shown['map'], shown['places']
             make['map'] = (number, of_places), partial(live_map_json, grid_map, places)
+        if 'map' in shown and 'zones' in shown:
+            number, zones = shown['zones']
+            make['rules'] = (number, grid_map.layout), partial(rules_json, zones, grid_map)
         if 'map' in shown and 'plan' in shown:
             # Cells of a path are those of a layout of the map.
             number, (points, report) = shown['plan']
@@ -118,7 +129,7 @@ def live_map_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
 
 
 def readable_plan_json(
-    points: NDArray[np.float64], report: dict[str, Any], grid_map: GridMap
+    points: Float64s, report: dict[str, Any], grid_map: GridMap
 ) -> dict[str, Any]:
     """Return a graph's plan as `live_plan_json` does, or that it cannot be read."""
     try:
@@ -126,23 +137,23 @@ def readable_plan_json(
         json.dumps(plan, allow_nan=False)
     except (LookupError, TypeError, ValueError, ArithmeticError, AttributeError) as error:
         message = f'the plan of the graph cannot be read: {type(error).__name__}: {error}'
-        return {'role': 'live', 'found': False, 'code': 'UNREADABLE', 'message': message[:400]}
+        return {
+            'role': 'live', 'found': False, 'code_name': 'UNREADABLE', 'message': message[:400],
+        }  # fmt: skip
     return plan
 
 
-def live_plan_json(
-    points: NDArray[np.float64], report: dict[str, Any], grid_map: GridMap
-) -> dict[str, Any]:
+def live_plan_json(points: Float64s, report: dict[str, Any], grid_map: GridMap) -> dict[str, Any]:
     """Return a graph's plan as the page takes every plan, in cells of the map."""
     if not np.isfinite(points).all() or len(points) > MAX_POINTS:
         raise ValueError(f'a path of {len(points)} points, or with one that is not finite')
     places = grid_map.world_to_grid([(x, y) for x, y, _ in report['waypoints']]).round(3).tolist()
     waypoints = [(x, y, status) for (x, y), (*_, status) in zip(places, report['waypoints'])]
-    metres = report['length']
+    metres, why = report['length'], report['why']
     cells = None if metres is None else metres / grid_map.resolution
-    return report_json(report, waypoints, cells, metres) | {
-        'role': 'live',
-        'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
-        'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(),
-        'via': [],
-    }
+    return report | {
+        'found': report['code'] == 0, 'role': 'live', 'length': cells, 'length_m': metres,
+        'waypoints': waypoints, 'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
+        'path': np.rint(grid_map.world_to_grid(points)).astype(int).tolist(), 'via': [],
+        'causes': causes_json(why and Why(**why, cell=None, reached=0), grid_map),
+    }  # fmt: skip

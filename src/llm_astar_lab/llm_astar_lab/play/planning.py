@@ -22,6 +22,7 @@ from llm_astar_planner.instructions.interpretation import Interpreter
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.arrays import StopFlag, no_stop
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
@@ -97,6 +98,24 @@ class PlanningService:
             )
         return planner, plans
 
+    def answer(
+        self, request: PlayRequest, planner: Planner, stop: StopFlag
+    ) -> dict[str, Any] | None:
+        """Return the answer to the question of a request, None where it has none.
+
+        It has the `sentence`, and as `path` the cells of the other path, if the question has one.
+        """
+        if not request.question:
+            return None
+        wanted = self.plan_request(request)
+        questions = Questions(planner, wanted, self._interpreter, request.places, stop)
+        try:
+            answer = questions.answer(request.question)
+        except QuestionError as error:
+            return {'sentence': str(error), 'path': []}
+        other = questions.other
+        return answer | {'path': [] if other is None else other.path.tolist()}
+
     def plan_request(self, request: PlayRequest) -> PlanRequest:
         """Return the request for the chosen plan."""
         ends, settle = (request.start, request.goal), partial(settled, confirm=request.confirm)
@@ -104,13 +123,11 @@ class PlanningService:
             request.values, request.places, INTERPRETATION_S, lambda: self._interpreter, settle
         )
         return PlanRequest(
-            *ends,
-            source=waypoint_source(request),
-            sample=sample_key_of(request.play_map.problem, *ends),
-            via=request.via,
+            *ends, source=waypoint_source(request),
+            sample=sample_key_of(request.play_map.problem, *ends), via=request.via,
             instruction=instruction,
             **request_fields(request.values) | {'time_limit': TIME_LIMIT_S},
-        )
+        )  # fmt: skip
 
 
 def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
@@ -121,9 +138,9 @@ def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
     """
     requests = {'chosen': chosen}
     if chosen.source is not None and not chosen.via:
-        requests['no_waypoints'] = replace(chosen, source=None)
+        requests['no_waypoints'] = replace(chosen, source=None, alternatives=0)
     if chosen.method != 'astar' or chosen.instruction is not None:
-        plain = replace(chosen, source=None, instruction=None, any_angle=False)
+        plain = replace(chosen, source=None, instruction=None, any_angle=False, alternatives=0)
         requests['astar'] = replace(plain, method='astar')
     return requests
 

@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import Places, features_of, places_from_geojson
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
-from llm_astar_planner.costmap.zones import Zone, zones_from_geojson
+from llm_astar_planner.costmap.zones import Zone, part_of, zones_from_geojson
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, costmap_config, defaults
@@ -32,13 +32,16 @@ SOURCES = ('none', 'embedded', *BASELINE_NAMES, REPLY)
 # The parameters that the page sets by their own names.
 SETTINGS = (
     'method', 'heuristic', 'weight', 'max_suboptimality', 'robot_radius', 'corner_cutting',
-    'any_angle', 'instruction', 'source',
+    'any_angle', 'alternatives', 'instruction', 'source',
 )  # fmt: skip
 MAX_REPLY = 65_536
 MAX_DRAWN = 500_000
 MAX_VIA = 100
 MAX_EDITED = 60_000
-OTHERS = ('map', 'start', 'goal', 'reply', 'via', 'walls', 'drawn', 'confirm')
+MAX_QUESTION = 500
+# What zones have among their properties, and places have not; the last are of a nav2_route graph.
+OF_ZONES = {'cost', 'kind', 'startid', 'endid'}
+OTHERS = ('map', 'start', 'goal', 'reply', 'via', 'walls', 'drawn', 'confirm', 'why')
 FIELDS = {*SETTINGS, *OTHERS}
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
@@ -53,7 +56,7 @@ class PlayRequest:
     some. `reply` is the text of a model's answer, used instead of the source; None for none.
     `places` are those of the map with those that were drawn, `zones` were drawn too. `confirm`
     answers the questions on the instruction. `walls` are cells that were drawn, int32 [n, 3],
-    (x, y, occupancy).
+    (x, y, occupancy). `question` is one about the path, '' for none.
     """
 
     play_map: PlayMap
@@ -67,6 +70,7 @@ class PlayRequest:
     places: Places
     zones: tuple[Zone, ...]
     confirm: bool | None
+    question: str
 
     @property
     def is_edited(self) -> bool:
@@ -104,7 +108,10 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
     via = tuple(read_cell(cell, 'via', grid_map) for cell in listed)
     walls = read_walls(body, grid_map)
     drawn = read_drawn(read_text(body, 'drawn', MAX_DRAWN), play_map.places)
-    return PlayRequest(play_map, start, goal, values, given, reply, via, walls, *drawn, confirm)
+    question = read_text(body, 'why', MAX_QUESTION) or ''
+    return PlayRequest(
+        play_map, start, goal, values, given, reply, via, walls, *drawn, confirm, question
+    )
 
 
 def read_settings(body: Mapping[str, Any]) -> dict[str, Any]:
@@ -164,15 +171,14 @@ def read_walls(body: Mapping[str, Any], grid_map: GridMap) -> NDArray[np.int32]:
 
 
 def read_drawn(text: str | None, places: Places) -> tuple[Places, tuple[Zone, ...]]:
-    """Return places with those that were drawn, and the zones: features with a `cost`.
+    """Return places with those that were drawn, and the zones: features with a `cost` or a `kind`.
 
     A drawn place replaces one of its name. Raises PlayError.
     """
     try:
         parts: tuple[list[Any], list[Any]] = ([], [])
         for feature in features_of(parse_json(text), 'drawn') if text else ():
-            properties = feature.get('properties') if isinstance(feature, dict) else None
-            parts[isinstance(properties, dict) and 'cost' in properties].append(feature)
+            parts[not OF_ZONES.isdisjoint(part_of(feature, 'properties'))].append(feature)
         added, zones = ({'type': 'FeatureCollection', 'features': part} for part in parts)
         drawn = places_from_geojson(added, 'drawn')
         kept = [place for place in places if drawn.get(place.name) is None]
@@ -201,6 +207,7 @@ def command_of(request: PlayRequest) -> str | None:
             # In one word: a value may begin with a dash.
             words.append(f'--{flag}={value}')
     words += ['--cells'] if play_map.is_metric else []
+    words += [f'--why={request.question}'] if request.question else []
     if request.reply is not None:
         words.append(f'--reply={request.reply}')
     else:

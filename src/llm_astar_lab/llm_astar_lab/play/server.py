@@ -81,15 +81,11 @@ class PlayApp(Starlette):
         self._service = PlanningService()
         self._worker = Worker()
         routes = [
-            Route('/', self.index),
-            Route('/api/options', self.options),
-            Route('/api/map', self.map),
-            Route('/api/map', self.drop_map, methods=['POST']),
-            Route('/api/plan', self.plan, methods=['POST']),
-            Route('/api/queue', self.queue),
-            Route('/api/live', self.live),
-            Mount('/page', StaticFiles(directory=PAGE)),
-        ]
+            Route('/', self.index), Route('/api/options', self.options),
+            Route('/api/map', self.map), Route('/api/map', self.drop_map, methods=['POST']),
+            Route('/api/plan', self.plan, methods=['POST']), Route('/api/queue', self.queue),
+            Route('/api/live', self.live), Mount('/page', StaticFiles(directory=PAGE)),
+        ]  # fmt: skip
         handlers: dict[Any, Any] = dict.fromkeys((LlmAstarError, HTTPException), refuse)
         super().__init__(routes=routes, exception_handlers=handlers)
 
@@ -141,7 +137,8 @@ class PlayApp(Starlette):
     def work(self, asked: PlayRequest, stop: StopFlag) -> bytes:
         """Return the answer to a request, as JSON."""
         planner, plans = self._service.plan(asked, stop)
-        return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
+        answer = self._service.answer(asked, planner, stop)
+        return json.dumps(reply_json(asked, planner, plans, answer), allow_nan=False).encode()
 
 
 async def read_body(request: Request, limit: int) -> object:

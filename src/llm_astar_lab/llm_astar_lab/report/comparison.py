@@ -125,13 +125,10 @@ class Judgement:
         names = ('version', 'dataset', 'machine')
         run = {'folder': str(self.base.path)} | {name: self.base.metadata[name] for name in names}
         return {
-            'base': run,
-            'metric': self.metric,
-            'threshold_percent': 100.0 * self.threshold,
-            'regressions': self.regressions(),
-            'unjudged': self.unjudged(),
+            'base': run, 'metric': self.metric, 'threshold_percent': 100.0 * self.threshold,
+            'regressions': self.regressions(), 'unjudged': self.unjudged(),
             'comparisons': [self.comparison_json(item) for item in self.comparisons],
-        }
+        }  # fmt: skip
 
     def comparison_json(self, comparison: RunComparison) -> dict[str, Any]:
         """Return one run's part of the JSON values."""

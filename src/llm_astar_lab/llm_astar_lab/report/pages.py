@@ -51,16 +51,13 @@ def said_of(run: RunSummary, pictures: Pictures) -> dict[str, Any]:
     metadata, bags = run.metadata, run.metadata.get('bags')
     return {
         'title': f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report',
-        'headline': headline(run.comparisons),
-        'recorded': sentences.say('recorded', run.recorded),
-        'provenance': provenance(run),
-        'tables': report_tables(run),
+        'headline': headline(run.comparisons), 'recorded': sentences.say('recorded', run.recorded),
+        'provenance': provenance(run), 'tables': report_tables(run),
         'sentences': [sentences.sentence(item) for item in run.comparisons if item.samples],
         'grown': sentences.growth_sentence(run.growths),
-        'left_out': metadata.get('left_out') or [],
-        'notes': metadata.get('notes') or [],
+        'left_out': metadata.get('left_out') or [], 'notes': metadata.get('notes') or [],
         'pictures': pictures,
-    }
+    }  # fmt: skip
 
 
 def markdown_report(run: RunSummary, pictures: Pictures = ()) -> str:
@@ -69,12 +66,9 @@ def markdown_report(run: RunSummary, pictures: Pictures = ()) -> str:
 
 
 def html_report(
-    run: RunSummary,
-    pictures: Pictures = (),
-    samples: Mapping[str, Any] = NO_SAMPLES,
-    *,
+    run: RunSummary, pictures: Pictures = (), samples: Mapping[str, Any] = NO_SAMPLES, *,
     has_zone: bool = False,
-) -> str:
+) -> str:  # fmt: skip
     """Return the page, which loads nothing from the network.
 
     `samples` is what its browser of samples shows; `has_zone` says that the robot's body closes

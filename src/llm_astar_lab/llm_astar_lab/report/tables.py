@@ -28,15 +28,11 @@ def report_tables(run: RunSummary) -> list[Table]:
     every = [
         main_table(run.variants),
         Table.of('over_none', [item for item in run.comparisons if item.samples]),
-        Table.of('spread', run.variants),
-        Table.of('waypoints', guided),
-        reply_table(run.variants),
-        Table.of('paths', run.variants),
-        *family_tables(run.variants),
-        map_cost_table(run.metadata),
-        growth_table(run.growths),
+        Table.of('spread', run.variants), Table.of('waypoints', guided), reply_table(run.variants),
+        Table.of('paths', run.variants), *family_tables(run.variants),
+        map_cost_table(run.metadata), growth_table(run.growths),
         Table.of('paper', () if run.metadata.get('bags') else descriptions()['paper']['items']),
-    ]
+    ]  # fmt: skip
     return [table for table in every if table.rows]
 
 

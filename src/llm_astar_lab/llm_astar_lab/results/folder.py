@@ -376,12 +376,10 @@ def describe_machine() -> dict[str, Any]:
         lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
     models = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
     return {
-        'processor': next(models, platform.processor() or 'unknown'),
-        'cores': os.cpu_count(),
+        'processor': next(models, platform.processor() or 'unknown'), 'cores': os.cpu_count(),
         'memory_gib': round(os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30, 1),
-        'system': f'{platform.system()} {platform.machine()}',
-        'python': platform.python_version(),
-    }
+        'system': f'{platform.system()} {platform.machine()}', 'python': platform.python_version(),
+    }  # fmt: skip
 
 
 def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

@@ -158,12 +158,9 @@ def list_variants(
 
 
 def make_tasks(
-    samples: Iterable[tuple[BenchmarkSample, int]],
-    variants: Sequence[tuple[Variant, int]],
-    sources: Sequence[SourceSpec],
-    settings: SearchSettings,
-    done: Finished | None = None,
-) -> list[Task]:
+    samples: Iterable[tuple[BenchmarkSample, int]], variants: Sequence[tuple[Variant, int]],
+    sources: Sequence[SourceSpec], settings: SearchSettings, done: Finished | None = None,
+) -> list[Task]:  # fmt: skip
     """Make one task per pair of sample and scale, without the variants that are `done` for it.
 
     A source with `samples` is run on these alone.
@@ -255,14 +252,11 @@ def ask(
     reply, seconds = query_source(source, query)
     problems = problems_column(reply, query.costmap, query.start, query.goal)
     return reply, {
-        'seconds_source': seconds,
-        'source_status': reply.status.value,
-        'prompt_tokens': reply.prompt_tokens,
-        'completion_tokens': reply.completion_tokens,
-        'waypoints': rows.format_points(reply.waypoints),
-        'reply_problems': problems,
+        'seconds_source': seconds, 'source_status': reply.status.value,
+        'prompt_tokens': reply.prompt_tokens, 'completion_tokens': reply.completion_tokens,
+        'waypoints': rows.format_points(reply.waypoints), 'reply_problems': problems,
         'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
-    }
+    }  # fmt: skip
 
 
 def request_again(

@@ -45,14 +45,10 @@ def map_costs(
         start, goal, _ = problem.samples[0]
         planner.plan(PlanRequest(start, goal, GUIDED))
         yield {
-            'map': problem.id,
-            'name': names.get(problem.id, ''),
-            'family': problem.family,
-            'width': problem.grid_map.width,
-            'height': problem.grid_map.height,
-            'seconds': seconds,
+            'map': problem.id, 'name': names.get(problem.id, ''), 'family': problem.family,
+            'width': problem.grid_map.width, 'height': problem.grid_map.height, 'seconds': seconds,
             'bytes': held_bytes(planner) - problem.grid_map.cells.nbytes,
-        }
+        }  # fmt: skip
 
 
 def held_bytes(root: object) -> int:

@@ -256,12 +256,9 @@ class RecordedRun(NamedTuple):
 
 
 def keep_recorded(
-    samples: Sequence[BenchmarkSample],
-    specs: Sequence[SourceSpec],
-    scales: Sequence[int],
-    scale_samples: int,
-    seed: int,
-) -> RecordedRun:
+    samples: Sequence[BenchmarkSample], specs: Sequence[SourceSpec], scales: Sequence[int],
+    scale_samples: int, seed: int,
+) -> RecordedRun:  # fmt: skip
     """Limit a run to the samples that its replays have at one of the scales.
 
     A replay is run on the samples that it has, every other source on those that any replay has.

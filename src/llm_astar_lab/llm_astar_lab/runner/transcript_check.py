@@ -68,14 +68,10 @@ def check_transcript(
     foreign = any(item['of_another_dataset'] for item in models)
     is_whole = bool(models or not samples) and not (problems or cut_off)
     values = {
-        'file': str(path),
-        'exchanges': len(exchanges),
-        'instructions': instructions,
-        'problems': problems,
-        'cut_off': cut_off,
-        'models': models,
+        'file': str(path), 'exchanges': len(exchanges), 'instructions': instructions,
+        'problems': problems, 'cut_off': cut_off, 'models': models,
         'sound': is_whole and not (lacks or differ or foreign),
-    }
+    }  # fmt: skip
     return TranscriptCheck(values, coverage)
 
 
@@ -88,9 +84,7 @@ def describe_model(
     known = (e.provenance.time for e in exchanges if e.provenance.time)
     times = sorted(known, key=transcript.parse_time)
     return {
-        'model': exchanges[0].model,
-        'prompt': exchanges[0].prompt,
-        'exchanges': len(exchanges),
+        'model': exchanges[0].model, 'prompt': exchanges[0].prompt, 'exchanges': len(exchanges),
         'samples': len({exchange.sample for exchange in exchanges}),
         'statuses': dict(Counter(exchange.status.value for exchange in exchanges)),
         'with_points': sum(read_answer(e.response).status.value == 'OK' for e in exchanges),
@@ -99,10 +93,9 @@ def describe_model(
         'seconds': sum(exchange.seconds for exchange in exchanges),
         'times': [times[0], times[-1]] if times else [],
         'twice': name_samples(key for key, count in answered.items() if count > 1),
-        'values': values_of(exchanges),
-        'of_another_dataset': foreign if digest else 0,
+        'values': values_of(exchanges), 'of_another_dataset': foreign if digest else 0,
         'coverage': None if coverage is None else coverage.to_json(),
-    }
+    }  # fmt: skip
 
 
 def check_lines(path: Path) -> tuple[list[Exchange], int, list[str], str | None]:

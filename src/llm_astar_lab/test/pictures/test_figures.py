@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from llm_astar_lab.pictures import style
-from llm_astar_lab.pictures.figures import draw, picture_of, save_picture
+from llm_astar_lab.pictures.figures import draw, picture_of, save_picture, write_labels
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
@@ -105,3 +105,19 @@ def test_what_closes_the_way_is_marked_where_it_is():
     draw(axes, picture_of(plan, planner.costmap))
     (mark,) = (line for line in axes.get_lines() if line.get_label() == 'closes the way')
     assert [*mark.get_xdata(), *mark.get_ydata()] == pytest.approx([2.05, 2.05])
+
+
+def test_each_way_to_choose_is_drawn_wider_than_the_path_and_named():
+    cells = np.zeros((30, 60), dtype=np.int8)
+    cells[10:22, 25:35] = 100
+    planner = Planner(GridMap(cells))
+    plan = planner.plan(PlanRequest((3, 15), (56, 15), alternatives=2))
+    figure = Figure(layout='constrained')
+    axes = figure.add_subplot()
+    picture = picture_of(plan, planner.costmap)
+    draw(axes, picture)
+    lines = {line.get_label(): line for line in axes.lines}
+    for name in ('way 1', 'way 2'):
+        assert lines[name].get_linewidth() > 2 * lines['path'].get_linewidth()
+    write_labels(axes, picture)
+    assert {'way 1', 'way 2'} <= {text.get_text() for text in axes.texts}

@@ -57,9 +57,8 @@ def test_the_page_itself_is_served_with_a_policy(page):
 def test_the_options_name_every_map_and_limit(page):
     options = page.get('/api/options').json()
     names = {entry['id']: entry for entry in options['maps']}
-    assert names['demo.json:0']['kind'] == 'barriers'
     assert names['instructions/house.yaml']['unit'] == 'm'
-    assert names['instructions/house.yaml']['places']
+    assert names['demo.json:0']['unit'] == 'cells'
     assert options['limits']['cells'] == 4_000_000
     assert options['colours']['waypoint']['accepted'].startswith('#')
     assert not options['live']
@@ -86,9 +85,9 @@ def test_a_plan_stands_beside_those_without_waypoints_and_of_astar(page):
     assert chosen['path'][-1] == [7, 19]
     assert chosen['waypoints']
     assert not alone['waypoints']
-    assert chosen['figures']['bound'] >= 1.0
-    assert astar['figures']['bound'] is None
-    assert astar['figures']['length'] <= chosen['figures']['length'] + 1e-9
+    assert chosen['ratio'] >= 1.0
+    assert astar['ratio'] is None
+    assert astar['length'] <= chosen['length'] + 1e-9
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -99,7 +98,7 @@ def test_the_cells_come_in_the_order_in_which_the_search_expanded_them(page, met
         rows, columns = np.divmod(np.frombuffer(numbers, dtype='<i4'), demo['width'])
         assert entry['order_is_known']
         assert [columns[0], rows[0]] == DEMO['start']
-        assert 0 < len(set(zip(rows, columns))) == len(rows) <= entry['figures']['expansions']
+        assert 0 < len(set(zip(rows, columns))) == len(rows) <= entry['operation']
         # Each cell was reached from one that was expanded before.
         for count in range(1, len(rows)):
             steps = np.abs([rows[:count] - rows[count], columns[:count] - columns[count]])
@@ -108,9 +107,9 @@ def test_the_cells_come_in_the_order_in_which_the_search_expanded_them(page, met
 
 def test_a_reply_typed_as_a_model_would_is_used_instead_of_the_source(page):
     reply = plan(page, source='oracle', reply='Generated Path: [[5, 5], [9, 16], [1000, 3]]')
-    statuses = [point['status'] for point in reply['plans'][0]['waypoints']]
+    statuses = [status for *_, status in reply['plans'][0]['waypoints']]
     assert statuses[-1] == 'out_of_bounds'
-    assert [point['number'] for point in reply['plans'][0]['waypoints']] == [1, 2, 3]
+    assert len(statuses) == 3
 
 
 def test_drawn_walls_are_walls_and_erased_ones_are_none(page):
@@ -124,7 +123,7 @@ def test_drawn_walls_are_walls_and_erased_ones_are_none(page):
     cells = cells_of(demo, demo['height'], demo['width'])
     walls = [[int(x), int(y), 0] for y, x in np.argwhere(cells[1:-1, 1:-1]) + 1]
     erased = plan(page, walls=walls, method='exact_astar')['plans'][0]
-    assert erased['figures']['length'] == pytest.approx(31 + 2**0.5)
+    assert erased['length'] == pytest.approx(31 + 2**0.5)
 
 
 def test_a_drawn_cost_and_a_drawn_zone_turn_the_path_aside(page):
@@ -144,12 +143,50 @@ def crossed(reply):
     return [cell for cell in path if 54 <= cell[0] < 86 and 41 <= cell[1] < 50]
 
 
+def test_a_drawn_rule_of_the_road_is_planned_with_and_sent_back_with_its_arrows(page):
+    free = plan(page)['plans'][0]
+    line = {'type': 'LineString', 'coordinates': [[5.0, 9.0], [35.0, 9.0]]}
+    rule = {'name': 'east', 'kind': 'one_way', 'width': 3.0}
+    feature = {'type': 'Feature', 'properties': rule, 'geometry': line}
+    features = {'type': 'FeatureCollection', 'features': [feature]}
+    reply = plan(page, drawn=json.dumps(features))
+    (sent,) = reply['rules']
+    assert (sent['kind'], sent['name'], sent['width']) == ('one_way', 'east', 3.0)
+    assert sent['arrows'] == [[[5.0, 9.0], [35.0, 9.0]]]
+    assert sent['rings']
+    assert reply['plans'][0]['length'] > free['length'] + 1.0
+
+
+def test_causes_and_ways_are_sent_as_a_plan_has_them(page):
+    closed = plan(page, robot_radius=5.0)['plans'][0]
+    assert [cause['name'] for cause in closed['causes']] == ['radius']
+    assert closed['causes'][0]['points']
+    chosen, astar = plan(page, alternatives=3)['plans']
+    assert [round(way['length'], 1) for way in chosen['ways']] == [43.4, 46.7]
+    assert chosen['ways'][1]['path'][0] == DEMO['start']
+    assert astar['ways'] == []
+
+
+def test_a_question_about_the_path_is_answered_or_said_not_to_be_understood(page):
+    house = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95], 'robot_radius': 0.2}
+    reply = plan(page, **house, why='why not through the green bathroom?')
+    answer = reply['answer']
+    assert answer['sentence'].startswith('through the green bathroom: 15.2 m instead of 14.2 m')
+    assert answer['path'][0] == [27, 30]
+    assert "'--why=why not through the green bathroom?'" in reply['command']
+    assert plan(page, **house, why='why so long?')['answer']['path'] == []
+    answer = plan(page, **house, why='why me?')['answer']
+    assert 'is not understood; ask' in answer['sentence']
+    assert answer['path'] == []
+    assert plan(page)['answer'] is None
+
+
 def test_a_drawn_place_is_understood_and_replaces_one_of_its_name(page):
     ask = {'map': HOUSE, 'start': [27, 30], 'goal': [135, 95]}
     for name in ('charger', 'sofa'):
         asked = ask | {'drawn': drawn(name, SQUARE), 'instruction': f'visit the {name}'}
         shown = plan(page, **asked)['plans'][0]
-        assert shown['instruction']['satisfied']
+        assert shown['instruction_report']['satisfied']
         (x, y), *_ = shown['regions']['visits']
         assert 19 <= x <= 40
         assert 19 <= y <= 40
@@ -254,7 +291,7 @@ def test_a_radius_closes_cells_and_the_path_keeps_off_them(page):
 def test_each_clause_of_an_instruction_has_its_outcome(page):
     ask = {'map': 'instructions/house.yaml', 'instruction': 'avoid the hall and visit the kitchen'}
     pair = page.get('/api/map', params={'id': ask['map']}).json()['pairs'][0]
-    outcome = plan(page, **ask, **pair)['plans'][0]['instruction']
+    outcome = plan(page, **ask, **pair)['plans'][0]['instruction_report']
     assert 'hall' in outcome['sentence']
     ask['instruction'] = 'avoid the study'
     assert plan(page, **ask, **pair)['plans'][0]['order_is_known']

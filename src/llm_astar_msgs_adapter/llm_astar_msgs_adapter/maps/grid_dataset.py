@@ -89,17 +89,13 @@ class GridProblem:
         """Return a JSON object that `parse_grid_problem` reads; the cells are compressed."""
         lengths = [None if math.isnan(length) else length for length in self.optimal_lengths]
         return {
-            'id': self.id,
-            'width': self.grid_map.width,
-            'height': self.grid_map.height,
-            'resolution': self.grid_map.resolution,
-            'origin': list(self.grid_map.origin),
+            'id': self.id, 'width': self.grid_map.width, 'height': self.grid_map.height,
+            'resolution': self.grid_map.resolution, 'origin': list(self.grid_map.origin),
             'frame_id': self.grid_map.frame_id,
             'cells': base64.b64encode(zlib.compress(self.grid_map.cells.tobytes())).decode(),
             'start_goal': [[list(sample.start), list(sample.goal)] for sample in self.samples],
-            'optimal_lengths': lengths,
-            **({'family': self.family} if self.family else {}),
-        }
+            'optimal_lengths': lengths, **({'family': self.family} if self.family else {}),
+        }  # fmt: skip
 
 
 def is_grid_problem(entry: object) -> bool:

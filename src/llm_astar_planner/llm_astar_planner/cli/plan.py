@@ -38,6 +38,7 @@ import argparse
 import json
 import math
 import sys
+from dataclasses import replace
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
@@ -54,7 +55,7 @@ from llm_astar_planner.plugins import find_drawing
 
 # Metres from the path to the nearest obstacle that many robots are wider than.
 NARROW = 0.35
-POINT_ROBOT = 'a point, as --robot-radius is 0; a wider one may touch what is so near'
+POINT_ROBOT = 'the robot is a point, as robot_radius is 0; a wider one may touch what is so near'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,10 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
     with compile_progress():
         planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
+    if may_touch(plan, asked):
+        plan = replace(plan, warnings=(*plan.warnings, POINT_ROBOT))
     answer = answered(arguments.why, asked) if arguments.why else {}
     show(plan, arguments, asked.coordinates, answer)
-    if not arguments.json and may_touch(plan, asked):
-        print(f'robot      {POINT_ROBOT}')
     if drawing is not None:
         route = Route(planner.costmap, plan.start, plan.goal, asked.places)
         drawing.load()(plan, route, asked.coordinates.offset, arguments.png)
@@ -127,8 +128,8 @@ def show(
 
 def may_touch(plan: Plan, asked: Problem) -> bool:
     """Tell whether the path of a robot without a size is close to an obstacle of a metric map."""
-    has_size = asked.request.footprint or asked.planner.costmap.config.robot_radius
-    return asked.coordinates.metres and not has_size and plan.clearance < NARROW
+    size = asked.request.footprint or asked.planner.config.robot_radius
+    return asked.coordinates.metres and not size and plan.clearance < NARROW
 
 
 def ends_route(plan: Plan) -> bool:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.lazy import ndimage
-from llm_astar_planner.planning.types import Alternative, PlanRequest
+from llm_astar_planner.planning.types import Alternative, PlanRequest, Point
 from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.automata import Automaton
 from llm_astar_planner.search.product import ProductProblem, ProductTooLargeError, product_search
@@ -36,9 +36,12 @@ from llm_astar_planner.search.result import SearchStatus
 MOST_OBSTACLES, LEAST_SHARE = 12, 0.05
 # Crossings of one ray, there less back, up to which a path is followed.
 MOST_CROSSINGS = 3
-# Ways that cost more than so many times the best are none to choose from.
-MOST_LONGER = 2.0
+# Ways that cost more than so many times the best are none to choose from, nor those that cost more
+# than it by over so large a part of the largest perimeter of the obstacles on the other side: the
+# best way passes these, and such a way loops around them.
+MOST_LONGER, MOST_AROUND = 2.0, 0.5
 OTHER, LEFT, RIGHT = range(3)
+ROUNDING = 1e-6
 
 Class = tuple[int, ...]
 # Of obstacles by number, how often a path may not cross their rays.
@@ -46,11 +49,15 @@ Excluded = dict[int, frozenset[int]]
 
 
 class Ray(NamedTuple):
-    """The half line up from a cell (x, y) of an obstacle; `centre` is that of the obstacle."""
+    """The half line up from a cell (x, y) of an obstacle.
+
+    `centre` is that of the obstacle, in metres, `perimeter` that of the box around it, in cells.
+    """
 
     x: int
     y: int
-    centre: tuple[float, float]
+    centre: Point
+    perimeter: float
 
     def sides(self, shape: tuple[int, ...]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return the cells left and right of it, bool [height, width] each."""
@@ -106,10 +113,10 @@ class WaysSearch:
         large = sorted((n for n in boxes if extent[n] >= least), key=lambda n: -extent[n])
         rays = []
         for number in large[:MOST_OBSTACLES]:
-            rows, columns = np.nonzero(labels[boxes[number]] == number)
-            y, x = rows + boxes[number][0].start - 1, columns + boxes[number][1].start - 1
-            top = int(y.argmax())
-            rays.append(Ray(int(x[top]), int(y[top]), (float(x.mean()), float(y.mean()))))
+            y, x = np.nonzero(labels[1:-1, 1:-1] == number)
+            top, perimeter = int(y.argmax()), 2.0 * float(np.ptp(x) + np.ptp(y) + 2)
+            (centre,) = self.costmap.grid_map.grid_to_world([(x.mean(), y.mean())])
+            rays.append(Ray(int(x[top]), int(y[top]), centre.round(3).tolist(), perimeter))
         return rays
 
     def ways(self) -> Iterator[Alternative]:
@@ -127,15 +134,17 @@ class WaysSearch:
 
         push({})
         first: Class = ()
-        most = MOST_LONGER * queue[0][0] if queue else 0.0
-        while queue and queue[0][0] <= most:
+        best = queue[0][0] if queue else 0.0
+        while queue and queue[0][0] <= MOST_LONGER * best:
             _, _, excluded, way, crossed = heapq.heappop(queue)
             if crossed not in found:
                 found.add(crossed)
                 first = first or crossed
-                others = [ray.centre for ray, a, b in zip(rays, crossed, first) if a != b]
-                if not crosses_itself(way.path):
-                    yield way._replace(around=self.metres(others))
+                others = [ray for ray, a, b in zip(rays, crossed, first) if a != b]
+                around = max((ray.perimeter for ray in others), default=0.0)
+                is_loop = way.cost > best + MOST_AROUND * around + ROUNDING
+                if not is_loop and not crosses_itself(way.path):
+                    yield way._replace(around=[ray.centre for ray in others])
             for number, crossing in enumerate(crossed):
                 more = excluded.get(number, frozenset()) | {crossing}
                 push({**excluded, number: more})
@@ -157,11 +166,6 @@ class WaysSearch:
             return None
         metres = round(result.length * grid_map.resolution, 3)
         return Alternative(result.path, metres, result.cost, result.suboptimality_bound, [])
-
-    def metres(self, cells: list[tuple[float, float]]) -> list[list[float]]:
-        """Return points in grid coordinates in metres of the map's frame."""
-        points: list[list[float]] = self.costmap.grid_map.grid_to_world(cells).round(3).tolist()
-        return points
 
 
 def crosses_itself(path: NDArray[np.int32]) -> bool:

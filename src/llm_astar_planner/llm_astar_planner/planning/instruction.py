@@ -12,6 +12,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
@@ -56,6 +57,9 @@ INSTRUCTED_SHARE = 0.6
 # Parts of a cell to which the greatest distance is found.
 FINENESS = 4
 NOT_TOGETHER = 'no path of cells keeps every clause'
+# Metres from the goal up to which a path passes it.
+PASSES_GOAL = 1.0
+ELSEWHERE = 'the path ends at {}, as the instruction says, and does not pass the goal {}'
 
 
 class InstructedSearch:
@@ -298,6 +302,11 @@ def search_plan(
         if last == endpoints.goal:
             problem = planner.problem(request, endpoints, path)
         else:  # a clause says where to end
+            away = np.hypot(*(path - endpoints.goal).T).min() * planner.grid_map.resolution
+            if away > PASSES_GOAL:
+                places = map(planner.costmap.describe_cell, (last, endpoints.goal))
+                warnings = (*endpoints.warnings, ELSEWHERE.format(*places))
+                endpoints = endpoints._replace(warnings=warnings)
             endpoints = endpoints._replace(goal=last)
             problem = planner.checker.path_problem(path, endpoints.start, last)
             problem = problem or footprint_problem(path, planner.costmap, request)

@@ -327,20 +327,13 @@ class PathPlanner:
         return Plan(
             code=getattr(failure, 'code', ResultCode.UNKNOWN) if failure else ResultCode.NONE,
             message=str(failure) if failure else success_message(segments[0], result),
-            method=request.method,
-            start=endpoints.start,
-            goal=endpoints.goal,
-            source='none' if request.source is None else name_of(request.source),
-            reply=reply,
+            method=request.method, start=endpoints.start, goal=endpoints.goal,
+            source='none' if request.source is None else name_of(request.source), reply=reply,
             seconds_source=sum(map(attrgetter('seconds_source'), segments), 0.0),
             seconds_search=sum(map(attrgetter('seconds_search'), segments), 0.0),
-            start_shift=endpoints.start_shift,
-            goal_shift=endpoints.goal_shift,
-            via=endpoints.via,
-            footprint=request.footprint,
-            warnings=warnings,
-            **fields,
-        )
+            start_shift=endpoints.start_shift, goal_shift=endpoints.goal_shift, via=endpoints.via,
+            footprint=request.footprint, warnings=warnings, **fields,
+        )  # fmt: skip
 
     def search_fields(
         self, request: PlanRequest, segments: Sequence[SegmentPlanner]
@@ -362,17 +355,15 @@ class PathPlanner:
         """Return the fields of a plan that has a path, by name."""
         bounded = result if isinstance(result, BoundedResult) else None
         return {
-            'path': result.path,
-            'length': result.length,
+            'path': result.path, 'length': result.length,
             'cost': bounded.cost if bounded else result.length,
             'suboptimality_bound': bounded.suboptimality_bound if bounded else math.nan,
             'expansions': result.expansions,
             'first_expansions': bounded.first_expansions if bounded else result.expansions,
-            'storage': result.storage,
-            'expanded': result.expanded,
+            'storage': result.storage, 'expanded': result.expanded,
             'is_final': segments[-1].result is not NOT_SEARCHED,
             **self.checker.measure(result.path)._asdict(),
-        }
+        }  # fmt: skip
 
     def shorten(
         self, request: PlanRequest, stretches: Sequence[tuple[GridGraph, Int32s]], deadline: float

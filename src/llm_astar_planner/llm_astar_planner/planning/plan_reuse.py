@@ -16,7 +16,7 @@ import time
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -48,6 +48,10 @@ from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQ
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.search.any_angle import AnyAnglePath
+
+Int32s = NDArray[np.int32]
+Bools = NDArray[np.bool_]
+Int64s = NDArray[np.int64]
 
 # Goals whose last ways are remembered.
 REMEMBERED_GOALS = 64
@@ -125,53 +129,51 @@ def kept_plans(
             yield plan
             continue
         deadline = time.monotonic() + PULL_SHARE * request.time_limit
+        # The ends of the plan were judged when they were moved.
+        asked = replace(request, start=plan.start, goal=plan.goal, via=plan.via)
         try:
-            yield WayKeeper(planner, request, plan, deadline).keep(way)
+            yield WayKeeper(planner, asked, plan, deadline).keep(way)
         except WayLost as lost:
             yield replace(plan, message=f'{plan.message}; changed: {lost}')
 
 
-class WayKeeper:
-    """Decides for one plan whether the last way is kept instead of its path.
+class WayKeeper(NamedTuple):
+    """Decides for the plan of a request between its ends whether the last way is kept instead.
 
-    At any angle, the way is shortened until the `deadline` (monotonic seconds).
+    The plan has a path or is out of time. At any angle, the way is shortened until the `deadline`
+    (monotonic seconds).
     """
 
-    def __init__(
-        self, planner: PathPlanner, request: PlanRequest, plan: Plan, deadline: float
-    ) -> None:
-        """Take the plan of a request, with a path or out of time."""
-        self.planner, self.costmap = planner, planner.costmap
-        self.graph = planner.costmap.grid_graph
-        self.plan = plan
-        self.deadline = deadline
-        # The ends of the plan were judged when they were moved.
-        self.request = replace(request, start=plan.start, goal=plan.goal, via=plan.via)
-        self.ends = Endpoints(plan.start, plan.goal, plan.via)
+    planner: PathPlanner
+    request: PlanRequest
+    plan: Plan
+    deadline: float
+
+    @property
+    def ends(self) -> Endpoints:
+        """The ends of the plan."""
+        return Endpoints(self.plan.start, self.plan.goal, self.plan.via)
 
     def keep(self, way: Way) -> Plan:
         """Return the plan that keeps the rest of a way. Raises WayLost."""
-        cells, turns = rest_of_way(self.costmap, way, self.plan)
+        planner, costmap = self.planner, self.planner.costmap
+        cells, turns = rest_of_way(costmap, way, self.plan)
         problem = self.problem(cells)
         if problem is not None:
             raise WayLost(problem)
         kept = replace(
-            self.plan,
-            code=ResultCode.NONE,
-            path=cells,
-            length=path_length(cells),
-            cost=path_cost(self.graph, cells),
-            any_angle=self.straightened(cells, turns),
-            **self.planner.checker.measure(cells)._asdict(),
-        )
+            self.plan, code=ResultCode.NONE, path=cells, length=path_length(cells),
+            cost=path_cost(costmap.grid_graph, cells), any_angle=self.straightened(cells, turns),
+            **planner.checker.measure(cells)._asdict(),
+        )  # fmt: skip
         if self.request.smoothing:
             points = cells if kept.any_angle is None else kept.any_angle.points
-            kept = replace(kept, smoothed=self.planner.smooth(self.request, self.ends, points))
+            kept = replace(kept, smoothed=planner.smooth(self.request, self.ends, points))
         if self.request.instruction is None:
             return self.compared(kept)
         return self.instructed(kept, self.request.instruction)
 
-    def problem(self, cells: NDArray[np.int32]) -> str | None:
+    def problem(self, cells: Int32s) -> str | None:
         """Say why a path [n, 2] is no answer on this map, or None."""
         request = self.request
         problem = self.planner.problem(request, self.ends, cells)
@@ -179,13 +181,11 @@ class WayKeeper:
             # Kernels that plans without a footprint do not take.
             from llm_astar_planner.planning.footprint_search import collides  # noqa: PLC0415
 
-            if collides(self.costmap, request, cells):
+            if collides(self.planner.costmap, request, cells):
                 problem = 'the footprint would meet an obstacle'
         return problem
 
-    def straightened(
-        self, cells: NDArray[np.int32], turns: NDArray[np.int32]
-    ) -> AnyAnglePath | None:
+    def straightened(self, cells: Int32s, turns: Int32s) -> AnyAnglePath | None:
         """Return the path [n, 2] at any angle, if that is asked for: as it was, through `turns`.
 
         Where the robot does not get to the first turn on a straight line it is shortened again.
@@ -197,12 +197,13 @@ class WayKeeper:
         # Kernels that only these plans take.
         from llm_astar_planner.search.any_angle import straight_path  # noqa: PLC0415
 
+        graph = self.planner.costmap.grid_graph
         if len(turns):
-            path = straight_path(self.graph, np.concatenate((cells[:1], turns)))
+            path = straight_path(graph, np.concatenate((cells[:1], turns)))
             kept = None if path is None else self.planner.checked(self.request, path)[0]
             if kept is not None:
                 return kept
-        parts = [(self.graph, part) for part in between_via(cells, self.request.via)]
+        parts = [(graph, part) for part in between_via(cells, self.request.via)]
         return self.planner.shorten(self.request, parts, self.deadline)[0]
 
     def compared(self, kept: Plan) -> Plan:
@@ -210,11 +211,11 @@ class WayKeeper:
 
         Raises WayLost if the new plan's path costs less by more than the margin.
         """
-        plan, is_priced = self.plan, self.graph.cost is not None
-        longer, shorter = ('costlier', 'cheaper') if is_priced else ('longer', 'shorter')
+        plan, graph = self.plan, self.planner.costmap.grid_graph
+        longer, shorter = ('longer', 'shorter') if graph.cost is None else ('costlier', 'cheaper')
         found, ratio = 'no better one in time', math.nan
         if plan.code is ResultCode.NONE:
-            new_cost, cost = path_cost(self.graph, plan.path), kept.cost
+            new_cost, cost = path_cost(graph, plan.path), kept.cost
             if plan.any_angle is not None and kept.any_angle is not None:
                 new_cost, cost = plan.any_angle.cost, kept.any_angle.cost
             if cost > (1.0 + self.request.switch_margin) * new_cost + SAME_COST:
@@ -226,7 +227,7 @@ class WayKeeper:
                 ratio = max(1.0, kept.cost * plan.suboptimality_bound / plan.cost)
             if kept.any_angle is None and math.isfinite(ratio):
                 found = f'at most {100.0 * (ratio - 1.0):.1f} % {longer} than the best'
-        text = length_text(self.costmap, kept.length)
+        text = length_text(self.planner.costmap, kept.length)
         message = f'{text}, {describe_expansions(plan.expansions)}; kept: {found}'
         return replace(kept, suboptimality_bound=ratio, message=message)
 
@@ -242,7 +243,7 @@ class WayKeeper:
 
         plan, before = self.plan, self.plan.instruction
         places, driven = instruction.places, instruction.driven
-        route = Route(self.costmap, plan.start, plan.goal, places, driven)
+        route = Route(self.planner.costmap, plan.start, plan.goal, places, driven)
         note = '' if before is None else before.note
         kept, outcome = instructed.verified(kept, route, instruction, note, self.deadline)
         pairs = list(zip(before.clauses if before else (), outcome.clauses))
@@ -259,15 +260,15 @@ class WayKeeper:
         return instructed.with_outcome(self.compared(kept), outcome)
 
 
-def rest_of_way(
-    costmap: Costmap, way: Way, plan: Plan
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> tuple[Int32s, Int32s]:
     """Return the cells [n, 2] of a way that are left to a plan's goal, and the turns [m, 2] ahead.
 
     The cells begin at the plan's start: a robot beside the way joins it by a straight line. Raises
     WayLost.
     """
-    cells = cells_on(costmap.grid_map, way)
+    if frame_of(costmap.grid_map) != way.frame:
+        raise WayLost('the map has another resolution or frame')
+    cells = (way.cells + costmap.grid_map.world_to_cells([way.first])[0]).astype(np.int32)
     if tuple(cells[-1].tolist()) != plan.goal:
         raise WayLost('it ends at another cell')
     away = np.hypot(*(cells - plan.start).T)
@@ -302,16 +303,7 @@ def places_near(away: NDArray[np.float64], nearest: float) -> Iterator[int]:
         yield int(passage[away[passage].argmin()])
 
 
-def cells_on(grid_map: GridMap, way: Way) -> NDArray[np.int32]:
-    """Return the cells of a way on a map whose origin may be another. Raises WayLost."""
-    if frame_of(grid_map) != way.frame:
-        raise WayLost('the map has another resolution or frame')
-    shift = grid_map.world_to_cells([way.first])[0]
-    cells: NDArray[np.int32] = (way.cells + shift).astype(np.int32)
-    return cells
-
-
-def between_via(cells: NDArray[np.int32], via: tuple[Cell, ...]) -> list[NDArray[np.int32]]:
+def between_via(cells: Int32s, via: tuple[Cell, ...]) -> list[Int32s]:
     """Cut a path [n, 2] at the via points that it passes in turn; the parts share their ends."""
     cuts = [0]
     for cell in via:
@@ -320,7 +312,7 @@ def between_via(cells: NDArray[np.int32], via: tuple[Cell, ...]) -> list[NDArray
     return [cells[begin : end + 1] for begin, end in pairwise(cuts)]
 
 
-def cells_along(points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]) -> NDArray[np.int32]:
+def cells_along(points: NDArray[np.integer[Any]], blocked: Bools) -> Int32s:
     """Return a path of single moves [n, 2] along straight lines between cells `points` [m, 2].
 
     It keeps to the cells that the lines cross, and goes diagonally where both cells beside are
@@ -329,18 +321,14 @@ def cells_along(points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]) ->
     return np.concatenate(lines_along(points, blocked))
 
 
-def lines_along(
-    points: NDArray[np.integer[Any]], blocked: NDArray[np.bool_]
-) -> list[NDArray[np.int32]]:
+def lines_along(points: NDArray[np.integer[Any]], blocked: Bools) -> list[Int32s]:
     """Return the first point, and for each line the cells [n, 2] that `cells_along` adds."""
     corners = np.asarray(points, dtype=np.int64)
     parts = [corners[:1], *(line_cells(*ends, blocked)[1:] for ends in pairwise(corners))]
     return [part.astype(np.int32) for part in parts]
 
 
-def line_cells(
-    begin: NDArray[np.int64], end: NDArray[np.int64], blocked: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def line_cells(begin: Int64s, end: Int64s, blocked: Bools) -> Int64s:
     """Return the cells [n, 2] from one to another, as `cells_along` does."""
     cells, counts = passed_cells(begin, end), np.abs(end - begin)
     # Each move along the shorter side follows one along the longer: both are one if they may be.
@@ -386,7 +374,7 @@ class CachedWaypoints:
     digest: str
     layout: tuple[object, ...]
     reply: WaypointReply
-    path: NDArray[np.int32]
+    path: Int32s
 
     def ahead_of(self, start: Cell) -> tuple[Waypoint, ...] | None:
         """Return the waypoints not passed by a robot at `start`; None if it is off the path."""
@@ -465,7 +453,7 @@ class WaypointCache:
                 self._cached[plan.goal] = cached
 
 
-def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:
+def nearest_on_path(path: Int32s, point: tuple[float, float]) -> tuple[int, float]:
     """Return the index of a path's cell [n, 2] nearest to a point, and the distance in cells."""
     place = int(nearest_places(path, np.array([point], dtype=np.float64))[0])
     return place, math.dist(path[place], point)

@@ -33,13 +33,15 @@ from llm_astar_planner.instructions.interpretation import (
     RouteInstruction,
     Understanding,
 )
+from llm_astar_planner.instructions.outcome import ClauseStatus
 from llm_astar_planner.instructions.polygons import RegionError
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.lazy import ndimage
+from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, finite_or_none
+from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.methods import EXACT
 
 # What a question asks; the file with the words has these names too.
@@ -52,6 +54,9 @@ LEAST_LENGTH = 0.005
 READING_S = 5.0
 # Seconds that each search may take at least, and zones of which the price is searched for.
 SEARCH_S, MOST_PRICED = 10.0, 20
+# How far obstacles may lie to both sides of a gap: metres, but so many cells at least and at most;
+# and cells before and after a place that tell which way a path leads there.
+GAP, GAP_CELLS, AHEAD = 1.5, (5, 30), 3
 END = ' \t\n?!.¿¡"\'«»„“”'
 
 
@@ -98,9 +103,16 @@ class Questions:
         request: PlanRequest,
         interpreter: Interpreter,
         places: Places = NO_PLACES,
+        stop: StopFlag | None = None,
     ) -> None:
-        """Take the request; instructions are kept strictly here, and every search is exact."""
+        """Take the request; instructions are kept strictly here, and every search is exact.
+
+        `stop` ends the searches as it ends a plan.
+        """
         self.planner, self.places, self.interpreter = planner, places, interpreter
+        self.stop = stop
+        # The path that the last question asked about.
+        self.other: Plan | None = None
         self.request = replace(
             request, method=EXACT, source=None, viapoints=(), any_angle=False,
             want_expanded=False, allow_partial_planning=False, alternatives=0,
@@ -122,24 +134,41 @@ class Questions:
                 f'{text[:80]!r} is not understood; ask "why not through PLACE?", "why so long?" '
                 'or "what if PLACE were open?"'
             )
-        words, own = languages()[asked.language], self.planner.plan(self.request)
+        words, is_opened = languages()[asked.language], asked.kind == OPENED
+        own = self.plan(any_angle=asked.kind == LENGTH)
         if asked.kind == LENGTH:
             return self.length(own, words)
-        is_opened = asked.kind == OPENED
-        other = self.opened(asked) if is_opened else self.under(self.said + self.clauses(asked))
+        clauses = () if is_opened else self.clauses(asked)
+        other = self.opened(asked) if is_opened else self.under(self.said + clauses)
+        self.other = None if other.code else other
         template = 'impossible' if other.code else 'possible' if own.code else 'compared'
         if template == 'compared' and self.metres(other) - self.metres(own) < LEAST_LENGTH:
             template = 'compared' if is_opened else 'same'
+        if asked.text == asked.words and self.keeps(own, clauses):
+            template = 'already'
         sentence = words[template].format(
             asked=asked.words, own=self.metres(own), other=self.metres(other),
             message=other.message,
         )  # fmt: skip
-        if not other.code and math.isfinite(other.clearance):
-            x, y = self.narrowest(other)
-            spare = other.clearance - self.planner.config.robot_radius
+        gap = None if other.code or template == 'already' else self.narrowest(other)
+        if gap is not None:
+            (x, y), spare = gap
             sentence += words['narrow'].format(x=x, y=y, spare=spare)
         lengths = {'own': self.metres(own), 'other': self.metres(other)}
         return {'sentence': sentence, **{k: finite_or_none(m) for k, m in lengths.items()}}
+
+    def plan(self, planner: Planner | None = None, **changes: Any) -> Plan:  # noqa: ANN401
+        """Plan the request with changes, on another map if its planner is given."""
+        return (planner or self.planner).plan(replace(self.request, **changes), self.stop)
+
+    def keeps(self, plan: Plan, clauses: tuple[Clause, ...]) -> bool:
+        """Tell whether the path of a plan keeps clauses as it is."""
+        if plan.code:
+            return False
+        path = self.planner.grid_map.grid_to_world(plan.path)
+        route = Route(self.planner.costmap, plan.start, plan.goal, self.places)
+        outcomes = verify(Specification(clauses), path, route)
+        return all(outcome.status is ClauseStatus.KEPT for outcome in outcomes)
 
     def clauses(self, asked: Asked) -> tuple[Clause, ...]:
         """Return what the grammar reads. Raises QuestionError."""
@@ -154,7 +183,7 @@ class Questions:
             'asked', Specification(clauses), 'grammar', Understanding.WHOLE
         ).confirmed()
         strict = replace(self.before, interpretation=reading, policy=REQUIRE, want_prices=False)
-        return self.planner.plan(replace(self.request, instruction=strict if clauses else None))
+        return self.plan(instruction=strict if clauses else None)
 
     def opened(self, asked: Asked) -> Plan:
         """Return the best path if a zone were not there or a region free. Raises QuestionError."""
@@ -162,7 +191,7 @@ class Questions:
         for label, without in self.without_zones():
             # The label is the id and the name.
             if any(name in said for name in label.casefold().strip(')').split(' (')):
-                return Planner(without, self.planner.config).plan(self.request)
+                return self.plan(Planner(without, self.planner.config))
         route = Route(self.planner.costmap, self.request.start, self.request.goal, self.places)
         cells = grid_map.cells.copy()
         for clause in self.clauses(asked):
@@ -171,7 +200,7 @@ class Questions:
                     cells[Ground(route).avoided(clause.region).touched] = FREE
                 except RegionError as error:
                     raise QuestionError(str(error)) from None
-        return Planner(replace(grid_map, cells=cells), self.planner.config).plan(self.request)
+        return self.plan(Planner(replace(grid_map, cells=cells), self.planner.config))
 
     def length(self, own: Plan, words: dict[str, Any]) -> dict[str, Any]:
         """Say what makes the best path longer than a straight line."""
@@ -182,22 +211,28 @@ class Questions:
         prices = [one for one in found if one[1] < most]
         prices.sort(key=lambda price: price[1])
         said = [words['price'].format(name=name, other=other) for name, other in prices]
+        shortest = metres
+        if own.any_angle is not None and own.any_angle.length * resolution < most:
+            shortest = own.any_angle.length * resolution
+            said.append(words['angles'].format(own=metres, other=shortest))
+        if not (prices or shortest - straight < LEAST_PRICE):
+            said.append(words['nothing'])
         template = words['impossible'] if own.code else words['length']
         sentence = template.format(asked='', own=metres, straight=straight, message=own.message)
-        sentence = sentence.lstrip(': ') + (''.join(said) or words['nothing'])
+        sentence = sentence.lstrip(': ') + ''.join(said)
         return {'sentence': sentence, 'own': finite_or_none(metres), 'prices': dict(prices)}
 
     def cheaper(self, words: dict[str, Any]) -> Iterator[tuple[str, Plan]]:
         """Yield each cause that may be left out, with the plan without it."""
         grid_map, config = self.planner.grid_map, self.planner.config
         for label, without in islice(self.without_zones(), MOST_PRICED):
-            yield label, Planner(without, config).plan(self.request)
+            yield label, self.plan(Planner(without, config))
         if config.robot_radius:
             point = replace(config, robot_radius=0.0)
-            yield words['radius'], Planner(grid_map, point).plan(self.request)
+            yield words['radius'], self.plan(Planner(grid_map, point))
         if not config.allow_unknown:
             known = replace(config, allow_unknown=True)
-            yield words['unknown'], Planner(grid_map, known).plan(self.request)
+            yield words['unknown'], self.plan(Planner(grid_map, known))
         for clause in self.said:
             fewer = tuple(other for other in self.said if other is not clause)
             yield f'"{clause.sentence()}"', self.under(fewer)
@@ -211,11 +246,28 @@ class Questions:
         """Return the length of a plan's path, NaN without one."""
         return round(plan.length * self.planner.grid_map.resolution, 3)
 
-    def narrowest(self, plan: Plan) -> tuple[float, float]:
-        """Return where a path is nearest to an obstacle, (x, y) in metres."""
-        grid_map = self.planner.grid_map
-        lethal = grid_map.cells >= self.planner.config.occupied_threshold
-        distances = ndimage.distance_transform_edt(~lethal)
-        cell = plan.path[np.argmin(distances[plan.path[:, 1], plan.path[:, 0]])]
-        x, y = grid_map.grid_to_world([cell])[0].round(2).tolist()
-        return x, y
+    def narrowest(self, plan: Plan) -> tuple[tuple[float, float], float] | None:
+        """Return the narrowest gap between obstacles on both sides that a path passes.
+
+        That is (x, y) in metres, and how many of them the robot has to spare on its nearer side;
+        None where it passes no gap.
+        """
+        planner, path, resolution = self.planner, plan.path, self.planner.grid_map.resolution
+        reach = min(max(math.ceil(GAP / resolution), GAP_CELLS[0]), GAP_CELLS[1])
+        lethal = np.pad(planner.grid_map.cells >= planner.config.occupied_threshold, reach)
+        places = np.arange(len(path))
+        last = len(path) - 1
+        ahead = path[np.minimum(places + AHEAD, last)] - path[np.maximum(places - AHEAD, 0)]
+        sides = np.full((2, len(path)), np.inf)
+        around = np.argwhere(np.ones((2 * reach + 1, 2 * reach + 1))) - reach
+        # The nearest last, which then counts. What lies ahead is beside the path nowhere.
+        for x, y in around[np.argsort(-np.hypot(*around.T), kind='stable')]:
+            across = ahead[:, 0] * y - ahead[:, 1] * x
+            is_beside = abs(across) >= abs(ahead[:, 0] * x + ahead[:, 1] * y)
+            is_hit = is_beside & lethal[path[:, 1] + y + reach, path[:, 0] + x + reach]
+            sides[0, is_hit & (across > 0)] = sides[1, is_hit & (across < 0)] = math.hypot(x, y)
+        place = int(sides.sum(axis=0).argmin())
+        if not np.isfinite(sides[:, place]).all():
+            return None
+        x, y = planner.grid_map.grid_to_world([path[place]])[0].round(2).tolist()
+        return (x, y), float(sides[:, place].min()) * resolution - planner.config.robot_radius

@@ -401,36 +401,23 @@ class Plan:
         None; lengths are in cells, shifts and clearance in metres.
         """
         return {
-            'code': int(self.code),
-            'code_name': self.code.name,
-            'message': self.message,
-            'method': self.method,
-            'guided_by': self.guided_by,
-            'source': self.source,
-            'source_status': self.source_status.value,
-            'source_detail': self.reply.detail,
-            'operation': self.expansions,
-            'first_operation': self.first_expansions,
-            'storage': self.storage,
-            'length': finite_or_none(self.length),
-            'cost': finite_or_none(self.cost),
-            'ratio': finite_or_none(self.suboptimality_bound),
-            'seconds_source': self.seconds_source,
-            'seconds_search': self.seconds_search,
-            'seconds_map': self.seconds_map,
-            'start_shift': self.start_shift,
-            'goal_shift': self.goal_shift,
-            'unknown_length': self.unknown_length,
-            'clearance': finite_or_none(self.clearance),
-            'turns': self.turns,
+            'code': int(self.code), 'code_name': self.code.name, 'message': self.message,
+            'method': self.method, 'guided_by': self.guided_by, 'source': self.source,
+            'source_status': self.source_status.value, 'source_detail': self.reply.detail,
+            'operation': self.expansions, 'first_operation': self.first_expansions,
+            'storage': self.storage, 'length': finite_or_none(self.length),
+            'cost': finite_or_none(self.cost), 'ratio': finite_or_none(self.suboptimality_bound),
+            'seconds_source': self.seconds_source, 'seconds_search': self.seconds_search,
+            'seconds_map': self.seconds_map, 'start_shift': self.start_shift,
+            'goal_shift': self.goal_shift, 'unknown_length': self.unknown_length,
+            'clearance': finite_or_none(self.clearance), 'turns': self.turns,
             'footprint': '' if self.footprint is None else str(self.footprint),
             'warnings': self.warnings,
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,
-            'why': self.why.to_json() if self.why else None,
-            'partial': self.partial,
+            'why': self.why.to_json() if self.why else None, 'partial': self.partial,
             'alternatives': tuple(way.to_json() for way in self.alternatives),
-        }
+        }  # fmt: skip
 
 
 # What `Planner.plan` planned on, while its plan lives.

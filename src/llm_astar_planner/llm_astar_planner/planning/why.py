@@ -26,8 +26,9 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap._kernels.inflation import changed_windows
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.costmap import Costmap, inflate, squared_cells
+from llm_astar_planner.costmap.costmap import Costmap, inflate, inflation_reach, squared_cells
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
@@ -35,6 +36,7 @@ from llm_astar_planner.planning.endpoints import moved_start, nearest_reached, w
 from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, Point, Why
 from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.astar import exact_astar, jump_search
+from llm_astar_planner.search.double_buffer import DoubleBuffer
 from llm_astar_planner.search.grid_graph import STEPS, GridGraph, path_length
 from llm_astar_planner.search.result import Cell
 
@@ -59,14 +61,10 @@ MOST_STOPS = 20
 WIDEST = 10.0
 ROUNDING = 1e-6
 NAMED = {
-    CLAUSE: 'the instruction "{name}"',
-    ZONE: 'zone {name}',
-    ONE_WAY: 'the one-way {name}',
-    KEEP_RIGHT: 'the keep-right lane {name}',
-    MASK: 'the filter mask {name}',
-    UNKNOWN: 'unknown cells between {from} and {to}',
-    RADIUS: "the robot's radius of {radius:g} m",
-}
+    CLAUSE: 'the instruction "{name}"', ZONE: 'zone {name}', ONE_WAY: 'the one-way {name}',
+    KEEP_RIGHT: 'the keep-right lane {name}', MASK: 'the filter mask {name}',
+    UNKNOWN: 'unknown cells between {from} and {to}', RADIUS: "the robot's radius of {radius:g} m",
+}  # fmt: skip
 
 
 class Layers:
@@ -77,10 +75,8 @@ class Layers:
 
     def __init__(self, walls: Mask) -> None:
         """Start with walls, bool [height, width], and nothing else closed."""
-        height, width = walls.shape
-        self.groups = np.zeros((height + 2, width + 2), dtype=np.int32)
+        self.groups = np.pad(~walls, 1).astype(np.int32)
         self.cells = self.groups[1:-1, 1:-1]
-        self.cells[:] = ~walls
         self.sets: list[Items | None] = [None, NOTHING]
         self._numbers: dict[Items, int] = {NOTHING: 1}
 
@@ -145,17 +141,12 @@ class Goals(NamedTuple):
     def flood(self, layers: Layers, removed: Items, before: Flood | None = None) -> Flood:
         """Reach what is open without some causes, further than `before` without fewer did."""
         groups, is_open = layers.groups.reshape(-1), layers.is_open(removed)
-        stack, edges = np.empty(groups.size, dtype=np.int32), np.empty(groups.size, dtype=np.int32)
-        if before is None:
-            edge = np.array([self.start], dtype=np.int32)
-            before = Flood(-1, np.zeros(groups.size, dtype=np.uint8), edge)
-        seen, is_first = before.seen.copy(), is_open[groups[before.edges]]
-        first, left = before.edges[is_first], before.edges[~is_first]
-        stack[: len(first)] = first
-        target, met = kernels.flood(
-            groups, is_open, self.steps, self.targets, seen, stack, len(first), edges
-        )
-        return Flood(target, seen, np.concatenate((left, edges[:met])))
+        start = np.array([self.start], dtype=np.int32)
+        _, seen, edges, _ = before or Flood(-1, np.zeros(groups.size, dtype=np.uint8), start)
+        seen, is_first = seen.copy(), is_open[groups[edges]]
+        first = edges[is_first]
+        target, met = kernels.flood(groups, is_open, self.steps, self.targets, seen, first)
+        return Flood(target, seen, np.concatenate((edges[~is_first], met)))
 
 
 class Causes:
@@ -171,8 +162,14 @@ class Causes:
         self.lethal = self.base.cells >= threshold
         self.names: list[tuple[str, str]] = []
         self.radius = -1
-        is_plain = composed is None and (config.allow_unknown or not (self.base.cells < 0).any())
-        walls = costmap.blocked if is_plain else inflate(self.base, self.config)[0]
+        if config.has_radius and (config.allow_unknown or not (self.base.cells < 0).any()):
+            # Only around zones these differ from those of the map with them.
+            reach = inflation_reach(self.base, config)
+            changed = changed_windows(grid_map.cells, self.base.cells, reach)
+            before = costmap.blocked, np.empty_like(self.base.cells)
+            walls, _ = inflate(self.base, config, before, changed, DoubleBuffer())
+        else:
+            walls, _ = inflate(self.base, self.config)
         self.layers = [Layers(walls)]
         # Without the robot's radius, also that with which a costmap was inflated.
         if config.robot_radius > 0.0 or threshold > config.occupied_threshold:
@@ -309,8 +306,7 @@ class Causes:
         groups = (
             part for one in (layers, self.layers[0]) for part in (one.cells, one.is_open(removed))
         )
-        room = np.zeros(layers.groups.shape, dtype=np.int32)
-        kernels.fill_room(lethal, reach, *groups, room[1:-1, 1:-1])
+        room: NDArray[np.int32] = kernels.room_of(lethal, reach, *groups)
         return room
 
 
@@ -320,13 +316,9 @@ def grown(
     """Return the cells that lethal cells of a window close to the robot, and their window."""
     reach = math.isqrt(squared_cells(config.robot_radius, grid_map.resolution))
     around = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
-    cells = np.zeros_like(grid_map.cells[around])
-    inside = tuple(
-        slice(part.start - whole.start, part.stop - whole.start)
-        for part, whole in zip(window, around)
-    )
-    cells[inside][lethal] = OCCUPIED
-    return (around[0], around[1]), inflate(GridMap(cells, grid_map.resolution), config)[0]
+    cells = np.zeros_like(grid_map.cells)
+    cells[window][lethal] = OCCUPIED
+    return (around[0], around[1]), inflate(GridMap(cells[around], grid_map.resolution), config)[0]
 
 
 class Explainer:

@@ -182,7 +182,7 @@ def test_points_are_metres_on_a_robots_map_and_cells_elsewhere(capsys, room):
     lines = run(capsys, *where, *metres)[1].splitlines()
     assert lines[0].startswith('path found: ')
     assert ' m (' in lines[0]
-    assert lines[1:3] == [
+    assert lines[2:4] == [
         'start      (-0.675, -0.975) m, cell (6, 20)',
         'goal       (1.775, -0.975) m, cell (55, 20)',
     ]
@@ -557,7 +557,7 @@ def test_help_is_printed_without_the_libraries_of_the_commands():
 
 def test_a_robot_without_a_radius_is_named_where_its_path_is_close_to_an_obstacle(capsys):
     office = ('plan', '--map', 'instructions/office.yaml', '--start', '2', '2', '--goal', '8', '8')
-    said = 'robot      a point, as --robot-radius is 0'
+    said = 'warning    the robot is a point, as robot_radius is 0'
     assert said in run(capsys, *office)[1]
     assert said not in run(capsys, *office, '--robot-radius', '0.3')[1]
     # Cells of a map without metres have no size to compare with.

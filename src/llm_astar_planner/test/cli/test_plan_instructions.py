@@ -61,7 +61,7 @@ def test_start_and_goal_may_be_places(capsys, room):
 def test_the_cells_of_places_are_said(capsys, room):
     assert main(['plan', '--map', room, '--from', 'west room', '--to', 'lab']) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.partition(' m, ')[2] for line in lines[1:3]] == [
+    assert [line.partition(' m, ')[2] for line in lines[2:4]] == [
         'cell (19, 29), west room',
         'cell (79, 29), lab',
     ]

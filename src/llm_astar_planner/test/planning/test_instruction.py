@@ -168,6 +168,8 @@ def test_the_path_ends_where_a_clause_says(planner):
     assert statuses(made) == ['kept']
     assert made.goal != GOAL
     assert made.path[-1].tolist() == list(made.goal)
+    (warning,) = made.warnings
+    assert 'as the instruction says, and does not pass the goal cell (36, 6)' in warning
 
 
 def test_an_impossible_clause_is_said_and_the_path_comes_all_the_same(planner):
@@ -221,6 +223,7 @@ def test_there_and_back(planner):
     made = plan(planner, Visit(regions=(End('goal'),)), EndAt(region=End('start')))
     assert statuses(made) == ['kept', 'kept']
     assert np.hypot(*np.subtract(made.goal, START)) <= 1.0  # half a metre
+    assert made.warnings == ()  # it was at the goal
     assert made.length > 1.9 * planner.plan(PlanRequest(START, GOAL)).length - 2.0
 
 

@@ -89,6 +89,44 @@ def test_walls_alone_are_said_to_be_it():
     assert asked.answer('why this way?')['sentence'].endswith('the walls alone make it so long')
 
 
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('why not through the door?', 'through the door: the path does so already'),
+        ('warum nicht durch die Tür?', 'durch die Tür: das tut der Weg schon'),
+        ('why not avoid the kitchen?', 'avoid the kitchen: the path does so already'),
+    ],
+)
+def test_what_the_path_does_already_is_said_so(text, words):
+    door = CELLS.copy()
+    door[22:36, 40] = 0
+    answer = questions((), door).answer(text)
+    assert answer['sentence'] == words
+    assert answer['own'] == answer['other']
+
+
+def test_the_narrowest_place_is_a_gap_and_no_lone_post():
+    cells = np.zeros((60, 80), dtype=np.int8)
+    cells[:, 60], cells[44:51, 60] = 100, 0
+    cells[31, 20] = 100
+    asked = questions((), cells)
+    assert '(6.05, 4.55) m' in asked.answer('why not through the kitchen?')['sentence']
+    assert asked.other is not None
+    # Past the post there is open floor.
+    cells[:, 60] = 0
+    kitchen = questions((), cells).answer('why not through the kitchen?')['sentence']
+    assert 'narrowest' not in kitchen
+
+
+def test_why_so_long_names_the_eight_directions():
+    cells = np.zeros((60, 80), dtype=np.int8)
+    asked = Questions(Planner(GridMap(cells, 0.1)), PlanRequest((5, 5), (75, 35)), GRAMMAR)
+    assert asked.answer('why so long?')['sentence'] == (
+        '8.2 m, 7.6 m in a straight line; in 8 directions 8.2 m, at any angle 7.6 m '
+        '(`any_angle: true`)'
+    )
+
+
 def test_without_a_path_why_so_long_says_what_opens_one():
     cells = CELLS.copy()
     cells[45:50, 40] = 100

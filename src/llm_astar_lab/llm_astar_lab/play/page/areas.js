@@ -1,11 +1,20 @@
 // Areas on a map: what an instruction is about, and the places and zones that are drawn.
 
-import { points } from './codec.js';
-import { isClosed } from './shapes.js';
+import { number, points } from './codec.js';
+import { CLOSED, isClosed, KINDS } from './shapes.js';
 
 // Pixels between the lines of a hatch: where a path is not to be.
 const HATCH = 9;
 const MAX_AREAS = 200;
+const MAX_ARROWS = 1000;
+// Pixels between the heads along an arrow, and a head that points to the right.
+const ARROWS_APART = 70;
+const HEAD = [
+  [7, 0],
+  [-5, -5.5],
+  [-2.5, 0],
+  [-5, 5.5],
+];
 
 /** Draw the areas of an instruction: hatched where they are to be avoided, else tinted. */
 export function drawAreas(context, areas, view, palette) {
@@ -37,6 +46,71 @@ export function areaIcon(area, palette) {
   ];
   return (context) => drawArea(context, [ring], { ...look, step: 5 });
 }
+
+/** Draw the rules of the road: where they hold, and arrows along the ways that they leave. */
+export function drawRules(context, rules, view, palette) {
+  for (const { kind, rings, arrows, width, cost } of rules) {
+    const outlines = (Array.isArray(rings) ? rings : []).map((ring) => points(ring).map(view.toPixel));
+    const look = kind in KINDS ? ruleLook(kind, palette) : zoneLook(cost >= CLOSED, palette);
+    drawArea(context, outlines, look);
+    const apart = kind === 'keep_right' ? (number(width) ?? 0) / 4 : 0;
+    for (const arrow of (Array.isArray(arrows) ? arrows : []).slice(0, MAX_ARROWS)) {
+      const [from, to] = points(arrow, 2);
+      if (!to) continue;
+      const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+      const part = apart / (Math.hypot(dx, dy) || 1);
+      const beside = (point, side) =>
+        view.toPixel([point[0] + side * part * dy, point[1] - side * part * dx]);
+      drawArrow(context, beside(from, 1), beside(to, 1), palette.rule);
+      if (apart) drawArrow(context, beside(to, -1), beside(from, -1), palette.rule);
+    }
+  }
+}
+
+/** Draw a line between pixels with heads along it. */
+function drawArrow(context, from, to, colour) {
+  const [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+  const length = Math.hypot(dx, dy);
+  const count = Math.max(1, Math.floor(length / ARROWS_APART));
+  context.save();
+  context.strokeStyle = colour;
+  context.fillStyle = colour;
+  context.lineWidth = 1.6;
+  context.beginPath();
+  context.moveTo(...from);
+  context.lineTo(...to);
+  context.stroke();
+  for (let i = 0; i < count; i += 1) {
+    context.save();
+    const part = (i + 0.5) / count;
+    context.translate(from[0] + part * dx, from[1] + part * dy);
+    context.rotate(Math.atan2(dy, dx));
+    context.beginPath();
+    for (const point of HEAD) context.lineTo(...point);
+    context.fill();
+    context.restore();
+  }
+  context.restore();
+}
+
+/** Return how a rule looks in the legend. */
+export function ruleIcon(kind, palette) {
+  const ring = [
+    [2, 3],
+    [18, 3],
+    [18, 17],
+    [2, 17],
+  ];
+  return (context) => {
+    drawArea(context, [ring], ruleLook(kind, palette));
+    if (kind !== 'preferred') drawArrow(context, [3, 10], [17, 10], palette.rule);
+  };
+}
+
+const ruleLook = (kind, palette) => ({
+  colour: kind === 'preferred' ? palette.clause.KEPT : palette.rule,
+  tint: 0.13,
+});
 
 /** Draw lines between points in cells. */
 export function drawLines(context, lines, view, [width, colour, dash]) {

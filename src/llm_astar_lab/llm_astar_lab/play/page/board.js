@@ -1,9 +1,10 @@
 // The map one can touch: handles for start, goal and via points, the brush, outlines, panning, the
 // keyboard.
 
+import { text } from './codec.js';
 import { FREE, WALL } from './edits.js';
 import { UNKNOWN } from './gridmap.js';
-import { isClosed } from './shapes.js';
+import { isClosed, KINDS } from './shapes.js';
 
 const $ = (id) => document.getElementById(id);
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -51,9 +52,23 @@ export class Board {
     for (const part of document.querySelectorAll('[data-tools]'))
       part.hidden = !part.dataset.tools.split(' ').includes(tool);
     this.draft([]);
+    this.showZone();
     this.canvas.style.cursor = tool === 'move' ? 'default' : 'crosshair';
     for (const { button } of this.handles)
       button.style.pointerEvents = this.isPainting || this.isOutlining ? 'none' : '';
+  }
+
+  /** Whether a rule of the road is being drawn, which is a line. */
+  get isLine() {
+    return this.tool === 'zone' && $('zone-cost').value in KINDS;
+  }
+
+  /** Say how to draw a place or a zone, and ask for the width of a line. */
+  showZone() {
+    $('zone-width-row').hidden = !this.isLine;
+    $('zone-note').textContent = this.isLine
+      ? 'Drag a line the way it leads, or click its points; a click on the last ends it.'
+      : 'Drag a rectangle, or click corners; a click on the first closes it.';
   }
 
   get isPainting() {
@@ -74,6 +89,10 @@ export class Board {
       'click',
       (event) => event.target.dataset.tool && this.setTool(event.target.dataset.tool),
     );
+    $('zone-cost').addEventListener('change', () => {
+      this.draft([]);
+      this.showZone();
+    });
     this.canvas.addEventListener('pointerdown', (event) => this.onDown(event));
     this.canvas.addEventListener('pointermove', (event) => this.readOut(this.cellOf(event)));
     this.canvas.addEventListener('pointerleave', () => this.readOut(null));
@@ -115,9 +134,10 @@ export class Board {
     const isShut = around.some(isClosed);
     const word =
       value === UNKNOWN ? 'unknown' : isBlocked ? 'obstacle' : isShut ? 'closed' : 'free';
-    const here = around.map(({ name, cost }) =>
-      cost === undefined || isShut ? name : `${name} (cost ${cost} of 100)`,
-    );
+    const here = around.map(({ name, cost, kind }) => {
+      if (kind in KINDS) return `${text(name, 80)} (${KINDS[kind]})`;
+      return cost === undefined || isShut ? name : `${name} (cost ${cost} of 100)`;
+    });
     return [
       word,
       word === 'free' && value > 0 && `cost ${value} of 100`,
@@ -183,9 +203,17 @@ export class Board {
     }
   }
 
-  /** Outline an area: drag a rectangle, or press its corners; on the first again closes it. */
+  /**
+   * Outline an area: drag a rectangle, or press its corners; on the first again closes it. Of a
+   * rule of the road drag a line, or press its points; on the last again ends it.
+   */
   outline(event) {
-    const edge = (pointer) => this.positionOf(pointer).map((value) => Math.round(value + 0.5) - 0.5);
+    const { isLine } = this;
+    const edge = (pointer) =>
+      isLine
+        ? this.cellOf(pointer)
+        : this.positionOf(pointer).map((value) => Math.round(value + 0.5) - 0.5);
+    const whole = (from, to) => (isLine ? [from, to] : box(from, to));
     const from = edge(event);
     let to = from;
     this.follow(
@@ -193,18 +221,18 @@ export class Board {
       event,
       (move) => {
         to = edge(move);
-        this.callbacks.drafted(this.corners.length ? [...this.corners, to] : box(from, to));
+        this.callbacks.drafted(this.corners.length ? [...this.corners, to] : whole(from, to));
       },
       () => {
-        const isBox = !this.corners.length && from[0] !== to[0] && from[1] !== to[1];
-        if (isBox) this.close(box(from, to));
+        const moved = [0, 1].filter((axis) => from[axis] !== to[axis]).length;
+        if (!this.corners.length && moved >= (isLine ? 1 : 2)) this.close(whole(from, to));
         else this.addCorner(to);
       },
     );
   }
 
   addCorner(point) {
-    const [x, y] = this.corners[0] ?? [];
+    const [x, y] = this.corners.at(this.isLine ? -1 : 0) ?? [];
     const reach = NEAR / this.panel.view.scale;
     if (Math.hypot(point[0] - x, point[1] - y) <= reach) this.close(this.corners);
     else this.draft([...this.corners, point]);
@@ -217,7 +245,7 @@ export class Board {
 
   close(corners) {
     this.draft([]);
-    if (corners.length > 2) this.callbacks.outlined(corners, this.tool);
+    if (corners.length > (this.isLine ? 1 : 2)) this.callbacks.outlined(corners, this.tool);
   }
 
   /** Move the map with the pointer; one that stays has pressed it. */

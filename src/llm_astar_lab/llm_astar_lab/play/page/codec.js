@@ -21,6 +21,12 @@ export function points(value, limit = 200000) {
     .filter((item) => Array.isArray(item) && Number.isFinite(item[0]) && Number.isFinite(item[1]));
 }
 
+/** Return up to `limit` objects of a value; what is none is left out. */
+export function objects(value, limit) {
+  const listed = Array.isArray(value) ? value.slice(0, limit) : [];
+  return listed.filter((item) => item !== null && typeof item === 'object');
+}
+
 /** Return the bytes of a base64 text, none where it is no such text. */
 export function bytes(base64) {
   if (typeof base64 !== 'string') return new Uint8Array();

@@ -6,7 +6,7 @@ import { element } from './results.js';
 const $ = (id) => document.getElementById(id);
 const WITH_HEURISTIC = ['astar', 'weighted_astar', 'dynamic_weighted_astar', 'llm_astar'];
 const WITH_WAYPOINTS = ['guided', 'llm_astar'];
-const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius'];
+const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius', 'alternatives'];
 const ON_STAGE = ['start', 'goal', 'walls', 'via'];
 const MAX_CHIPS = 60;
 // Of the robot on a robot map.
@@ -30,17 +30,18 @@ export class Controls {
     ]) {
       $(name).addEventListener('change', () => this.changed(name));
     }
-    for (const name of ['reply', 'instruction']) this.listenToText(name);
+    for (const name of ['reply', 'instruction', 'why']) this.listenToText(name);
     $('drop-instruction').addEventListener('click', () => this.setText('instruction', ''));
-    $('ask').addEventListener('submit', (event) => event.preventDefault());
+    for (const form of ['ask', 'asking'])
+      $(form).addEventListener('submit', (event) => event.preventDefault());
   }
 
   listenToText(name) {
-    $(name).maxLength = this.options.limits?.text ?? 4000;
+    if (name !== 'why') $(name).maxLength = this.options.limits?.text ?? 4000;
     $(`use-${name}`).addEventListener('click', () => this.changed(name));
     $(name).addEventListener('keydown', (event) => {
       const isSent =
-        event.key === 'Enter' && (event.ctrlKey || event.metaKey || name === 'instruction');
+        event.key === 'Enter' && (event.ctrlKey || event.metaKey || name !== 'reply');
       if (!isSent || event.shiftKey) return;
       event.preventDefault();
       this.changed(name);
@@ -101,6 +102,9 @@ export class Controls {
     $('instruction').placeholder = places.length
       ? `avoid the ${places[0].name}`
       : 'keep 2 m away from the walls';
+    $('why').placeholder = places.length
+      ? `why so long? why not through the ${places[0].name}?`
+      : 'why so long?';
     $('places').replaceChildren(
       ...places.slice(0, MAX_CHIPS).map((place) => this.chip(place.name)),
     );

@@ -1,6 +1,15 @@
 // Examples that each show one thing. A view is what the address of the page holds.
 
 const HOUSE = 'map=instructions/house.yaml&start=27,30&goal=135,95';
+const lane = (name, kind, width, coordinates) => ({
+  type: 'Feature',
+  properties: { name, kind, width },
+  geometry: { type: 'LineString', coordinates },
+});
+const RULES = [
+  lane('into the room', 'one_way', 1, [[7, 5.8], [7, 4.4]]),
+  lane('hall lane', 'keep_right', 1.4, [[1, 6], [15, 6]]),
+];
 const DEMO = 'map=demo.json:0&start=39,18&goal=7,19';
 
 export const EXAMPLES = [
@@ -38,6 +47,26 @@ export const EXAMPLES = [
     name: 'Graded costs',
     about: 'The violet cells were drawn and cost twice as much, so the path takes the other door.',
     view: `${HOUSE}&costs=50.53q.w.3k.w.3k.w.3k.w.3k.w.3k.w.3k.w.3k.w.3k.w`,
+  },
+  {
+    name: 'Why not?',
+    about: 'A question about the path is answered by an exact search; the other path is dashed.',
+    view: `${HOUSE}&why=why not through the green bathroom?`,
+  },
+  {
+    name: 'No path',
+    about: 'The smallest cause is named and marked, with the radius that would pass.',
+    view: `${HOUSE}&robot_radius=0.6`,
+  },
+  {
+    name: 'Several ways',
+    about: 'Each passes an obstacle on another side and is the shortest that does.',
+    view: `${DEMO}&alternatives=3`,
+  },
+  {
+    name: 'Rules of the road',
+    about: 'A one-way and a lane that keeps right were drawn here; draw your own with Zone.',
+    view: `${HOUSE}&drawn=${JSON.stringify(RULES)}`,
   },
   {
     name: 'The paper',

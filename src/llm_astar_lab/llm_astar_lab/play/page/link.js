@@ -5,7 +5,7 @@ import { featuresOf } from './shapes.js';
 
 const MAX_FRAGMENT = 60_000;
 // What a link that would be too long leaves out.
-const LARGE = ['walls', 'freed', 'costs', 'drawn', 'reply', 'instruction'];
+const LARGE = ['walls', 'freed', 'costs', 'drawn', 'reply', 'instruction', 'why'];
 const MAX_VIA = 100;
 const DEFAULTS = {
   method: 'guided',
@@ -14,14 +14,16 @@ const DEFAULTS = {
   weight: 2,
   max_suboptimality: 1.1,
   any_angle: false,
+  alternatives: 0,
+  why: '',
   reply: '',
   instruction: '',
   // Null: as fits the map.
   robot_radius: null,
   corner_cutting: null,
 };
-const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius'];
-const TEXTS = ['method', 'source', 'heuristic', 'reply', 'instruction'];
+const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius', 'alternatives'];
+const TEXTS = ['method', 'source', 'heuristic', 'reply', 'instruction', 'why'];
 const SWITCHES = ['any_angle', 'corner_cutting'];
 
 /** Return the settings that a page begins with. */

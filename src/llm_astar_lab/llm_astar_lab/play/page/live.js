@@ -9,6 +9,7 @@ import {
 } from './results.js';
 import { points, text } from './codec.js';
 import { GridMap } from './gridmap.js';
+import { planOf } from './plan.js';
 import { say } from './toast.js';
 import { verdictOf } from './verdict.js';
 
@@ -35,6 +36,7 @@ export class Live {
     const on = (name, handle) =>
       this.source.addEventListener(name, (event) => this.take(event, handle));
     on('map', (data) => this.onMap(data));
+    on('rules', (data) => this.onRules(data));
     on('plan', (data) => this.onPlan(data));
     on('status', (data) => this.onStatus(data));
     this.source.addEventListener('error', () => say('The server does not answer; trying again.'));
@@ -63,12 +65,19 @@ export class Live {
     if (isSame && this.plan) this.stage.setLivePlan(...this.plan);
   }
 
+  onRules(rules) {
+    this.stage.setRules(rules);
+    this.stage.showLegend();
+    this.stage.draw();
+  }
+
   onStatus(data) {
     say(plainly(text(data.message, 400)));
   }
 
-  onPlan(plan) {
+  onPlan(raw) {
     if (!this.map) return;
+    const plan = planOf(raw);
     const path = points(plan.any_angle ?? plan.path);
     const ends = {
       start: points([plan.start])[0] ?? path[0],

@@ -3,7 +3,7 @@
 import * as api from './api.js';
 import { Board } from './board.js';
 import { Bubbles } from './bubbles.js';
-import { bits, number, text } from './codec.js';
+import { bits, number, objects, text } from './codec.js';
 import { Controls } from './controls.js';
 import { FREE, WALL } from './edits.js';
 import { EXAMPLES, markExample, showExamples } from './examples.js';
@@ -11,10 +11,11 @@ import { listenToFiles, readFiles } from './files.js';
 import { GridMap } from './gridmap.js';
 import { applyDrawn, defaultSettings, fromFragment, toFragment } from './link.js';
 import { listenToModes, Live } from './live.js';
+import { planOf } from './plan.js';
 import { Player } from './player.js';
 import { suggestedReply } from './reply.js';
-import { showReply, showUnordered, showVerdict } from './results.js';
-import { featureOf, freeName, saveFeatures } from './shapes.js';
+import { showAnswer, showReply, showUnordered, showVerdict } from './results.js';
+import { featureOf, freeName, KINDS, saveFeatures } from './shapes.js';
 import { Stage } from './stage.js';
 import { copy, say } from './toast.js';
 
@@ -23,7 +24,7 @@ const LINK_DELAY_MS = 200;
 const SLOW_MS = 700;
 const COUNTS_COSTS = ['guided', 'exact_astar'];
 // Settings that another map does not keep.
-const OF_THE_MAP = { corner_cutting: null, robot_radius: null, reply: '', instruction: '' };
+const OF_THE_MAP = { corner_cutting: null, robot_radius: null, reply: '', instruction: '', why: '' };
 
 class Page {
   constructor(options) {
@@ -161,7 +162,7 @@ class Page {
 
   request() {
     const { start, goal, via } = this.stage.ends;
-    const { reply, instruction, source, ...settings } = this.settings;
+    const { reply, instruction, source, why, ...settings } = this.settings;
     const { features } = this.stage.edits;
     const isTyped = source === 'reply' && reply.trim() !== '';
     return {
@@ -173,6 +174,7 @@ class Page {
       source: isTyped || source !== 'reply' ? source : 'none',
       reply: isTyped ? reply : null,
       instruction: instruction.trim() || null,
+      why: why.trim() || null,
       walls: this.stage.edits.toRequest(),
       drawn: features.length ? JSON.stringify({ type: 'FeatureCollection', features }) : null,
     };
@@ -200,13 +202,15 @@ class Page {
 
   onPlans(reply, request, isNewest) {
     if (request.map !== this.stage.map?.id || this.live) return;
-    this.plans = (Array.isArray(reply.plans) ? reply.plans : []).slice(0, 3);
+    this.plans = objects(reply.plans, 3).map(planOf);
     this.hasPlans = true;
     this.controls.showError(null);
     $('main').setAttribute('aria-busy', String(!isNewest));
     $('main').classList.remove('stale');
     showReply({ ...reply, plans: this.plans }, this.stage.map, this.stage.palette);
+    showAnswer(reply.answer);
     showUnordered(this.plans, this.ignoresCosts(request.method));
+    this.stage.setRules(reply.rules, reply.answer?.path);
     this.stage.setPlans(this.plans, bits(reply.lethal, this.stage.map.cells.length));
     this.player.setTotal(
       Math.max(0, ...this.plans.map((plan) => number(plan.figures?.expansions) ?? 0)),
@@ -262,9 +266,13 @@ class Page {
 
   /** Take an area that was outlined: a zone, or a place, which needs a name. */
   outlined(polygon, tool) {
-    const name = freeName(tool, this.stage.edits.features);
+    const kind = $('zone-cost').value;
+    const word = tool === 'zone' && kind in KINDS ? KINDS[kind] : tool;
+    const name = freeName(word, this.stage.edits.features);
     if (tool === 'place') this.bubbles.askName(polygon, name);
-    else this.addFeature(polygon, { name, cost: Number($('zone-cost').value) });
+    else if (kind in KINDS)
+      this.addFeature(polygon, { name, kind, width: Number($('zone-width').value) || 1 });
+    else this.addFeature(polygon, { name, cost: Number(kind) });
   }
 
   addFeature(polygon, properties) {

@@ -1,20 +1,37 @@
 // One map with one plan on a canvas.
 
 import { drawAxes, drawGrid, drawScaleBar } from './axes.js';
-import { int32s, number, points, text } from './codec.js';
+import { int32s, number, objects, points, text } from './codec.js';
 import { SearchLayer } from './layers.js';
-import { drawAreas, drawLines, drawShapes } from './areas.js';
+import { drawAreas, drawLines, drawRules, drawShapes } from './areas.js';
 import { drawLabel, drawMarker, labelWidth } from './markers.js';
-import { statusShape } from './theme.js';
+import { statusShape, wayColour } from './theme.js';
 
 const MARGIN = { left: 46, top: 8, right: 8, bottom: 40 };
 // Pixels of width below which names are smaller, and within their places.
 const SMALL = 420;
 const MAX_BOXES = 600;
 const MAX_WAYPOINTS = 500;
+// Where a way's number may stand: half its width beside, pixels above or below.
+const BESIDE = [
+  [0, -18],
+  [0, 18],
+  [1, 0],
+  [-1, 0],
+  [1, -18],
+  [-1, -18],
+];
+// Causes, and ways to choose from.
+const MAX_REASONS = 50;
 // How much of the expanded cells' colour is left below an instruction's regions.
 const FADED = 0.4;
 const NO_MARGIN = { left: 0, top: 0, right: 0, bottom: 0 };
+
+/** Return how wide and high a polygon is, in sum. */
+const extent = (polygon) =>
+  [0, 1]
+    .map((axis) => polygon.map((point) => point[axis]))
+    .reduce((sum, values) => sum + Math.max(...values) - Math.min(...values), 0);
 
 export class Panel {
   /** Take a figure element, the shared viewport, and whether it has axes. */
@@ -30,6 +47,9 @@ export class Panel {
     // What is drawn here, as `shapeOf` returns it, and an outline that is not yet closed.
     this.shapes = [];
     this.draft = [];
+    // Rules of the road, and the other path of an answer, as the server sends them.
+    this.rules = [];
+    this.other = [];
   }
 
   /** Take a map and its picture, which the panels share. */
@@ -42,6 +62,9 @@ export class Panel {
   setPlan(plan) {
     this.plan = plan;
     this.path = points(plan?.any_angle ?? plan?.path);
+    const listed = (items) => objects(items, MAX_REASONS);
+    this.causes = listed(plan?.causes);
+    this.ways = listed(plan?.ways).map((way) => ({ ...way, path: points(way.path) }));
     const order = int32s(plan?.expanded?.order);
     const total = Math.max(order.length, number(plan?.figures?.expansions) ?? 0);
     this.search = plan
@@ -92,8 +115,11 @@ export class Panel {
       this.drawPlaces(view, palette);
       drawAreas(context, this.plan?.regions?.areas, view, palette);
       drawShapes(context, this.shapes, this.draft, view, palette);
+      drawRules(context, this.rules, view, palette);
     }
+    if (part >= 1 && this.hasAxes) this.drawWays(view, palette);
     if (part >= 1) this.drawPath(ends, view, palette);
+    if (this.hasAxes) this.drawCauses(view, palette);
     if (this.hasAxes) this.drawNames(ends, view, palette);
     if (this.hasAxes) drawScaleBar(context, this.map, view, box, palette);
     context.restore();
@@ -143,6 +169,31 @@ export class Panel {
     drawLines(context, bad, view, [5, palette.clause.NOT_KEPT, []]);
   }
 
+  /** Draw the ways to choose from below the path, wider than it, and the other path of an answer. */
+  drawWays(view, palette) {
+    this.ways.forEach(({ path }, i) =>
+      drawLines(this.context, [path], view, [11, `${wayColour(i, palette)}88`, []]),
+    );
+    if (this.other.length > 1)
+      drawLines(this.context, [this.other], view, [3.5, palette.clause.UNSURE, [9, 6]]);
+  }
+
+  /** Mark what closes the way, with its name. */
+  drawCauses(view, palette) {
+    const { context } = this;
+    const colour = palette.clause.NOT_KEPT;
+    drawLines(
+      context,
+      this.causes.map((cause) => cause.points),
+      view,
+      [2.5, colour, [3, 5]],
+    );
+    for (const cause of this.causes) {
+      for (const point of points(cause.points, 3))
+        drawMarker(context, 'cross', view.toPixel(point), 8, colour, palette.edge, 1.2);
+    }
+  }
+
   drawPlaces(view, palette) {
     const { context } = this;
     context.strokeStyle = palette.place;
@@ -172,10 +223,42 @@ export class Panel {
     });
     taken.push(...this.pathBoxes(view), this.scaleBarBox());
     if (this.hint) taken.push(this.hint);
+    if (this.plan?.found) this.nameWays(view, palette, taken);
+    for (const { name, points: at } of this.causes) {
+      const [x, y] = view.toPixel(points(at).at(-1) ?? [0, 0]);
+      const [label, half] = [text(name, 60), labelWidth(this.context, text(name, 60), 12) / 2];
+      taken.push({ x, y, half: 9 }, { x, y: y - 18, half });
+      drawLabel(this.context, label, [x, y - 18], palette, { colour: palette.clause.NOT_KEPT });
+    }
     const drawn = this.shapes.map(({ name, rings }) => ({ name, polygon: rings[0] ?? [] }));
-    for (const { name, polygon } of [...drawn, ...this.map.places]) {
+    drawn.push(...this.rules.map((rule) => ({ ...rule, polygon: points(rule.rings?.[0]) })));
+    // The names of large places have more room to give way.
+    const places = [...this.map.places].sort((a, b) => extent(a.polygon) - extent(b.polygon));
+    for (const { name, polygon } of [...drawn, ...places]) {
       if (polygon.length) this.drawName(name, polygon, view, palette, taken);
     }
+  }
+
+  /** Write the number of each way where it is farthest from the others. */
+  nameWays(view, palette, taken) {
+    const some = ({ path }) => path.filter((_, i) => i % Math.ceil(path.length / 80) === 0);
+    this.ways.forEach((way, i) => {
+      const others = this.ways.filter((other) => other !== way).flatMap(some);
+      const far = ([x, y]) =>
+        Math.min(Infinity, ...others.map(([ox, oy]) => Math.hypot(ox - x, oy - y)));
+      const cells = some(way);
+      const distances = cells.map(far);
+      const place = others.length ? distances.indexOf(Math.max(...distances)) : cells.length >> 1;
+      const [left, top] = view.toPixel(cells[place] ?? [0, 0]);
+      const label = `way ${i + 1}`;
+      const half = labelWidth(this.context, label, 12) / 2;
+      const spots = BESIDE.map(([dx, dy]) => [left + dx * (half + 10), top + dy]);
+      const isFree = ([x, y]) =>
+        taken.every((box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= (box.tall ?? 14));
+      const [x, y] = spots.find(isFree) ?? spots[0];
+      taken.push({ x, y, half });
+      drawLabel(this.context, label, [x, y], palette, { colour: wayColour(i, palette) });
+    });
   }
 
   /** Return where the path is, in boxes as names have them. */
@@ -211,17 +294,20 @@ export class Panel {
     const { left, width: room } = this.box;
     const x = Math.min(left + room - half, Math.max(left + half, Math.min(...xs) + width / 2));
     const middle = Math.min(...ys) + height / 2;
-    const isFree = (y) =>
+    const isFree = ([at, y]) =>
       taken.every(
-        (box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= (box.tall ?? 16),
+        (box) => Math.abs(box.x - at) >= box.half + half || Math.abs(box.y - y) >= (box.tall ?? 17),
       );
-    const y = [0, 17, -17, 34, -34]
-      .filter((shift) => Math.abs(shift) <= Math.max(17, height / 2 - 8))
-      .map((shift) => middle + shift)
-      .find(isFree);
-    if (y === undefined) return;
-    taken.push({ x, y, half });
-    drawLabel(this.context, name, [x, y], palette, { size, colour: palette.place });
+    // In a wide place there is room to both sides of its middle.
+    const aside = 0.3 * width > 2 * half ? [0.3 * width, -0.3 * width] : [];
+    const down = [17, -17, 34, -34].filter(
+      (shift) => Math.abs(shift) <= Math.max(17, height / 2 - 8),
+    );
+    const spots = [[0, 0], ...aside.map((shift) => [shift, 0]), ...down.map((shift) => [0, shift])];
+    const spot = spots.map(([right, low]) => [x + right, middle + low]).find(isFree);
+    if (!spot) return;
+    taken.push({ x: spot[0], y: spot[1], half });
+    drawLabel(this.context, name, spot, palette, { size, colour: palette.place });
   }
 
   /** Write a waypoint's number, unless it would be on another's. */

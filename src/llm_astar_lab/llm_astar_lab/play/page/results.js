@@ -1,12 +1,12 @@
 // What is shown in words and numbers: verdict, table, waypoints, clauses, command, report.
 
 import { number, points, shown, text } from './codec.js';
-import { areaIcon } from './areas.js';
+import { areaIcon, ruleIcon } from './areas.js';
 import { FREE, WALL } from './edits.js';
 import { MAX_ORDER } from './layers.js';
 import { drawMarker, markerIcon } from './markers.js';
-import { isClosed } from './shapes.js';
-import { statusName, statusShape } from './theme.js';
+import { isClosed, KINDS } from './shapes.js';
+import { statusName, statusShape, wayColour } from './theme.js';
 import { verdictOf } from './verdict.js';
 
 const $ = (id) => document.getElementById(id);
@@ -194,6 +194,48 @@ export function showWaypoints(waypoints, map, palette) {
   );
 }
 
+/** Show the answer to a question about the path. */
+export function showAnswer(answer) {
+  $('answer').hidden = !answer;
+  $('answer').textContent = answer ? text(answer.sentence, 2000) : '';
+}
+
+/** List the ways to choose from: how long, how narrow, and what they pass on the other side. */
+export function showWays(ways, map, palette) {
+  $('ways').hidden = !ways.length;
+  const place = (point) => {
+    const at = map.toGrid(point).map((value, axis) => map.axisValue(axis, value));
+    return `(${at.map((value) => shown(value, map.isMetric ? 1 : 0)).join(', ')})`;
+  };
+  const unit = map.isMetric ? 'm' : 'cells';
+  $('ways').replaceChildren(
+    ...ways.map(({ length, clearance, around }, i) => {
+      const others = points(around, 12).map(place).join(' and ');
+      const said = [
+        `way ${i + 1}: ${shown(length, 1)} ${unit}`,
+        number(clearance) === null ? '' : `clearance ${shown(clearance, 2)} ${unit}`,
+        others && `passes what is at ${others} on the other side`,
+      ];
+      return element('li', '', [
+        markerIcon(lineIcon(wayColour(i, palette), 6)),
+        element('span', said.filter(Boolean).join(', ')),
+      ]);
+    }),
+  );
+}
+
+function lineIcon(colour, width, dash = []) {
+  return (context) => {
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.setLineDash(dash);
+    context.beginPath();
+    context.moveTo(1, 10);
+    context.lineTo(19, 10);
+    context.stroke();
+  };
+}
+
 export function showInstruction(instruction) {
   const questions = Array.isArray(instruction?.questions) ? instruction.questions : [];
   $('question').hidden = !questions.length;
@@ -271,6 +313,8 @@ function areaEntries(areas, palette) {
 /** Show the legend of what is on the map. */
 export function showLegend(palette, shown) {
   const { expanded, closed, levels, areas, shapes, via, waypoints } = shown;
+  const { causes, ways, other, rules } = shown;
+  const kinds = new Set(rules.map(({ kind }) => kind).filter((kind) => kind in KINDS));
   const area = (colour) => (context) => {
     context.fillStyle = colour;
     context.strokeStyle = palette.axis;
@@ -280,18 +324,20 @@ export function showLegend(palette, shown) {
   };
   const mark = (shape, colour) => (context) =>
     drawMarker(context, shape, [10, 10], 6.5, colour, palette.edge, 1);
-  const path = (context) => {
-    context.fillStyle = palette.path;
-    context.fillRect(1, 8.5, 18, 3);
-  };
+  const zones = [...shapes, ...rules.filter(({ kind }) => !(kind in KINDS))];
   const zone = (name, isMeant) =>
-    shapes.some((shape) => shape.cost !== undefined && isClosed(shape) === isMeant)
+    zones.some((shape) => shape.cost > FREE && isClosed(shape) === isMeant)
       ? [[name, areaIcon({ zone: isMeant }, palette)]]
       : [];
   const entries = [
     ['start', mark('square', palette.start)],
     ['goal', mark('diamond', palette.goal)],
-    ['path', path],
+    ['path', lineIcon(palette.path, 3)],
+    ...ways.map((_, i) => [`way ${i + 1}`, lineIcon(wayColour(i, palette), 6)]),
+    ...(other.length > 1
+      ? [['path that was asked about', lineIcon(palette.clause.UNSURE, 3.5, [6, 4])]]
+      : []),
+    ...(causes.length ? [['closes the way', mark('cross', palette.clause.NOT_KEPT)]] : []),
     ...areaEntries(areas, palette),
     ...(expanded ? [['expanded by the search', area(palette.expanded)]] : []),
     ['obstacle', area(palette.obstacle)],
@@ -303,6 +349,7 @@ export function showLegend(palette, shown) {
     ...(levels[0] === FREE ? [['erased', area(palette.freed)]] : []),
     ...zone('closed zone', true),
     ...zone('zone that costs more', false),
+    ...[...kinds].map((kind) => [KINDS[kind], ruleIcon(kind, palette)]),
     ...(via ? [['via point', mark('triangle', palette.via)]] : []),
     ...[...waypoints].map((status) => [
       `waypoint ${statusName(status)}`,

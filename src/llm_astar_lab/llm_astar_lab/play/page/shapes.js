@@ -3,7 +3,7 @@
 import { points, text } from './codec.js';
 
 const MAX_FEATURES = 400;
-const CLOSED = 100;
+export const CLOSED = 100;
 
 /** Return the features of a list or a FeatureCollection; what is none is left out. */
 export function featuresOf(value) {
@@ -12,16 +12,19 @@ export function featuresOf(value) {
   return features.filter((item) => item && typeof item === 'object').slice(0, MAX_FEATURES);
 }
 
-/** Return a feature with the outline of a polygon in cells; zones have a cost. */
+// Rules of the road, which are drawn as lines, in words.
+export const KINDS = { one_way: 'one-way', keep_right: 'keep-right lane', preferred: 'preferred line' };
+
+/** Return a feature with a line or the outline of a polygon in cells; zones have a cost or a kind. */
 export function featureOf(map, polygon, properties) {
-  const ring = [...polygon, polygon[0]].map((point) =>
+  const isLine = properties.kind !== undefined;
+  const ring = (isLine ? polygon : [...polygon, polygon[0]]).map((point) =>
     map.toWorld(point).map((value) => Math.round(value * 1000) / 1000),
   );
-  return {
-    type: 'Feature',
-    properties,
-    geometry: { type: 'Polygon', coordinates: [ring] },
-  };
+  const geometry = isLine
+    ? { type: 'LineString', coordinates: ring }
+    : { type: 'Polygon', coordinates: [ring] };
+  return { type: 'Feature', properties, geometry };
 }
 
 /** Return a feature as it is drawn: its name, its cost where it is a zone, its rings in cells. */
@@ -31,14 +34,17 @@ export function shapeOf(feature, map) {
   const list = Array.isArray(rings[type]) ? rings[type] : [];
   return {
     name: text(feature.properties?.name ?? feature.properties?.metadata?.name, 80),
-    cost: feature.properties?.cost,
+    // Rules of the road may have no cost.
+    cost: feature.properties?.cost ?? (isZone(feature) ? 0 : undefined),
     rings: list.slice(0, 100).map((ring) => points(ring, 2000).map((point) => map.toGrid(point))),
   };
 }
 
 const flat = (value) => (Array.isArray(value) ? value.flat(1) : []);
 
-export const isZone = (feature) => feature.properties?.cost !== undefined;
+// The last are the edges of a nav2_route graph.
+export const isZone = ({ properties = {} }) =>
+  ['cost', 'kind', 'startid'].some((name) => properties?.[name] !== undefined);
 export const isClosed = (shape) => Number(shape.cost) >= CLOSED;
 
 /** Return a name such as 'zone 3' that no feature has. */

@@ -1,9 +1,9 @@
 // The maps side by side: which map, which plans, what of it is seen, in which colours.
 
-import { number, shown, text } from './codec.js';
+import { number, objects, points, shown, text } from './codec.js';
 import { MapLayer } from './layers.js';
 import { Panel } from './panel.js';
-import { nameOf, showLegend } from './results.js';
+import { nameOf, showLegend, showWays } from './results.js';
 import { palette, watchScheme } from './theme.js';
 import { Viewport } from './viewport.js';
 import { Edits } from './edits.js';
@@ -14,6 +14,7 @@ const AROUND = 405;
 const LEAST_HEIGHT = 360;
 // Of the small maps.
 const SMALL_HEIGHT = 210;
+const MAX_RULES = 400;
 
 export class Stage {
   /**
@@ -43,6 +44,7 @@ export class Stage {
     this.ends = null;
     this.edits = new Edits(map);
     this.main.draft = [];
+    if (!isSame) this.setRules();
     this.lethal = null;
     if (!isSame) this.viewport.reset();
     this.base = new MapLayer(map);
@@ -71,9 +73,10 @@ export class Stage {
   /** Return the places and zones at a point in cells, the smallest first. */
   shapesAt(point) {
     const zones = this.main.shapes.filter(({ cost }) => cost !== undefined);
+    const rules = this.main.rules.map((rule) => ({ ...rule, cost: number(rule.cost) ?? 0 }));
     return [
       ...this.places().toReversed(),
-      ...zones.map((zone) => ({ ...zone, polygon: zone.rings[0] ?? [] })),
+      ...[...zones, ...rules].map((zone) => ({ ...zone, polygon: points(zone.rings?.[0]) })),
     ].filter(({ polygon }) => isInside(point, polygon));
   }
 
@@ -83,12 +86,19 @@ export class Stage {
     this.draw();
   }
 
+  /** Show rules of the road, and the other path of an answer. */
+  setRules(rules, other) {
+    this.main.rules = objects(rules, MAX_RULES);
+    this.main.other = points(other);
+  }
+
   /** Show up to three plans, and which cells are closed to the robot (1 for each). */
   setPlans(plans, lethal) {
     this.lethal = lethal;
     for (const panel of this.panels) this.fillPanel(panel, plans);
     this.renderBase();
     this.showLegend();
+    showWays(this.main.ways, this.map, this.palette);
     this.resize();
   }
 
@@ -165,6 +175,7 @@ export class Stage {
     if (!this.map) return;
     this.renderBase();
     this.showLegend();
+    showWays(this.main.ways, this.map, this.palette);
   }
 
   showLegend() {
@@ -180,6 +191,10 @@ export class Stage {
       expanded: this.main.search?.order.length > 0,
       levels: this.edits.levels(),
       areas: this.main.plan?.regions?.areas ?? [],
+      causes: this.main.causes,
+      ways: this.main.ways,
+      other: this.main.other,
+      rules: this.main.rules,
       shapes: this.main.shapes,
       via: this.ends?.via.length,
     });

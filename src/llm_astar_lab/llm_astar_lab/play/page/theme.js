@@ -19,6 +19,8 @@ const FALLBACK = {
   goal: '#e0218a',
   via: '#f0e442',
   avoided: '#b5533c',
+  rule: '#6d4aa8',
+  ways: ['#e07b00', '#8e44ad', '#00838f', '#8c6d46'],
   clause: { KEPT: '#009e73', NOT_KEPT: '#c8102e', AS_FAR_AS_POSSIBLE: '#b8860b', UNSURE: '#e08a00' },
   waypoint: {
     accepted: '#009e73',
@@ -49,6 +51,7 @@ const DARK = {
   wall: '#c7a6e8',
   freed: '#2f4a4a',
   avoided: '#ef8f78',
+  rule: '#b79cf0',
   clause: { KEPT: '#3fc79a', NOT_KEPT: '#ff6b6b', AS_FAR_AS_POSSIBLE: '#e0b040', UNSURE: '#f5b947' },
   place: '#b4c7d8',
   halo: '#151a21',
@@ -72,6 +75,9 @@ export const statusName = (status) => NAMES[status] ?? 'unknown';
 
 /** Return the shape of a waypoint's marker. */
 export const statusShape = (status) => SHAPES[status] ?? 'hexagon';
+
+/** Return the colour of one of several ways, by its number from 0. */
+export const wayColour = (number, { ways }) => ways[number % Object.keys(ways).length];
 
 /** Return the colours for the present scheme; `sent` are the server's. */
 export function palette(sent, isDark) {

@@ -46,6 +46,8 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.search.any_angle import interpolate, turning_points
 
+Float64s = NDArray[np.float64]
+
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
 MAX_REPORTS = 32
 LONGEST_WAIT = 1.0
@@ -65,7 +67,7 @@ SAME_PLACE = 1e-3
 # Points of a smooth path over which its ends are moved to where they have to be.
 EASED = 10
 # Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
-Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
+Ends = tuple[Float64s | None, Float64s | None]
 
 
 @dataclass(eq=False)
@@ -91,10 +93,10 @@ class PathWriter:
         self._ends = self.planner.grid_map.world_to_grid(places)
         self._cells = self.planner.grid_map.world_to_cells(places).tolist()
         self._goal_yaw = None if self.keeps_heading else self.goal.yaw
-        self._fits: Callable[[NDArray[np.float64]], bool] | None = None
+        self._fits: Callable[[Float64s], bool] | None = None
         if self.request is not None and self.request.footprint is not None:
             self._fits = FootprintSearch(self.planner.costmap, self.request).passes_ends
-        self._last: tuple[NDArray[np.float64], Path] | None = None
+        self._last: tuple[Float64s, Path] | None = None
 
     def write(self, points: ArrayLike, *, is_smooth: bool = False) -> Path:
         """Write points [n, 2] in grid coordinates; equal points give the same message again.
@@ -157,11 +159,8 @@ class PathWriter:
 
 
 def with_exact_ends(
-    points: NDArray[np.float64],
-    start: NDArray[np.float64] | None,
-    goal: NDArray[np.float64] | None,
-    checker: CollisionChecker,
-) -> NDArray[np.float64]:
+    points: Float64s, start: Float64s | None, goal: Float64s | None, checker: CollisionChecker
+) -> Float64s:
     """Return a path [n, 2] in grid coordinates that begins at `start` and ends at `goal`, [2].
 
     These lie in the cells of its first and its last point; None leaves an end as it is. A path of
@@ -179,11 +178,8 @@ def with_exact_ends(
 
 
 def with_eased_ends(
-    points: NDArray[np.float64],
-    start: NDArray[np.float64] | None,
-    goal: NDArray[np.float64] | None,
-    checker: CollisionChecker,
-) -> NDArray[np.float64]:
+    points: Float64s, start: Float64s | None, goal: Float64s | None, checker: CollisionChecker
+) -> Float64s:
     """Return a smooth path [n, 2] as `with_exact_ends` does, without a kink near its ends.
 
     The first and the last EASED points, at most a cell apart, are moved, the less the farther on.
@@ -202,10 +198,7 @@ def with_eased_ends(
 
 
 def ends_that_fit(
-    points: NDArray[np.float64],
-    ends: Ends,
-    checker: CollisionChecker,
-    fits: Callable[[NDArray[np.float64]], bool],
+    points: Float64s, ends: Ends, checker: CollisionChecker, fits: Callable[[Float64s], bool]
 ) -> Ends:
     """Return the ends with which a path [n, 2] `fits`: both if possible, else one of them."""
     start, goal = ends
@@ -215,9 +208,7 @@ def ends_that_fit(
     return None, None
 
 
-def with_exact_goal(
-    points: NDArray[np.float64], goal: NDArray[np.float64], checker: CollisionChecker
-) -> NDArray[np.float64]:
+def with_exact_goal(points: Float64s, goal: Float64s, checker: CollisionChecker) -> Float64s:
     """Return a path [n, 2] that ends at `goal`, [2], which lies in the cell of its last point.
 
     The straight line to `goal` replaces the points in that cell if it passes through free cells
@@ -234,14 +225,14 @@ def with_exact_goal(
     return np.concatenate((points[: last + 1], goal[None]))
 
 
-def cell_of(point: NDArray[np.float64]) -> tuple[int, int]:
+def cell_of(point: Float64s) -> tuple[int, int]:
     """Return the cell (x, y) of a point [2] in grid coordinates."""
     x, y = point.tolist()
     shift = 0.5 + BORDER_TOLERANCE
     return math.floor(x + shift), math.floor(y + shift)
 
 
-def crossed_cells(begin: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.int64]:
+def crossed_cells(begin: Float64s, end: Float64s) -> NDArray[np.int64]:
     """Return the cells (x, y) that a straight line passes through, int64 [n, 2]: all of them.
 
     `begin` and `end` [2] are points in grid coordinates.

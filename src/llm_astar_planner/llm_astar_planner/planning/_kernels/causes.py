@@ -13,31 +13,29 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search.kernel_cache import jit
 
+Bools = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int32]
 # What `flood` notes of a cell: reached, and met but not open.
 REACHED, EDGE = 1, 2
 
 
 @jit
 def flood(
-    groups: NDArray[np.int32],
-    is_open: NDArray[np.bool_],
-    steps: NDArray[np.int32],
-    targets: NDArray[np.bool_],
-    seen: NDArray[np.uint8],
-    stack: NDArray[np.int32],
-    count: int,
-    edges: NDArray[np.int32],
-) -> tuple[int, int]:
-    """Reach all cells of open groups from the first `count` of `stack`, until one is a target.
+    groups: Ints, is_open: Bools, steps: Ints, targets: Bools, seen: Bytes, first: Ints
+) -> tuple[int, Ints]:
+    """Reach all cells of open groups from the `first` ones, until one is a target.
 
     `groups` [cells] numbers what closes a cell, 0 what nothing opens; `is_open` [groups]. Fills
-    `seen`, and `edges` with the closed cells met; returns the target or -1, and their number.
+    `seen`; returns the target or -1, and the closed cells met.
     """
-    met = 0
+    stack, edges = np.empty(groups.size, dtype=np.int32), np.empty(groups.size, dtype=np.int32)
+    met, count = 0, len(first)
     for n in range(count):
-        seen[stack[n]] = REACHED
-        if targets[stack[n]]:
-            return stack[n], met
+        stack[n] = first[n]
+        seen[first[n]] = REACHED
+        if targets[first[n]]:
+            return int(first[n]), edges[:0]
     while count:
         count -= 1
         cell = stack[count]
@@ -52,29 +50,24 @@ def flood(
                 continue
             seen[other] = REACHED
             if targets[other]:
-                return other, met
+                return int(other), edges[:met]
             stack[count] = other
             count += 1
-    return -1, met
+    return -1, edges[:met]
 
 
 @jit
-def fill_room(
-    lethal: NDArray[np.bool_],
-    reach: int,
-    groups: NDArray[np.int32],
-    is_open: NDArray[np.bool_],
-    wide_groups: NDArray[np.int32],
-    is_wide: NDArray[np.bool_],
-    squared: NDArray[np.int32],
-) -> None:
-    """Fill `squared` [height, width] with the squared distance to the nearest lethal cell.
+def room_of(
+    lethal: Bools, reach: int, groups: Ints, is_open: Bools, wide_groups: Ints, is_wide: Bools
+) -> Ints:
+    """Return the squared distance to the nearest lethal cell: [height + 2, width + 2].
 
     In cells: 0 where the group is not open, and the most, one beyond `reach` squared, where the
     other group is wide. Axis by axis, see `costmap._kernels.inflation`.
     """
     height, width = lethal.shape
-    steps = np.full((height, width), reach + 1, dtype=np.int32)
+    squared = np.zeros((height + 2, width + 2), dtype=np.int32)
+    steps = np.full((height, width), reach + 1, dtype=np.int16)
     for y in range(height):
         row, before, walls = steps[y], steps[max(y - 1, 0)], lethal[y]
         for x in range(width):
@@ -87,17 +80,17 @@ def fill_room(
         row = steps[y]
         for x in range(width):
             best = (reach * reach + 1) * is_open[groups[y, x]]
-            is_narrow = best and not is_wide[wide_groups[y, x]]
-            for step in range(0 if is_narrow else width, reach + 1):
-                if step * step >= best:
-                    break
+            step = reach + 1 if is_wide[wide_groups[y, x]] else 0
+            while step * step < best:
                 nearest = min(row[max(x - step, 0)], row[min(x + step, width - 1)])
                 best = min(best, nearest * nearest + step * step)
-            squared[y, x] = best
+                step += 1
+            squared[y + 1, x + 1] = best
+    return squared
 
 
 @jit
-def nearest_reached(seen: NDArray[np.uint8], x: int, y: int) -> tuple[int, int]:
+def nearest_reached(seen: Bytes, x: int, y: int) -> tuple[int, int]:
     """Return the row and column of a reached cell nearest to another, -1 if there is none.
 
     `seen` is [height, width]; the other cell may lie off it.
@@ -115,11 +108,7 @@ def nearest_reached(seen: NDArray[np.uint8], x: int, y: int) -> tuple[int, int]:
 
 @jit
 def widest(
-    room: NDArray[np.int32],
-    steps: NDArray[np.int32],
-    targets: NDArray[np.bool_],
-    seen: NDArray[np.uint8],
-    edges: NDArray[np.int32],
+    room: Ints, steps: Ints, targets: Bools, seen: Bytes, edges: Ints
 ) -> tuple[int, int, int]:
     """Return the target that the widest way leads to, its least room, and where that is.
 
@@ -127,8 +116,7 @@ def widest(
     other way to a target has more room; -1 and 0 if none is open.
     """
     heads = np.full(room.max() + 1, -1, dtype=np.int32)
-    following = np.empty(room.size, dtype=np.int32)
-    stack = np.empty(room.size, dtype=np.int32)
+    following, stack = np.empty(room.size, dtype=np.int32), np.empty(room.size, dtype=np.int32)
     for cell in edges:
         following[cell] = heads[room[cell]]
         heads[room[cell]] = cell
