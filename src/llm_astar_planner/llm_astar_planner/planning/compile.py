@@ -370,9 +370,14 @@ class KernelCompiler:
             lambda: compile_for(config, request, is_graded=False),
             lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
-            compile_why_kernels,
-            compile_instruction_kernels,
-            compile_kernels,
+            # The others only after an installation, where those before were not in the cache:
+            # loaded, they take 30 MB, and half a second when they are needed.
+            *(
+                partial(self._after_installation, compile_others)
+                for compile_others in (
+                    compile_why_kernels, compile_instruction_kernels, compile_kernels
+                )
+            ),
         )
         self._thread = threading.Thread(
             target=self.work, args=(steps,), name='compiler', daemon=True
@@ -410,6 +415,11 @@ class KernelCompiler:
                     self.is_ready = True
                     self._report.finish('plans go on')
             self._report.finish('all of them')
+
+    def _after_installation(self, compile_others: Callable[[], None]) -> None:
+        """Compile kernels if any had to be compiled so far."""
+        if self._report.is_compiling:
+            compile_others()
 
     def on_compile(self, function: str) -> None:
         """Report that and how far it compiles. Raises CompilationStopped when closed."""

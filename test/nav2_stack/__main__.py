@@ -1,0 +1,62 @@
+"""Drive missions with several planners at the same time, and write the table of what was measured.
+
+    LLM_ASTAR_NAV2=/opt/ros/jazzy python -m nav2_stack --out ../out/nav2 --table
+"""
+
+import argparse
+import datetime
+import subprocess
+import sys
+from pathlib import Path
+
+from nav2_stack.processes import MISSING, PLUGINS, environment, has_nav2
+from nav2_stack.table import write_table
+
+# One for each planner, away from a robot's usual ones and from those of the tests.
+FIRST_DOMAIN = 120
+
+
+def main():
+    """Return 0 when all has been driven, 2 where Nav2 is not installed."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--planners', nargs='+', choices=PLUGINS, default=['ours', 'navfn'])
+    parser.add_argument('--maps', nargs='+', default=['depot', 'warehouse'])
+    parser.add_argument('--scenarios', nargs='+', default=['plain', 'boxes', 'door', 'goal', 'kill'])
+    parser.add_argument('--count', type=int, default=30, help='missions of each scenario')
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--noise', type=float, default=0.0, help='of the localization, in metres')
+    parser.add_argument('--out', type=Path, required=True, help='a folder for measures and logs')
+    parser.add_argument('--table', type=Path, help='a Markdown file for the table')
+    given = parser.parse_args()
+    if not has_nav2():
+        sys.stderr.write(f'{MISSING}\n')
+        return 2
+    given.out.mkdir(parents=True, exist_ok=True)
+    for name in given.maps:
+        for scenario in given.scenarios:
+            drive_together(given, name, scenario)
+    if given.table:
+        command = 'python -m nav2_stack ' + ' '.join(sys.argv[1:])
+        write_table(given.out, given.table, command, datetime.date.today())  # noqa: DTZ011
+    return 0
+
+
+def drive_together(given, name, scenario):
+    """Drive one scenario with all planners at the same time, each in a domain of its own."""
+    options = ['--count', given.count, '--seed', given.seed, '--noise', given.noise]
+    running = []
+    for number, planner in enumerate(given.planners):
+        words = [sys.executable, '-m', 'nav2_stack.missions', planner, name, scenario]
+        words += [str(word) for word in [*options, '--out', given.out]]
+        with (given.out / f'{name}-{scenario}-{planner}.log').open('wb') as log:
+            running.append(
+                subprocess.Popen(
+                    words, env=environment(FIRST_DOMAIN + number), stdout=log, stderr=log
+                )
+            )
+    for process in running:
+        process.wait()
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
