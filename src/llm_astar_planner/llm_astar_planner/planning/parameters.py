@@ -253,6 +253,11 @@ NODE = (
         'need `contents`',
         choices=('disabled', 'metadata', 'contents'),
     ),
+    StartParameter(
+        'client_in_process',
+        False,
+        'Whether `llm_client_node` runs in this process, which saves the memory of another',
+    ),
 )
 SOURCE = tuple(waypoints.SOURCE.values())
 # Parameters of llm_client_node that name an address, a key or a file.
