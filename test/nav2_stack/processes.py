@@ -9,9 +9,8 @@ import threading
 import time
 from pathlib import Path
 
-from llm_astar_planner.resources import find_file
-
 FOLDER = Path(__file__).parent
+CONFIG = FOLDER.parents[1] / 'config' / 'nav2.yaml'
 VARIABLE = 'LLM_ASTAR_NAV2'
 MISSING = (
     f"Nav2's executables were not found: source a ROS with navigation2, or name its prefix in "
@@ -153,7 +152,7 @@ class Stack:
 
     def _planner_node(self):
         words = [sys.executable, '-m', 'llm_astar_planner.nodes', 'planner_node', '--ros-args']
-        return [*words, '--params-file', str(find_file('nav2.yaml', 'config')), *remaps(OUR_NAMES)]
+        return [*words, '--params-file', str(CONFIG), *remaps(OUR_NAMES)]
 
     def _manage(self, manager, *names):
         words = [str(find_executable(*MANAGER)), '--ros-args', '-r', f'__node:={manager}']
