@@ -91,12 +91,12 @@ def test_length_and_turning_of_a_track():
 
 def measured(planner, mission, **values):
     row = {
-        **{'planner': planner, 'map': 'depot', 'scenario': 'plain', 'mission': mission, 'seed': 1},
-        **{'arrived': True, 'status': 4, 'code': 0, 'seconds': 10.0, 'driven': 8.0},
-        **{'turning': 1.0, 'near': 0.0, 'bumps': 0, 'recoveries': 0, 'plans': 9, 'planned': 8.0},
-        **{'first_plan_ms': 20.0, 'warned': [], 'collisions': 0, 'load': 1.0},
-        **{'cpu': {'planner_server': 1.0}, 'memory': {'planner_server': 80.0}},
-    }
+        'planner': planner, 'map': 'depot', 'scenario': 'plain', 'mission': mission, 'seed': 1,
+        'arrived': True, 'status': 4, 'code': 0, 'seconds': 10.0, 'driven': 8.0, 'planned': 8.0,
+        'turning': 1.0, 'near': 0.0, 'bumps': 0, 'recoveries': 0, 'plans': 9, 'collisions': 0,
+        'first_plan_ms': 20.0, 'warned': [], 'load': 1.0,
+        'cpu': {'planner_server': 1.0}, 'memory': {'planner_server': 80.0},
+    }  # fmt: skip
     return {**row, **values}
 
 
@@ -146,7 +146,7 @@ def test_boxes_and_a_shut_door_leave_a_way():
 @pytest.mark.skipif(not processes.has_nav2(), reason=processes.MISSING)
 def test_a_robot_arrives_in_nav2_without_a_recovery_or_a_warning(tmp_path):
     command = [sys.executable, '-m', 'nav2_stack', '--planners', 'ours', '--maps', 'depot']
-    options = ['--scenarios', 'plain', '--count', '1', '--out', str(tmp_path)]
+    options = ['--scenarios', 'plain=1', '--out', str(tmp_path)]
     subprocess.run([*command, *options], cwd=FOLDER, check=True)
     (line,) = (tmp_path / 'missions.jsonl').read_text().splitlines()
     row = json.loads(line)

@@ -36,7 +36,10 @@ from nav2_stack.world import World
 # Seconds for the stack to start, for a costmap to see a new world, and how long a mission may
 # take: so many seconds, and so many a metre of its straight line.
 STARTS, SETTLES, MISSION, A_METRE = 180.0, 2.5, 40.0, 6.0
-CLEARED = ('global_costmap/clear_entirely_global_costmap', 'local_costmap/clear_entirely_local_costmap')
+CLEARED = (
+    'global_costmap/clear_entirely_global_costmap',
+    'local_costmap/clear_entirely_local_costmap',
+)
 COLLISION = 'collision ahead'
 
 

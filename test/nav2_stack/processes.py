@@ -9,6 +9,8 @@ import threading
 import time
 from pathlib import Path
 
+import yaml
+
 FOLDER = Path(__file__).parent
 CONFIG = FOLDER.parents[1] / 'config' / 'nav2.yaml'
 VARIABLE = 'LLM_ASTAR_NAV2'
@@ -117,7 +119,7 @@ class Stack:
         self._read = {}
 
     def __enter__(self):
-        params = ['--params-file', str(FOLDER / 'nav2.yaml')]
+        params = ['--params-file', str(self._parameters())]
         for name, package in SERVERS.items():
             words = [str(find_executable(package, name)), '--ros-args', *params]
             if name == 'planner_server':
@@ -137,11 +139,20 @@ class Stack:
                 process.send_signal(signal.SIGINT)
         deadline = time.monotonic() + 10.0
         for process in self.running.values():
-            try:
-                process.wait(max(0.1, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            while process.poll() is None and time.monotonic() < deadline:
+                time.sleep(0.05)
+            process.kill()
+            process.wait()
+
+    def _parameters(self):
+        """Return the file of Nav2's parameters, for planner_node as nav2.launch.py changes it."""
+        if self.planner != 'ours':
+            return FOLDER / 'nav2.yaml'
+        values = yaml.safe_load((FOLDER / 'nav2.yaml').read_text())
+        values['global_costmap']['global_costmap']['ros__parameters']['publish_frequency'] = 2.0
+        path = self.folder / 'nav2.yaml'
+        path.write_text(yaml.safe_dump(values))
+        return path
 
     def _of_planner_server(self):
         parameters = PLUGINS[self.planner].items()

@@ -26,11 +26,11 @@ RATIOS = {
 HEAD = """\
 # Missions in a whole Nav2
 
-What a robot does with this planner and with NavFn, in the same Nav2 at the same time: bt_navigator
-with its default tree, controller_server with Regulated Pure Pursuit at 1 m/s, behavior_server, both
-costmaps with the obstacle layer, and the processes and parameters of `nav2.launch.py` and
-`config/nav2.yaml`. The robot, its odometry and its laser are simulated
-(`test/nav2_stack/`, a process for each planner); everything else is Nav2's own.
+What a robot does with this planner and with NavFn, in the same Nav2 at the same time: \
+bt_navigator with its default tree, controller_server with Regulated Pure Pursuit at 1 m/s, \
+behavior_server, both costmaps with the obstacle layer, and the processes of `nav2.launch.py` \
+with `config/nav2.yaml`. The robot, its odometry and its laser are simulated (`test/nav2_stack/`, \
+a process for each planner); everything else is Nav2's own.
 """
 
 

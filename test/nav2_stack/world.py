@@ -48,7 +48,7 @@ def cast(walls, x, y, angles, longest):
     ranges = np.full(angles.size, np.inf)
     for ray in range(angles.size):
         dx, dy = math.cos(angles[ray]), math.sin(angles[ray])
-        column, row = int(math.floor(x)), int(math.floor(y))
+        column, row = math.floor(x), math.floor(y)
         step_x, step_y = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
         per_x = abs(1.0 / dx) if dx != 0.0 else math.inf
         per_y = abs(1.0 / dy) if dy != 0.0 else math.inf

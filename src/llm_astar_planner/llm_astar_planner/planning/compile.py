@@ -375,7 +375,9 @@ class KernelCompiler:
             *(
                 partial(self._after_installation, compile_others)
                 for compile_others in (
-                    compile_why_kernels, compile_instruction_kernels, compile_kernels
+                    compile_why_kernels,
+                    compile_instruction_kernels,
+                    compile_kernels,
                 )
             ),
         )

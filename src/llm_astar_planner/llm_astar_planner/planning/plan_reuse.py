@@ -53,6 +53,8 @@ if TYPE_CHECKING:
 REMEMBERED_GOALS = 64
 # How far a robot may be off its last way and still be taken to follow it: cells, metres.
 OFF_CELLS, OFF_METRES = 3.0, 0.5
+# A path that is nowhere farther from the last way is no other way: the cheaper one is taken.
+SAME_WAY_METRES = 1.0
 # The part of a request's time that a path at any angle along the kept way may take.
 PULL_SHARE = 0.1
 # How many cells a robot may be off an earlier path and still count as following it.
@@ -208,7 +210,8 @@ class WayKeeper:
     def compared(self, kept: Plan) -> Plan:
         """Return the plan of the kept way with what is known of its cost.
 
-        Raises WayLost if the new plan's path costs less by more than the margin.
+        It is the new plan itself where that is cheaper and goes the same way. Raises WayLost if
+        the path of another way costs less by more than the margin.
         """
         plan, is_priced = self.plan, self.graph.cost is not None
         longer, shorter = ('costlier', 'cheaper') if is_priced else ('longer', 'shorter')
@@ -217,6 +220,9 @@ class WayKeeper:
             new_cost, cost = path_cost(self.graph, plan.path), kept.cost
             if plan.any_angle is not None and kept.any_angle is not None:
                 new_cost, cost = plan.any_angle.cost, kept.any_angle.cost
+            if cost > new_cost + SAME_COST and self.is_same_way(kept):
+                found = f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter} on the same way'
+                return replace(plan, message=f'{plan.message}; kept: {found}')
             if cost > (1.0 + self.request.switch_margin) * new_cost + SAME_COST:
                 raise WayLost(f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter}')
             more = max(0.0, cost / new_cost - 1.0) if new_cost else 0.0
@@ -229,6 +235,14 @@ class WayKeeper:
         text = length_text(self.costmap, kept.length)
         message = f'{text}, {describe_expansions(plan.expansions)}; kept: {found}'
         return replace(kept, suboptimality_bound=ratio, message=message)
+
+    def is_same_way(self, kept: Plan) -> bool:
+        """Tell whether the new path is beside the kept one all along; not with an instruction."""
+        if self.request.instruction is not None:
+            return False
+        places = nearest_places(kept.path, self.plan.path.astype(np.float64))
+        away = np.hypot(*(kept.path[places] - self.plan.path).T).max()
+        return bool(away * self.costmap.grid_map.resolution <= SAME_WAY_METRES)
 
     def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:
         """Return the plan of the kept way with what became of the instruction on it.
