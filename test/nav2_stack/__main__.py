@@ -5,6 +5,7 @@ LLM_ASTAR_NAV2=/opt/ros/jazzy python -m nav2_stack --out ../out/nav2 --table
 
 import argparse
 import datetime
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,8 +13,9 @@ from pathlib import Path
 from nav2_stack.processes import MISSING, PLUGINS, environment, has_nav2
 from nav2_stack.table import write_table
 
-# One for each planner, away from a robot's usual ones and from those of the tests.
-FIRST_DOMAIN = 120
+# Domains, one for each planner, away from a robot's usual ones and from those of the tests, and
+# others for each process: two drives at a time must not meet.
+DOMAINS = 102, 120
 SCENARIOS = ('plain=30', 'boxes=10', 'door=5', 'goal=5', 'kill=3')
 # Those that are driven on the first map alone, the door on the map that has one.
 ONCE = ('door', 'goal', 'kill')
@@ -51,13 +53,12 @@ def drive_together(given, name, scenario, count):
     options = ['--count', count, '--seed', given.seed, '--noise', given.noise]
     running = []
     for number, planner in enumerate(given.planners):
+        domain = DOMAINS[0] + (len(PLUGINS) * os.getpid() + number) % DOMAINS[1]
         words = [sys.executable, '-m', 'nav2_stack.missions', planner, name, scenario]
         words += [str(word) for word in [*options, '--out', given.out]]
         with (given.out / f'{name}-{scenario}-{planner}.log').open('wb') as log:
             running.append(
-                subprocess.Popen(
-                    words, env=environment(FIRST_DOMAIN + number), stdout=log, stderr=log
-                )
+                subprocess.Popen(words, env=environment(domain), stdout=log, stderr=log)
             )
     for process in running:
         process.wait()

@@ -52,10 +52,87 @@ def write_table(folder, page, command, today):
         'so ratios of pairs are what to look at. In `test/`:\n',
         f'```sh\n{command}\n```\n',
     ]
+    lines += summary(rows)
     for name in dict.fromkeys((row['map'], row['scenario']) for row in rows):
         of_name = [row for row in rows if (row['map'], row['scenario']) == name]
         lines += section(*name, of_name)
     page.write_text('\n'.join(lines).rstrip() + '\n')
+
+
+def summary(rows):
+    """Return the table of the aims: medians of pairs over NavFn, and whether they are met."""
+    maps = list(dict.fromkeys(row['map'] for row in rows))
+    lines = ['## What is aimed at\n', f'| over NavFn | aim | {" | ".join(maps)} |']
+    lines.append('|---' * (2 + len(maps)) + '|')
+    for what, (aim, scenario, value) in AIMS.items():
+        cells = []
+        for name in maps:
+            of_name = [r for r in rows if (r['map'], r['scenario']) == (name, scenario)]
+            both = pairs(of_name, 'ours', 'navfn')
+            cells.append(value(both) if both else '-')
+        lines.append(f'| {what} | {aim} | {" | ".join(cells)} |')
+    return [*lines, '']
+
+
+def ratio_of(name):
+    return lambda both: f'{median_ratio(both, name):.3f}'
+
+
+def sums_of(name, form='{:.0f}'):
+    """Return a function that writes a sum over all missions, and NavFn's in brackets."""
+
+    def write(both):
+        ours, navfn = (
+            form.format(sum(read_value(row, name) for row in rows)) for rows in zip(*both)
+        )
+        return f'{ours} ({navfn})'
+
+    return write
+
+
+def read_value(row, name):
+    value = row[name]
+    return len(value) if isinstance(value, list) else value
+
+
+def share_near(both):
+    near = [100 * total(rows, 'near') / total(rows, 'seconds') for rows in zip(*both)]
+    return f'{near[0]:.1f} % ({near[1]:.1f} %)'
+
+
+def first_plan(both):
+    ours, navfn = (
+        median(row['first_plan_ms'] for row in rows if row['first_plan_ms']) for rows in zip(*both)
+    )
+    return f'{ours:.0f} ms ({navfn:.0f} ms)'
+
+
+def whole(name):
+    """Return a function that writes a ratio of what all processes that plan take."""
+    together = sum if name == 'cpu' else max
+
+    def write(both):
+        ours, navfn = (together(sum(row[name].values()) for row in rows) for rows in zip(*both))
+        return f'{ours / navfn:.2f}'
+
+    return write
+
+
+# What is aimed at, in which scenario, and what writes the measure of pairs.
+AIMS = {
+    'arrived': ('as NavFn', 'plain', sums_of('arrived')),
+    'planned length': ('0.99', 'plain', ratio_of('planned')),
+    'driven': ('0.99', 'plain', ratio_of('driven')),
+    'turning': ('0.85', 'plain', ratio_of('turning')),
+    'time': ('0.99', 'plain', ratio_of('seconds')),
+    'goal to first plan': ('25 ms', 'plain', first_plan),
+    'CPU of what plans': ('1.5', 'plain', whole('cpu')),
+    'memory of what plans': ('3', 'plain', whole('memory')),
+    'WARN and ERROR lines of what plans': ('no more', 'plain', sums_of('warned')),
+    'with boxes: recoveries': ('no more', 'boxes', sums_of('recoveries')),
+    'with boxes: "collision ahead"': ('no more', 'boxes', sums_of('collisions')),
+    'with boxes: time within 0.35 m': ('no more', 'boxes', share_near),
+}
 
 
 def section(map_name, scenario, rows):
