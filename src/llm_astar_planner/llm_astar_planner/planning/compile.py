@@ -372,13 +372,8 @@ class KernelCompiler:
             lambda: compile_map_kernels([config]),
             # The others only after an installation, where those before were not in the cache:
             # loaded, they take 30 MB, and half a second when they are needed.
-            *(
-                partial(self._after_installation, compile_others)
-                for compile_others in (
-                    compile_why_kernels,
-                    compile_instruction_kernels,
-                    compile_kernels,
-                )
+            lambda: (
+                self._report.is_compiling and (compile_instruction_kernels(), compile_kernels())
             ),
         )
         self._thread = threading.Thread(
@@ -417,11 +412,6 @@ class KernelCompiler:
                     self.is_ready = True
                     self._report.finish('plans go on')
             self._report.finish('all of them')
-
-    def _after_installation(self, compile_others: Callable[[], None]) -> None:
-        """Compile kernels if any had to be compiled so far."""
-        if self._report.is_compiling:
-            compile_others()
 
     def on_compile(self, function: str) -> None:
         """Report that and how far it compiles. Raises CompilationStopped when closed."""

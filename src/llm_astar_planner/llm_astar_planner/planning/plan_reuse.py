@@ -238,11 +238,10 @@ class WayKeeper:
 
     def is_same_way(self, kept: Plan) -> bool:
         """Tell whether the new path is beside the kept one all along; not with an instruction."""
-        if self.request.instruction is not None:
-            return False
         places = nearest_places(kept.path, self.plan.path.astype(np.float64))
         away = np.hypot(*(kept.path[places] - self.plan.path).T).max()
-        return bool(away * self.costmap.grid_map.resolution <= SAME_WAY_METRES)
+        is_beside = away * self.costmap.grid_map.resolution <= SAME_WAY_METRES
+        return bool(is_beside and self.request.instruction is None)
 
     def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:
         """Return the plan of the kept way with what became of the instruction on it.

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from lifecycle_msgs.srv import ChangeState
@@ -194,8 +193,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run planner_node."""
-    executor = partial(MultiThreadedExecutor, num_threads=THREADS)
-    return run_node(PlannerNode, args, executor, PlannerNode.others)
+    return run_node(PlannerNode, args, lambda: MultiThreadedExecutor(THREADS), PlannerNode.others)
 
 
 if __name__ == '__main__':
