@@ -238,8 +238,10 @@ class WayKeeper:
 
     def is_same_way(self, kept: Plan) -> bool:
         """Tell whether the new path is beside the kept one all along; not with an instruction."""
-        places = nearest_places(kept.path, self.plan.path.astype(np.float64))
-        away = np.hypot(*(kept.path[places] - self.plan.path).T).max()
+        cells = self.plan.path[::4]
+        away = np.hypot(
+            *(kept.path[nearest_places(kept.path, cells.astype(float))] - cells).T
+        ).max()
         is_beside = away * self.costmap.grid_map.resolution <= SAME_WAY_METRES
         return bool(is_beside and self.request.instruction is None)
 
