@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from typing import Any, TextIO
 
 import numpy as np
@@ -370,14 +370,13 @@ class KernelCompiler:
             lambda: compile_for(config, request, is_graded=False),
             lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
-            # The others only after an installation, where those before were not in the cache:
-            # loaded, they take 30 MB, and half a second when they are needed.
-            lambda: (
-                self._report.is_compiling and (compile_instruction_kernels(), compile_kernels())
-            ),
+            compile_why_kernels,
         )
+        # Only after an installation, where those before were not in the cache: loaded, they take
+        # 30 MB, and half a second when they are needed.
+        others = compile_instruction_kernels, compile_kernels
         self._thread = threading.Thread(
-            target=self.work, args=(steps,), name='compiler', daemon=True
+            target=self.work, args=(steps, others), name='compiler', daemon=True
         )
         self._thread.start()
 
@@ -395,13 +394,16 @@ class KernelCompiler:
         self._is_closed = True
         self._thread.join(LONGEST_KERNEL)
 
-    def work(self, steps: Iterable[Callable[[], object]]) -> None:
-        """Run all steps until closed.
+    def work(
+        self, steps: Iterable[Callable[[], object]], others: Iterable[Callable[[], object]]
+    ) -> None:
+        """Run all steps until closed, and the others if anything had to be compiled.
 
         Where one fails, plans go on: each compiles on its own then, and says what is wrong.
         """
         with compilations(self.on_compile), suppress(CompilationStopped):
-            for step in steps:
+            later = (step for step in others if self._report.is_compiling)
+            for step in chain(steps, later):
                 try:
                     step()
                 except Exception as error:  # noqa: BLE001 - whatever numba raises
