@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from itertools import chain, product
+from itertools import product
 from typing import Any, TextIO
 
 import numpy as np
@@ -371,12 +371,11 @@ class KernelCompiler:
             lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
             compile_why_kernels,
+            compile_instruction_kernels,
+            compile_kernels,
         )
-        # Only after an installation, where those before were not in the cache: loaded, they take
-        # 30 MB, and half a second when they are needed.
-        others = compile_instruction_kernels, compile_kernels
         self._thread = threading.Thread(
-            target=self.work, args=(steps, others), name='compiler', daemon=True
+            target=self.work, args=(steps,), name='compiler', daemon=True
         )
         self._thread.start()
 
@@ -394,16 +393,13 @@ class KernelCompiler:
         self._is_closed = True
         self._thread.join(LONGEST_KERNEL)
 
-    def work(
-        self, steps: Iterable[Callable[[], object]], others: Iterable[Callable[[], object]]
-    ) -> None:
-        """Run all steps until closed, and the others if anything had to be compiled.
+    def work(self, steps: Iterable[Callable[[], object]]) -> None:
+        """Run all steps until closed.
 
         Where one fails, plans go on: each compiles on its own then, and says what is wrong.
         """
         with compilations(self.on_compile), suppress(CompilationStopped):
-            later = (step for step in others if self._report.is_compiling)
-            for step in chain(steps, later):
+            for step in steps:
                 try:
                     step()
                 except Exception as error:  # noqa: BLE001 - whatever numba raises
