@@ -137,7 +137,7 @@ AIMS = {
 
 def section(map_name, scenario, rows):
     """Return the lines about one scenario on one map."""
-    planners = list(dict.fromkeys(row['planner'] for row in rows))
+    planners = [planner for planner in NAMES if any(row['planner'] == planner for row in rows)]
     lines = [f'## {map_name}: {SCENARIOS[scenario]}\n']
     lines.append('| | ' + ' | '.join(NAMES[planner] for planner in planners) + ' |')
     lines.append('|---' * (len(planners) + 1) + '|')
