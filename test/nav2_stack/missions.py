@@ -114,7 +114,9 @@ class Driver:
         seconds = time.monotonic() - begin
         track = np.array(simulator.track)
         after = stack.seconds()
+        back = self._plans_again(mission) if mission.event == 'kill' else None
         return {
+            'back': back,
             'arrived': status == GoalStatus.STATUS_SUCCEEDED,
             'status': status,
             'code': code,
@@ -127,7 +129,9 @@ class Driver:
             'plans': len(navigator.plans),
             **self._of_first_plan(begin),
             **self._count_lines(),
-            'cpu': {name: after[name] - spent[name] for name in PLANNING if name in spent},
+            'cpu': {
+                name: max(0.0, after[name] - spent[name]) for name in PLANNING if name in spent
+            },
             'memory': stack.memory(),
             'load': os.getloadavg()[0],
         }
@@ -156,6 +160,20 @@ class Driver:
         elif mission.event == 'goal':
             return self._navigator.send(mission.second)
         return handle, result
+
+    def _plans_again(self, mission):
+        """Return the seconds until a goal has a plan again; None where that takes too long."""
+        begin = time.monotonic()
+        while time.monotonic() - begin < STARTS / 3:
+            self._navigator.plans = []
+            handle, result = self._navigator.send(mission.goal)
+            if handle is not None:
+                waited(result, 2.0)
+                waited(handle.cancel_goal_async(), 5.0)
+            if self._navigator.plans:
+                return self._navigator.plans[0][0] - begin
+            time.sleep(0.5)
+        return None
 
     def _of_first_plan(self, begin):
         plans = self._navigator.plans

@@ -172,8 +172,11 @@ def totals(rows):
     failed = Counter(row['code'] for row in rows if not row['arrived'])
     codes = ', '.join(f'{count} by code {code}' for code, count in failed.items())
     arrived = f'{sum(row["arrived"] for row in rows)} of {len(rows)}'
+    killed = [row.get('back') for row in rows if row['scenario'] == 'kill']
+    again = ', '.join('never' if one is None else f'{one:.1f} s' for one in killed)
     return {
         'arrived': arrived + (f' ({codes})' if codes else ''),
+        **({'a plan again, after the mission has ended': again} if killed else {}),
         'time, driven': f'{seconds:.0f} s, {total(rows, "driven"):.0f} m',
         'time within 0.35 m of obstacles': f'{100 * total(rows, "near") / seconds:.1f} %',
         'bumps': f'{total(rows, "bumps")}',

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 REMEMBERED_GOALS = 64
 # How far a robot may be off its last way and still be taken to follow it: cells, metres.
 OFF_CELLS, OFF_METRES = 3.0, 0.5
-# A path that is nowhere farther from the last way is no other way: the cheaper one is taken.
+# A path that is nowhere so far from the last way is no other way: the cheaper one is taken.
 SAME_WAY_METRES = 1.0
 # The part of a request's time that a path at any angle along the kept way may take.
 PULL_SHARE = 0.1
@@ -242,7 +242,7 @@ class WayKeeper:
         away = np.hypot(
             *(kept.path[nearest_places(kept.path, cells.astype(float))] - cells).T
         ).max()
-        is_beside = away * self.costmap.grid_map.resolution <= SAME_WAY_METRES
+        is_beside = away * self.costmap.grid_map.resolution < SAME_WAY_METRES
         return bool(is_beside and self.request.instruction is None)
 
     def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:
