@@ -114,9 +114,7 @@ class Driver:
         seconds = time.monotonic() - begin
         track = np.array(simulator.track)
         after = stack.seconds()
-        back = self._plans_again(mission) if mission.event == 'kill' else None
         return {
-            'back': back,
             'arrived': status == GoalStatus.STATUS_SUCCEEDED,
             'status': status,
             'code': code,
@@ -134,6 +132,8 @@ class Driver:
             },
             'memory': stack.memory(),
             'load': os.getloadavg()[0],
+            # Last of all, since it plans.
+            'back': self._plans_again(mission) if mission.event == 'kill' else None,
         }
 
     def _wait(self, mission, handle, result, begin):

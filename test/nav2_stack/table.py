@@ -30,7 +30,13 @@ What a robot does with this planner and with NavFn, in the same Nav2 at the same
 bt_navigator with its default tree, controller_server with Regulated Pure Pursuit at 1 m/s, \
 behavior_server, both costmaps with the obstacle layer, and the processes of `nav2.launch.py` \
 with `config/nav2.yaml`. The robot, its odometry and its laser are simulated (`test/nav2_stack/`, \
-a process for each planner); everything else is Nav2's own.
+a process for each planner); everything else is \
+Nav2's own. Starts and goals are the same for all. Maps are Nav2's `depot` and `warehouse`; the door \
+is on a depot made from a seed.
+
+planner_server also holds the global costmap, so it runs beside planner_node, and both count. A \
+killed process is started again at once. Times to a plan are of a whole second goal, with what \
+lifecycle managers take.
 """
 
 
