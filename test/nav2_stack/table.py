@@ -17,6 +17,7 @@ SCENARIOS = {
     'goal': 'the goal changes on the way',
     'kill': 'the process that plans is killed (kill -9) on the way',
 }
+OF_WHOLE_PROCESSES = ('goal to first plan, median (p95)', 'plans', 'CPU of what plans')
 RATIOS = {
     'planned': 'planned length',
     'driven': 'driven',
@@ -30,13 +31,11 @@ What a robot does with this planner and with NavFn, in the same Nav2 at the same
 bt_navigator with its default tree, controller_server with Regulated Pure Pursuit at 1 m/s, \
 behavior_server, both costmaps with the obstacle layer, and the processes of `nav2.launch.py` \
 with `config/nav2.yaml`. The robot, its odometry and its laser are simulated (`test/nav2_stack/`, \
-a process for each planner); everything else is \
-Nav2's own. Starts and goals are the same for all. Maps are Nav2's `depot` and `warehouse`; the door \
-is on a depot made from a seed.
+a process for each planner); everything else is Nav2's own. Starts and goals are the same for \
+all. Maps are Nav2's `depot` and `warehouse`; the door is on a depot made from a seed.
 
-planner_server also holds the global costmap, so it runs beside planner_node, and both count. A \
-killed process is started again at once. Times to a plan are of a whole second goal, with what \
-lifecycle managers take.
+planner_server holds the global costmap, so it runs beside planner_node, and both count. A killed \
+process is started again at once.
 """
 
 
@@ -180,7 +179,7 @@ def totals(rows):
     arrived = f'{sum(row["arrived"] for row in rows)} of {len(rows)}'
     killed = [row.get('back') for row in rows if row['scenario'] == 'kill']
     again = ', '.join('never' if one is None else f'{one:.1f} s' for one in killed)
-    return {
+    lines = {
         'arrived': arrived + (f' ({codes})' if codes else ''),
         **({'a plan again, after the mission has ended': again} if killed else {}),
         'time, driven': f'{seconds:.0f} s, {total(rows, "driven"):.0f} m',
@@ -198,6 +197,10 @@ def totals(rows):
         'CPU of what plans': f'{sum(cpu.values()):.1f} s' + by_process(cpu, '{:.1f}'),
         'memory of what plans': f'{sum(memory.values()):.0f} MB' + by_process(memory, '{:.0f}'),
     }
+    if killed:
+        # Of processes that begin anew these say nothing.
+        lines = {what: text for what, text in lines.items() if what not in OF_WHOLE_PROCESSES}
+    return lines
 
 
 def by_process(values, form):
