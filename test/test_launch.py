@@ -108,13 +108,16 @@ def test_nav2_starts_with_its_planner_server_moved_aside(described):
     (included,) = of_kind(actions, 'IncludeLaunchDescription')
     assert included.values[0].values == ('/share/nav2_bringup/launch/navigation_launch.py',)
     passed = dict(included.launch_arguments)
-    own = {'planner_params_file', 'respawn_planner', 'server_timeout', 'llm_client'}
+    own = {
+        *('planner_params_file', 'respawn_planner', 'server_timeout', 'costmap_rate'),
+        'llm_client',
+    }
     assert set(arguments_of(actions)) == {*passed, *own}
     assert passed['use_composition'] == 'False'
     rewritten = passed['params_file']
     assert rewritten.source_file.values == ('params_file',)
-    (timeout,) = rewritten.param_rewrites.values()
-    assert timeout.values == ('server_timeout',)
+    timeout, rate = rewritten.param_rewrites.values()
+    assert (timeout.values, rate.values) == (('server_timeout',), ('costmap_rate',))
     (told,) = of_kind(actions, 'LogInfo')
     assert told.condition.values[0].values == ('use_composition',)
     # The remaps come before what they are for.

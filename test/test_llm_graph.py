@@ -278,6 +278,16 @@ def test_by_default_nobody_is_asked_on_a_map_where_waypoints_save_no_time():
     assert not_asked.seconds_source == 0.0
 
 
+def test_one_process_has_planner_and_client_where_a_user_wants_that():
+    options = ('-p', 'client_in_process:=true', '-p', 'search_while_waiting:=false')
+    both = process('planner_node', *options, namespace=ALONE)
+    with process('map_node', namespace=ALONE), both as both, calling(ALONE) as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        report = caller.call(START, GOAL)[1]
+    assert (report.code, report.source_status) == (0, 'OK')
+    assert both.returncode == 0
+
+
 def test_an_endpoint_guides_and_gets_one_request_for_equal_queries(chat_server, monkeypatch):
     monkeypatch.setenv(KEY_ENV, KEY)
     chat_server.script = [chat_server.completion(GOOD)]

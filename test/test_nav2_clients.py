@@ -16,7 +16,7 @@ from llm_astar_planner.resources import find_file
 from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
 from rclpy.node import Node
 
-stack = pytest.importorskip('nav2_stack', exc_type=ImportError)
+stack = pytest.importorskip('nav2_stand_ins', exc_type=ImportError)
 tree = pytest.importorskip('nav2_tree', exc_type=ImportError)
 lifecycle = pytest.importorskip('nav2_lifecycle', exc_type=ImportError)
 try:

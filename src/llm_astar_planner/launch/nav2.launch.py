@@ -35,6 +35,7 @@ MOVED_ASIDE = (
     'plan',
 )
 TRANSFORMS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
+COSTMAP_RATE = 'global_costmap.global_costmap.ros__parameters.publish_frequency'
 COSTMAP = [
     ('map', 'global_costmap/costmap'),
     ('map_updates', 'global_costmap/costmap_updates'),
@@ -55,6 +56,7 @@ def generate_launch_description() -> LaunchDescription:
         'use_respawn': ('False', "Whether Nav2's nodes that have died are started again"),
         'respawn_planner': ('True', 'Whether planner_node is started again, at once'),
         'server_timeout': ('1000', 'Milliseconds in which a goal is to be acknowledged'),
+        'costmap_rate': ('2.0', 'Hz at which the global costmap is published, if it is updated'),
         'llm_client': ('False', 'Whether to start llm_client_node, to ask a language model'),
         'use_composition': ('False', 'Not possible here: nodes are processes of their own'),
         'log_level': ('info', 'Log level of all nodes'),
@@ -68,10 +70,14 @@ def generate_launch_description() -> LaunchDescription:
     names = ('namespace', 'use_sim_time', 'autostart', 'use_respawn', 'log_level')
     passed = {name: value[name] for name in names} | {
         'use_composition': 'False',
-        # bt_navigator gives up a goal after 20 ms, which is too soon on a busy computer.
+        # bt_navigator gives up a goal after 20 ms, which is too soon on a busy computer. At Nav2's
+        # 1 Hz only each second update of the global costmap may be published.
         'params_file': RewrittenYaml(
             source_file=value['params_file'],
-            param_rewrites={'default_server_timeout': value['server_timeout']},
+            param_rewrites={
+                'default_server_timeout': value['server_timeout'],
+                COSTMAP_RATE: value['costmap_rate'],
+            },
             convert_types=True,
         ),
     }

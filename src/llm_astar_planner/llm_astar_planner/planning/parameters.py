@@ -176,6 +176,8 @@ class NodeParameters:
       active; 0 or less: none
     - `introspection_mode`: What `~/get_plan/_service_event` publishes of each request and
       response; recordings need `contents`
+    - `client_in_process`: Whether `llm_client_node` runs in this process, which saves the memory
+      of another
     """
 
     filter_info_topic = at_start('costmap_filter_info')
@@ -184,6 +186,7 @@ class NodeParameters:
     autostart = at_start(True)
     bond_heartbeat_period = at_start(0.1, unit='s', between=(-1.0, 3600.0))
     introspection_mode = at_start('contents', choices=('disabled', 'metadata', 'contents'))
+    client_in_process = at_start(False)
 
 
 class ClientParameters:

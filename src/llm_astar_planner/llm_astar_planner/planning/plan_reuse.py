@@ -57,6 +57,8 @@ Int64s = NDArray[np.int64]
 REMEMBERED_GOALS = 64
 # How far a robot may be off its last way and still be taken to follow it: cells, metres.
 OFF_CELLS, OFF_METRES = 3.0, 0.5
+# A path that is nowhere so far from the last way is no other way: the cheaper one is taken.
+SAME_WAY_METRES = 1.0
 # The part of a request's time that a path at any angle along the kept way may take.
 PULL_SHARE = 0.1
 # How many cells a robot may be off an earlier path and still count as following it.
@@ -209,7 +211,8 @@ class WayKeeper(NamedTuple):
     def compared(self, kept: Plan) -> Plan:
         """Return the plan of the kept way with what is known of its cost.
 
-        Raises WayLost if the new plan's path costs less by more than the margin.
+        It is the new plan itself where that is cheaper and goes the same way. Raises WayLost if
+        the path of another way costs less by more than the margin.
         """
         plan, graph = self.plan, self.planner.costmap.grid_graph
         longer, shorter = ('longer', 'shorter') if graph.cost is None else ('costlier', 'cheaper')
@@ -218,6 +221,9 @@ class WayKeeper(NamedTuple):
             new_cost, cost = path_cost(graph, plan.path), kept.cost
             if plan.any_angle is not None and kept.any_angle is not None:
                 new_cost, cost = plan.any_angle.cost, kept.any_angle.cost
+            if cost > new_cost + SAME_COST and self.is_same_way(kept):
+                found = f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter} on the same way'
+                return replace(plan, message=f'{plan.message}; kept: {found}')
             if cost > (1.0 + self.request.switch_margin) * new_cost + SAME_COST:
                 raise WayLost(f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter}')
             more = max(0.0, cost / new_cost - 1.0) if new_cost else 0.0
@@ -230,6 +236,15 @@ class WayKeeper(NamedTuple):
         text = length_text(self.planner.costmap, kept.length)
         message = f'{text}, {describe_expansions(plan.expansions)}; kept: {found}'
         return replace(kept, suboptimality_bound=ratio, message=message)
+
+    def is_same_way(self, kept: Plan) -> bool:
+        """Tell whether the new path is beside the kept one all along; not with an instruction."""
+        cells = self.plan.path[::4]
+        away = np.hypot(
+            *(kept.path[nearest_places(kept.path, cells.astype(float))] - cells).T
+        ).max()
+        is_beside = away * self.costmap.grid_map.resolution < SAME_WAY_METRES
+        return bool(is_beside and self.request.instruction is None)
 
     def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:
         """Return the plan of the kept way with what became of the instruction on it.

@@ -277,3 +277,18 @@ def test_cells_along_a_line_in_the_open_are_as_few_as_can_be():
         cells = cells_along(np.array([begin, end]), blocked)
         assert len(cells) == np.abs(end - begin).max() + 1
         assert checker.path_problem(cells, tuple(begin), tuple(end)) is None
+
+
+@pytest.mark.parametrize('any_angle', [False, True])
+def test_a_path_with_more_room_on_the_same_way_is_taken_however_little_it_gains(any_angle):
+    config = CostmapConfig(inflation_radius=0.6, cost_scaling_factor=3.0)
+    cells = np.zeros((60, 200), dtype=np.int8)
+    request = replace(ASK, start=(2, 30), goal=(197, 30), any_angle=any_angle)
+    before = Planner(GridMap(cells, resolution=0.05), config)
+    first = before.plan(request)
+    cells[32:36, 98:102] = 100
+    after = Planner(GridMap(cells, resolution=0.05), config)
+    plan = go_on(after, first, request, before)
+    assert plan.message.endswith('% cheaper on the same way')
+    room = after.checker.measure(plan.path).clearance, after.checker.measure(first.path).clearance
+    assert room[0] > room[1]

@@ -17,6 +17,7 @@ import uuid
 from builtin_interfaces.msg import Time
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
 from llm_astar_planner.nodes.common.entities import BOND, BOND_HEARTBEATS
@@ -113,8 +114,11 @@ class Bond:
         latest = None
         subscription = self._statuses.handle
         with subscription:
-            while (taken := subscription.take_message(Status, False)) is not None:
-                status, _ = taken
+            while (taken := subscription.take_message(Status, True)) is not None:
+                # Those of other nodes are not worth making a message of.
+                if self._id.encode() not in taken[0]:
+                    continue
+                status = deserialize_message(taken[0], Status)
                 if status.id == self._id and status.instance_id != self._instance_id:
                     latest = latest is not False and bool(status.active)
         return latest

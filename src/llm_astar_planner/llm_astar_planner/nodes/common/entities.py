@@ -17,6 +17,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -56,6 +57,9 @@ BOND = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 # Requests of one service that wait at most, and that are taken before they are looked at.
 MOST_WAITING, MOST_AT_ONCE = 128, 1024
 QUIET_SECONDS = 1.0
+# Each event handler is looked at each time that an executor wakes up; subscriptions have those
+# that warn of a publisher with another profile.
+NO_EVENTS = PublisherEventCallbacks(use_default_callbacks=False)
 # Seconds without a response after which a service is asked again; twice as long each time.
 ASK_AGAIN_S = 3.0
 
@@ -69,8 +73,9 @@ class Entities:
         self._undo: list[Callable[[], Any]] = []
 
     def publisher(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
-        """Create a publisher."""
-        return self._keep(self.node.create_publisher(kind, name, qos), self.node.destroy_publisher)
+        """Create a publisher, without the event handlers that an executor waits for."""
+        made = self.node.create_publisher(kind, name, qos, event_callbacks=NO_EVENTS)
+        return self._keep(made, self.node.destroy_publisher)
 
     def subscription(
         self, kind: type, name: str, callback: Callable[[Any], None], qos: QoSProfile,

@@ -118,7 +118,7 @@ def side_node(parent: Node, name: str, **options: Any) -> Node:  # noqa: ANN401 
 
 
 def leave(node: Node) -> None:
-    """Destroy the last node of a process; end the process where that takes too long.
+    """Destroy a node as its process ends; end the process where that takes too long.
 
     Fast DDS may block there for minutes with Python's lock held if a peer leaves at the same
     moment (eProsima/Fast-DDS issue 6513), so no Python thread or signal handler can run.
@@ -176,8 +176,12 @@ def run_node(
     make_node: Callable[[], Node],
     args: Sequence[str] | None = None,
     make_executor: Callable[[], Executor] = SingleThreadedExecutor,
+    make_others: Callable[[Any], list[Node]] = lambda _: [],
 ) -> int:
-    """Spin a node until SIGINT or SIGTERM; return 0 then, and 2 if it cannot start."""
+    """Spin a node until SIGINT or SIGTERM; return 0 then, and 2 if it cannot start.
+
+    `make_others` gets the node and returns those to spin beside it.
+    """
     executor: Executor | None = None
     prepare_log_folder()
     limit_heaps()
@@ -186,13 +190,16 @@ def run_node(
         check_arguments(args)
         # Before the node, which takes its time: an executor made after a signal fails.
         executor = make_executor()
-        node = make_node()
+        nodes = [make_node()]
         try:
+            nodes += make_others(nodes[0])
             reduce_latency()
-            executor.add_node(node)
-            spin(executor, node.context)
+            for node in nodes:
+                executor.add_node(node)
+            spin(executor, nodes[0].context)
         finally:
-            leave(node)
+            for node in nodes:
+                leave(node)
     except KeyboardInterrupt:
         pass
     except Exception as error:

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +18,7 @@ from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
 from numpy.typing import NDArray
+from rclpy.exceptions import InvalidHandle
 from rclpy.time import Time
 
 from llm_astar_planner.nodes.common.entities import Entities
@@ -31,6 +34,8 @@ else:
 
 # Seconds to wait for a transform: those of a robot arrive many times a second.
 PATIENCE = 0.2
+# Seconds from one take of transforms to the next; the queue of tf2's listener holds 100.
+TAKE_SECONDS = 0.1
 # Asks tf2 for the newest transform.
 NEWEST = Time()
 
@@ -50,9 +55,12 @@ class FrameError(LlmAstarError, RuntimeError):
 class Frames:
     """Transforms poses of other frames, and the pose of the robot, into the map's frame."""
 
-    def __init__(self, buffer: Any) -> None:  # noqa: ANN401 - tf2 may not be installed
-        """Take tf2's buffer (its `lookup_transform`), None if tf2 is not installed."""
-        self._buffer = buffer
+    def __init__(self, buffer: Any, take: Callable[[], None] = lambda: None) -> None:  # noqa: ANN401 - tf2 may not be installed
+        """Take tf2's buffer (its `lookup_transform`), None if tf2 is not installed.
+
+        `take` is called before each look-up, to fill the buffer with what has arrived.
+        """
+        self._buffer, self._take = buffer, take
 
     def locate(
         self, pose: PoseStamped, frame_id: str, name: str, may_wait: MayWait = never
@@ -98,6 +106,7 @@ class Frames:
         # tf2's own wait cannot be cancelled, and never ends while simulated time is paused.
         deadline = time.monotonic() + PATIENCE
         while True:
+            self._take()
             try:
                 found = self._buffer.lookup_transform(target, source, stamp)
             except Exception as error:  # noqa: BLE001 - tf2's exceptions have no common base
@@ -113,7 +122,8 @@ def listen(entities: Entities) -> Frames:
     """Return the transforms of `/tf` and `/tf_static`, none without tf2_ros.
 
     They have a node and a thread of their own, since hundreds of them may arrive in a second, and
-    must not wait for plans.
+    must not wait for plans. That thread takes many at a time, without an executor: to be woken for
+    each costs five times as much.
     """
     if not HAS_TF2:
         return Frames(None)
@@ -127,6 +137,41 @@ def listen(entities: Entities) -> Frames:
     )
     entities.on_close(node.destroy_node)
     buffer = tf2_ros.Buffer(node=node)
-    entities.on_close(tf2_ros.TransformListener(buffer, node).unregister)
+    # Of the node only its clock and tf2's service are spun.
+    not_spun = side_node(parent, 'tf', cli_args=['--ros-args', *remaps])
+    entities.on_close(not_spun.destroy_node)
+    taker = TransformTaker(tf2_ros.TransformListener(buffer, not_spun))
+    entities.on_close(taker.close)
     entities.on_close(SpinThread(node).close)
-    return Frames(buffer)
+    return Frames(buffer, taker.take)
+
+
+class TransformTaker:
+    """Gives tf2's listener the messages that have arrived, each TAKE_SECONDS and in `take`."""
+
+    def __init__(self, listener: Any) -> None:  # noqa: ANN401 - tf2 may not be installed
+        """Start to take; nobody else spins the node of the `listener`."""
+        static, moving = listener.tf_static_sub, listener.tf_sub
+        self._taken = (static, listener.static_callback), (moving, listener.callback)
+        self._lock, self._closed = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self.run, name='transforms', daemon=True)
+        self._thread.start()
+
+    def run(self) -> None:
+        """Take what has arrived until closed: a queue holds only so many."""
+        while not self._closed.wait(TAKE_SECONDS):
+            self.take()
+
+    def take(self) -> None:
+        """Take what has arrived."""
+        with self._lock:
+            for subscription, callback in self._taken:
+                kind, handle = subscription.msg_type, subscription.handle
+                with contextlib.suppress(InvalidHandle), handle:
+                    while (taken := handle.take_message(kind, False)) is not None:
+                        callback(taken[0])
+
+    def close(self) -> None:
+        """Stop."""
+        self._closed.set()
+        self._thread.join()

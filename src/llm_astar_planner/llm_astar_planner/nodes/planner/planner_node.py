@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     from llm_astar_planner.nodes.planner.planner_server import PlannerServer
 
 NAME = 'planner_node'
-# The other threads are for maps, goals of RViz and of Nav2, parameters and instructions.
-THREADS = CALLERS + 8
+# The other threads are for maps, goals of RViz and of Nav2, parameters and instructions, and for
+# a client in this process.
+THREADS = CALLERS + 24
 NOT_CONFIGURED = 'the node is not configured (lifecycle)'
 
 
@@ -85,6 +86,14 @@ class PlannerNode(LifecycleNodeMixin, Node):
         return not self._started.is_set() or (
             self._server is not None and self._server.handler.is_active
         )
+
+    def others(self) -> list[Node]:
+        """Return the nodes that are to run in the same process."""
+        if not self._settings['client_in_process']:
+            return []
+        from llm_astar_planner.nodes.llm_client_node import LlmClientNode  # noqa: PLC0415
+
+        return [LlmClientNode()]
 
     def answer_after_start(self, goal: PlanGoal, *arguments: Any) -> PlanResponse:  # noqa: ANN401 - see RequestHandler.answer
         """Answer a goal as `RequestHandler.answer` does, once the node is configured."""
@@ -184,7 +193,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run planner_node."""
-    return run_node(PlannerNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
+    return run_node(PlannerNode, args, lambda: MultiThreadedExecutor(THREADS), PlannerNode.others)
 
 
 if __name__ == '__main__':

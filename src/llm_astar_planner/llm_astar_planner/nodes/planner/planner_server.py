@@ -13,9 +13,6 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
-
-# Plans import it when they need it; no plan of a robot should wait for that.
-from scipy import ndimage  # noqa: F401
 from std_msgs.msg import String
 
 from llm_astar_planner.instructions.route import PlaceGoalError
