@@ -148,6 +148,9 @@ class Sentence:
     def group(self, token: str, meant: str, is_visit: bool) -> Filled:
         """Return the words for several places, all of them or any one, and the meaning."""
         draw, words = self.draw, self.phrases.words
+        if not is_visit and draw.random() < 0.35:
+            words = [*expanded(draw.choice((*words['any'], [], [])), draw), token.replace('G', 'Y')]
+            return words, [meant]
         if not is_visit:
             return [*expanded(draw.choice((*words['every'], [], [])), draw), token], [meant]
         if draw.random() < 0.5:
@@ -196,7 +199,8 @@ class Sentence:
         """Return words and meaning of one variable."""
         if name in 'nks':
             kind = {'n': 'L', 'k': 'K', 's': 'S'}[name]
-            token, meant = self.slot(kind, f'@{kind}')
+            is_number = kind == 'K' and meaning[0] in ('CL', 'CG', 'CE')
+            token, meant = self.slot(kind, '@N' if is_number else f'@{kind}')
             return [token], [meant]
         if name in 'xyz' or (name == 'g' and meaning[0] in ('EX', 'OR')):
             token, meant = self.slot('R', '@G' if name == 'g' else self.draw.choice(PLACES[:7]))

@@ -19,7 +19,7 @@ from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
 from llm_astar_planner.instructions.interpretation import Interpretation, not_understood
 from llm_astar_planner.instructions.reader import meaning
 from llm_astar_planner.instructions.reader.claims import doubt, strange
-from llm_astar_planner.instructions.reader.lifting import SLOTS, Lifted, lifted
+from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Lifted, lifted, slot_name
 from llm_astar_planner.instructions.reader.meaning import Parts, Unreadable
 from llm_astar_planner.instructions.reader.network import meanings
 from llm_astar_planner.instructions.specification import Specification, from_json
@@ -77,10 +77,7 @@ def variants_of(one: Lifted) -> Iterator[tuple[Sequence[str], Names]]:
 
 def shown(token: str, names: Names) -> str:
     """Return a token with the number of its slot by other names."""
-    if token[0] != '@':
-        return token
-    kind = token[1] if token[1] in SLOTS else 'R'
-    return token[:2] + names[f'{kind}{token[2:]}'][1:]
+    return token if token[0] != SIGN else token[:2] + names[slot_name(token)][1:]
 
 
 class ReaderInterpreter:

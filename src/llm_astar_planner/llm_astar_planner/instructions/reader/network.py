@@ -20,6 +20,7 @@ from llm_astar_planner.instructions.reader.meaning import (
     CLOSE,
     EACH,
     END,
+    ONE,
     REGIONS,
     TOKENS,
     UNKNOWN,
@@ -43,7 +44,7 @@ def kind_tokens() -> dict[str, frozenset[str]]:
     kinds = {
         't': clause | {WISH, END}, 'c': clause, 'r': region, 'w': region | {'WALLS'},
         'f': region | {EACH}, 'v': region | {EACH, CLOSE}, 'm': region | {CLOSE},
-        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'}, 'k': slots['K'],
+        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'}, 'k': slots['K'] | {ONE},
     }  # fmt: skip
     return {name: frozenset(tokens) for name, tokens in kinds.items()}
 
