@@ -8,13 +8,10 @@ from collections.abc import Sequence
 
 from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, slot_name
 from llm_astar_planner.instructions.reader.meaning import (
-    LISTS,
     TOKENS,
-    Parts,
     Unreadable,
-    flat,
-    is_visit,
     ordered,
+    told_in_turn,
 )
 
 from llm_astar_reader.generate import made, noisy
@@ -27,30 +24,6 @@ KNOWN = frozenset(TOKENS)
 BATCH, ROUND, LONGEST, MOST_TOKENS = 128, 9_600, 44, 28
 GREETED = (['please', ','], ['bitte'], ['ok', ','], ['robot', ','], ['hey', ','], ['so', ','])
 JOINTS = (['.'], ['.'], [','], [';'], ['and'], [',', 'and'], ['.', 'oh', ',', 'and'])
-
-
-def told_in_turn(tokens: Sequence[str], meaning: Sequence[str]) -> Words:
-    """Return a meaning with its clauses in the order of mention, visits first."""
-    spots: dict[str, int] = {}
-    for at, token in enumerate(tokens):
-        if token[0] == SIGN:
-            spots.setdefault(slot_name(token), at)
-
-    def place(part: Parts) -> tuple[int, str]:
-        found = [spots[token] for token in flat([part]) if token in spots]
-        return min(found, default=len(tokens)), str(part)
-
-    def sorted_in(part: Parts) -> Parts:
-        kind, *inner = part
-        inner = [sorted_in(one) for one in inner]
-        if kind in LISTS:
-            first = inner[:1] if kind == 'EX' else []
-            inner = [*first, *sorted(inner[len(first) :], key=place)]
-        return (kind, *inner)
-
-    parts = [sorted_in(part) for part in ordered(meaning)]
-    visits = [part for part in parts if is_visit(part)]
-    return list(flat([*visits, *sorted((p for p in parts if not is_visit(p)), key=place)]))
 
 
 def renumbered(tokens: Words, meanings: list[Words], draw: random.Random) -> Sample | None:

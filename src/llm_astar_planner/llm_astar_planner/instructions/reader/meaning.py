@@ -17,7 +17,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import DRAWN, OPPOSITE
-from llm_astar_planner.instructions.reader.lifting import SLOTS, Slot
+from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Slot, slot_name
 from llm_astar_planner.instructions.regions import NEAR_WIDTH
 
 END, CLOSE, UNKNOWN, WISH, EACH, ONE = '<end>', ')', '?', 'W', 'EA', 'ONE'
@@ -92,6 +92,33 @@ def flat(parts: Sequence[Parts]) -> Iterator[str]:
         yield from flat(inner)
         if kind in LISTS:
             yield CLOSE
+
+
+def told_in_turn(tokens: Sequence[str], meaning: Sequence[str]) -> list[str]:
+    """Return a meaning as the networks write it: in the order of mention, visits first.
+
+    Raises Unreadable for what is no meaning.
+    """
+    spots: dict[str, int] = {}
+    for at, token in enumerate(tokens):
+        if token[0] == SIGN:
+            spots.setdefault(slot_name(token), at)
+
+    def place(part: Parts) -> tuple[int, str]:
+        found = [spots[token] for token in flat([part]) if token in spots]
+        return min(found, default=len(tokens)), str(part)
+
+    def sorted_in(part: Parts) -> Parts:
+        kind, *inner = part
+        inner = [sorted_in(one) for one in inner]
+        if kind in LISTS:
+            first = inner[:1] if kind == 'EX' else []
+            inner = [*first, *sorted(inner[len(first) :], key=place)]
+        return (kind, *inner)
+
+    parts = [sorted_in(part) for part in ordered(meaning)]
+    visits = [part for part in parts if is_visit(part)]
+    return list(flat([*visits, *sorted((p for p in parts if not is_visit(p)), key=place)]))
 
 
 def is_visit(part: Parts) -> bool:

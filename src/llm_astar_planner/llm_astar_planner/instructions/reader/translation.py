@@ -12,6 +12,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
 from llm_astar_planner.instructions.reader.lifting import Slot
@@ -42,7 +43,7 @@ class Translation:
         kind = clause['kind']
         match kind:
             case 'unsupported':
-                return [[f'U_{clause["about"]}']]
+                return [[f'U_{clause.get("about", ABOUT[-1])}']]
             case 'visit':
                 return [['V', *self.visited(clause['regions']), ')']]
             case 'before' | 'then' | 'never_after':
