@@ -28,7 +28,7 @@ MACRO = re.compile(r'<(\w+)>')
 PLACES = ('@R', '@R', '@R', '@R', '@R', '@R', '@O', '@G')
 # How often a kind of meaning is drawn; 1 for the others.
 WEIGHTS = {
-    'A a': 7, 'V a )': 7, 'V a ) V b )': 6, 'B a b': 4, 'T a b': 4, 'N a b': 4, 'S a': 3,
+    'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'S HF s': 1.5, 'T a b': 4, 'N a b': 4, 'S a': 3,
     'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3, 'V a b )': 3, 'W A a': 3,
     'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 5, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
 }  # fmt: skip
