@@ -3,8 +3,8 @@
 
 """Whether a reading of a sentence may be claimed, whoever proposes it.
 
-Two networks that were trained apart have to find it likely, every slot of the sentence has to be
-in it, and no word may be left that could name a place.
+Three networks that were trained apart have to find it likely, and rules that know nothing of them
+must find no doubt.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.reader import claims
 from llm_astar_planner.instructions.reader.lifting import Lifted, lifted
-from llm_astar_planner.instructions.reader.meaning import Unreadable, flat, ordered
+from llm_astar_planner.instructions.reader.meaning import Unreadable, ordered
 from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.reader.views import Clauses, Views
 
@@ -40,5 +40,4 @@ def doubt(one: Lifted, clauses: Clauses, views: Views) -> str:
     weight = views.weigh(clauses)
     if weight.likely < LIKELY or weight.agreed < AGREED:
         return 'the networks do not agree on it'
-    used = {token for token in flat(clauses) if token in one.slots}
-    return claims.doubt(one, clauses, used)
+    return claims.doubt(one, clauses)

@@ -21,8 +21,8 @@ from llm_astar_planner.instructions.reader.views import Clauses, Views
 from llm_astar_planner.instructions.specification import Specification, from_json
 
 NAME = 'reader'
-# How many different readings are weighed, and what the checker counts beside the reader.
-CONSIDERED, TRUST = 3, 0.3
+# How many different readings are weighed.
+CONSIDERED = 3
 
 
 class ReaderInterpreter:
@@ -73,9 +73,6 @@ def read(text: str, places: Places) -> Interpretation:
 
 
 def best_of(views: Views) -> Clauses:
-    """Return the best of what was read in the wordings, as both networks weigh it."""
+    """Return the best of what was read, as all networks weigh it."""
     found = [one for one, _ in Counter(views.readings()).most_common(CONSIDERED)]
-    if len(found) == 1:
-        return found[0]
-    weights = {one: views.weigh(one) for one in found}
-    return max(found, key=lambda one: weights[one].likely + TRUST * weights[one].agreed)
+    return found[0] if len(found) == 1 else max(found, key=lambda one: views.weigh(one).all)

@@ -1,9 +1,9 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The networks in numpy: the reader writes the meaning of a sentence, the checker weighs one.
+"""The networks in numpy: two readers write the meaning of a sentence, a checker weighs one.
 
-Both read a sentence by a bidirectional GRU of their own. Another GRU of the reader writes tokens
+Each reads a sentence by a bidirectional GRU of its own. Another GRU of a reader writes tokens
 that the language of meanings allows, of slots that the sentence has. The checker reads a meaning
 in the light of the sentence, and the sentence in that of the meaning. Their weights are
 `reader.npz`, which `training/llm_astar_reader` makes.
@@ -34,6 +34,7 @@ from llm_astar_planner.instructions.reader.meaning import (
 FILE = Path(__file__).with_name('reader.npz')
 # The hashes of the words that were seen in training, in the same file.
 WORDS = 'words'
+READERS = ('reader', 'second')
 LONGEST = 32
 Array = NDArray[np.float32]
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
@@ -67,7 +68,7 @@ def after(stack: str, token: str) -> str:
 
 @cache
 def weights(network: str) -> Mapping[str, Array]:
-    """Return the arrays of the reader or the checker, read once."""
+    """Return the arrays of one of READERS or the checker, read once."""
     with np.load(FILE) as arrays:
         found = ((name.partition('.'), name) for name in arrays.files)
         return {key: arrays[name].astype(np.float32) for (n, _, key), name in found if n == network}
@@ -134,15 +135,16 @@ def encoded(sentences: Sequence[Sequence[str]], table: Mapping[str, Array]) -> A
 
 @dataclass(frozen=True)
 class Reading:
-    """Sentences of one length as the reader has read them, to be asked for their meanings."""
+    """Sentences of one length as a reader has read them, to be asked for their meanings."""
 
+    table: Mapping[str, Array]
     sentences: Sequence[Sequence[str]]
     code: Array
     state: Array
 
     def step(self, state: Array, last: NDArray[np.int64]) -> tuple[Array, Array]:
         """Return the next state and the log probability of each token [n, tokens]."""
-        table = weights('reader')
+        table = self.table
         state = gru(table['tokens.weight'][last][:, None], table, 'decoder.{}_l0', state)[:, 0]
         scores = (self.code @ (state @ table['query.weight'].T)[:, :, None])[:, :, 0]
         context = (softmax(scores)[:, None] @ self.code)[:, 0]
@@ -195,10 +197,11 @@ def columns(meanings: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
     yield [END] * len(meanings)
 
 
-def reading(sentences: Sequence[Sequence[str]]) -> Reading:
-    """Return sentences of one length as the reader reads them."""
-    code = encoded(sentences, weights('reader'))
-    return Reading(sentences, code, np.tanh(linear(code.mean(axis=1), weights('reader'), 'start')))
+def reading(name: str, sentences: Sequence[Sequence[str]]) -> Reading:
+    """Return sentences of one length as one of READERS reads them."""
+    table = weights(name)
+    code = encoded(sentences, table)
+    return Reading(table, sentences, code, np.tanh(linear(code.mean(axis=1), table, 'start')))
 
 
 def agreement(
