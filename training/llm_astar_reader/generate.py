@@ -28,8 +28,9 @@ MACRO = re.compile(r'<(\w+)>')
 PLACES = ('@R', '@R', '@R', '@R', '@R', '@R', '@O', '@G')
 # How often a kind of meaning is drawn; 1 for the others.
 WEIGHTS = {
-    'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'S HF s': 1.5, 'T a b': 4, 'N a b': 4, 'S a': 3,
-    'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3, 'V a b )': 3, 'W A a': 3,
+    'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'S HF s': 1.5,
+    'T a b': 4, 'N a b': 4, 'S a': 3, 'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3,
+    'V a b )': 3, 'W A a': 3,
     'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 5, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
 }  # fmt: skip
 NEVER_JOINED = {'', 'S a'}
@@ -149,7 +150,10 @@ class Sentence:
         """Return the words for several places, all of them or any one, and the meaning."""
         draw, words = self.draw, self.phrases.words
         if not is_visit and draw.random() < 0.35:
-            words = [*expanded(draw.choice((*words['any'], [], [])), draw), token.replace('G', 'Y')]
+            words = [
+                *expanded(draw.choice((*words['any'], [], [])), draw),
+                token.replace('G', 'Y'),
+            ]
             return words, [meant]
         if not is_visit:
             return [*expanded(draw.choice((*words['every'], [], [])), draw), token], [meant]

@@ -23,7 +23,7 @@ from llm_astar_planner.instructions.reader.meaning import (
 )
 
 Words = list[str]
-# Clauses of one region, of two, and of a region and a side or a number, that are taken for another.
+# Clauses of one form, of which one is taken for another.
 ALIKE = (('A', 'S', 'E'), ('B', 'T', 'N'), ('P', 'PX'), ('C', 'CN'), ('CL', 'CG', 'CE'))
 ASKED = ('A', 'V', 'A', 'V', 'E', 'S', 'K')
 TRIES = 12
@@ -46,7 +46,7 @@ def wrong(tokens: Sequence[str], meaning: Sequence[str], draw: random.Random) ->
     return None
 
 
-def dropped(parts: list[Parts], slots: Words, draw: random.Random) -> list[Parts]:
+def dropped(parts: list[Parts], _: Words, draw: random.Random) -> list[Parts]:
     """Leave a clause out, or one of the regions of a list."""
     if not parts:
         return parts

@@ -124,7 +124,9 @@ class Checker(Words):
         read = torch.softmax(scores, -1) @ code
         there = scores.masked_fill(~mask[:, :, None], -1e9)
         told = torch.softmax(there, 1).transpose(1, 2) @ states
-        mine = torch.tanh(self.meaning_side(self.drop(torch.cat((states, read, states * read), -1))))
+        mine = torch.tanh(
+            self.meaning_side(self.drop(torch.cat((states, read, states * read), -1)))
+        )
         other = torch.tanh(self.sentence_side(self.drop(torch.cat((code, told, code * told), -1))))
         low = mine.masked_fill(~mask[:, :, None], -1.0).amax(1)
         mean = (mine * mask[:, :, None]).sum(1) / lengths[:, None]

@@ -35,9 +35,7 @@ def people() -> list[Sample]:
     return found + corpus_pairs()
 
 
-def lifted_pairs(
-    text: str, places: Places, truths: Sequence[Sequence[Clause]]
-) -> list[Sample]:
+def lifted_pairs(text: str, places: Places, truths: Sequence[Sequence[Clause]]) -> list[Sample]:
     """Return a sentence with its meanings in a list, empty where slots cannot say them."""
     one = lifted(text, places)
     meanings: list[list[str]] = []

@@ -82,7 +82,7 @@ def joined(
     mine, more = rights[0], theirs[0]
     if not mine or not more or ('V' in mine and 'V' in more) or ('S' in mine and 'S' in more):
         return tokens, rights
-    most = {kind: 0 for kind in SLOTS}
+    most = dict.fromkeys(SLOTS, 0)
     for token in tokens:
         if token[0] == SIGN:
             name = slot_name(token)

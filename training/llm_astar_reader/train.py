@@ -112,7 +112,9 @@ def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
 
 def rate(done: float) -> float:
     """Return the learning rate when a share of the time is done."""
-    return RATE * min(1.0, done / WARM + 0.05) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
+    return (
+        RATE * min(1.0, done / WARM + 0.05) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
+    )
 
 
 def export(out: Path) -> None:

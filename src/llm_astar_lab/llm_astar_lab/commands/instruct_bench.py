@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flags.option(what, '--map-folder DIR', text, type=Path, action='append', default=[])
     text = 'text, what was understood, clauses with what became of them, checks'
     flags.option(what, '--show ID', f'run one instruction and print all of it: {text}')
-    text = 'right and wrong readings of the suite, as a perfect model and a bad one would give them'
+    text = 'right and wrong readings of the suite, as a good and a bad model would give them'
     flags.option(what, '--check', f'measure the check of claims by itself: {text}')
     sources = parser.add_argument_group('sources')
     text = f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})'

@@ -60,8 +60,10 @@ def table(found: Counts) -> str:
             found[language, WRONG, passes] += count
             found[ALL, WRONG, passes] += count
     lines = [['reading', *languages], ['---'] * (len(languages) + 1)]
-    for kind in (RIGHT, *CHANGES, WRONG):
-        lines.append([kind, *(cell(found, language, kind) for language in languages)])
+    lines += [
+        [kind, *(cell(found, language, kind) for language in languages)]
+        for kind in (RIGHT, *CHANGES, WRONG)
+    ]
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
 
 
@@ -90,7 +92,7 @@ def each(clauses: Clauses, change: Callable[[Json], Json | None]) -> Iterator[Cl
             yield [*clauses[:at], other, *clauses[at + 1 :]]
 
 
-def verbs(clauses: Clauses, places: Places) -> Iterator[Clauses]:
+def verbs(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with one taken for another kind."""
 
     def other(clause: Json) -> Json | None:
@@ -108,22 +110,19 @@ def verbs(clauses: Clauses, places: Places) -> Iterator[Clauses]:
 
 def exchanged(clauses: Clauses, places: Places) -> Iterator[Clauses]:
     """Yield clauses with another place in one: another of the sentence, else of the map."""
-    said = dict.fromkeys(named(clauses))
-    names = [*said, *(place.name for place in places if place.name not in said)]
+    names = list(dict.fromkeys([*named(clauses), *(place.name for place in places)]))
 
     def other(clause: Json) -> Json | None:
-        for field in REGIONS:
-            mine = clause.get(field)
-            if isinstance(mine, dict) and 'place' in mine:
-                used = set(named([clause]))
-                return {**clause, field: {'place': next(n for n in names if n not in used)}}
-        if clause['kind'] == 'visit' and 'place' in clause['regions'][0]:
-            used = set(named([clause]))
-            new = {'place': next(name for name in names if name not in used)}
+        used = named([clause])
+        new = next(({'place': name} for name in names if name not in used), None)
+        if not used or new is None:
+            return None
+        if clause['kind'] == 'visit':
             return {**clause, 'regions': [new, *clause['regions'][1:]]}
-        return None
+        field = next(name for name in REGIONS if isinstance(clause.get(name), dict))
+        return {**clause, field: new}
 
-    return each(clauses, other) if len(names) > 1 else iter(())
+    return each(clauses, other)
 
 
 def named(clauses: Sequence[Json]) -> list[str]:
@@ -133,24 +132,26 @@ def named(clauses: Sequence[Json]) -> list[str]:
     return [one['place'] for one in regions if isinstance(one, dict) and 'place' in one]
 
 
-def orders(clauses: Clauses, places: Places) -> Iterator[Clauses]:
+def orders(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses in another order."""
-    yield from each(
-        clauses,
-        lambda one: {**one, 'first': one['second'], 'second': one['first']}
-        if 'first' in one
-        else None,
-    )
+
+    def other(clause: Json) -> Json | None:
+        ends = {'first': clause.get('second'), 'second': clause.get('first')}
+        return {**clause, **ends} if 'first' in clause else None
+
+    yield from each(clauses, other)
     visits = [clause for clause in clauses if clause['kind'] == 'visit']
     rest = [clause for clause in clauses if clause['kind'] != 'visit']
     if len(visits) > 1:
         yield [*visits[::-1], *rest]
-        yield [{**visits[0], 'regions': [r for one in visits for r in one['regions']]}, *rest]
-    elif visits and len(visits[0]['regions']) > 1:
-        yield [*({**visits[0], 'regions': [region]} for region in visits[0]['regions']), *rest]
+    regions = [region for one in visits for region in one['regions']]
+    if len(regions) > 1:
+        together, apart = [regions], [[region] for region in regions]
+        some = together if len(visits) > 1 else apart
+        yield [*({**visits[0], 'regions': one} for one in some), *rest]
 
 
-def sides(clauses: Clauses, places: Places) -> Iterator[Clauses]:
+def sides(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with the other side in one."""
     for clause in clauses:
         region = clause.get('region') or {}
@@ -163,7 +164,7 @@ def sides(clauses: Clauses, places: Places) -> Iterator[Clauses]:
         yield [other if one is clause else one for one in clauses]
 
 
-def numbers(clauses: Clauses, places: Places) -> Iterator[Clauses]:
+def numbers(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with another number in one."""
     for clause in clauses:
         for field in {'metres', 'at_least', 'at_most'} & {*clause}:
@@ -172,7 +173,7 @@ def numbers(clauses: Clauses, places: Places) -> Iterator[Clauses]:
                 yield [other if one is clause else one for one in clauses]
 
 
-def negations(clauses: Clauses, places: Places) -> Iterator[Clauses]:
+def negations(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with a visit in place of what is refused, or the other way round."""
     for at, clause in enumerate(clauses):
         kept = {'strength': clause['strength']} if 'strength' in clause else {}
@@ -186,7 +187,7 @@ def negations(clauses: Clauses, places: Places) -> Iterator[Clauses]:
             yield [*clauses[:at], *others, *clauses[at + 1 :]]
 
 
-def scopes(clauses: Clauses, places: Places) -> Iterator[Clauses]:
+def scopes(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses without one, with a wish for a demand or the other way, or 'or' for 'and'."""
     for at, clause in enumerate(clauses):
         rest = [one for one in clauses if one is not clause]

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from zlib import crc32
 
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
+from llm_astar_planner.instructions.grammar.vocabulary import nouns
 from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader import network
 from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted

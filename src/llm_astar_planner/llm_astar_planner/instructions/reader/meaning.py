@@ -25,14 +25,16 @@ END, CLOSE, UNKNOWN, WISH, EACH, ONE = '<end>', ')', '?', 'W', 'EA', 'ONE'
 # w a region or the walls, f the first of regions to visit; a star ends a list of any length.
 CLAUSES = {
     'A': 'r', 'B': 'rr', 'T': 'rr', 'N': 'rr', 'S': 'r', 'P': 'rs', 'PX': 'rs', 'K': 'wl',
-    'E': 'r', 'C': 'rk', 'CN': 'rk', 'CL': 'rk', 'CG': 'rk', 'CE': 'rk', 'HF': 's', 'HO': 'sp', 'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
+    'E': 'r', 'C': 'rk', 'CN': 'rk', 'CL': 'rk', 'CG': 'rk', 'CE': 'rk', 'HF': 's', 'HO': 'sp',
+    'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
     'V': 'fv', 'OR': 'rrm', 'EX': 'rrm',
 }  # fmt: skip
 LISTS = ('V', 'OR', 'EX')
 REGIONS = ('HF', 'HO', 'AL', 'BW', 'EA', 'OR', 'EX')
 # All tokens in the order of the network's outputs.
 TOKENS = (
-    END, CLOSE, *CLAUSES, 'START', 'GOAL', 'WALLS', UNKNOWN, 'D', ONE, *(f'U_{one}' for one in ABOUT),
+    END, CLOSE, *CLAUSES, 'START', 'GOAL', 'WALLS', UNKNOWN, 'D', ONE,
+    *(f'U_{one}' for one in ABOUT),
     *(f'{kind}{number}' for kind, most in SLOTS.items() for number in range(1, most + 1)),
 )  # fmt: skip
 # The fields in JSON of each kind of clause.

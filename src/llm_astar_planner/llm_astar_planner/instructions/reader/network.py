@@ -49,7 +49,8 @@ def kind_tokens() -> dict[str, frozenset[str]]:
     kinds = {
         't': clause | {WISH, END}, 'c': clause, 'r': region, 'w': region | {'WALLS'},
         'f': region | {EACH}, 'v': region | {EACH, CLOSE}, 'm': region | {CLOSE},
-        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'}, 'k': slots['K'] | {ONE},
+        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'},
+        'k': slots['K'] | {ONE},
     }  # fmt: skip
     return {name: frozenset(tokens) for name, tokens in kinds.items()}
 
@@ -70,8 +71,8 @@ def after(stack: str, token: str) -> str:
 def weights(network: str) -> Mapping[str, Array]:
     """Return the arrays of one of READERS or the checker, read once."""
     with np.load(FILE) as arrays:
-        found = ((name.partition('.'), name) for name in arrays.files)
-        return {key: arrays[name].astype(np.float32) for (n, _, key), name in found if n == network}
+        names = [name for name in arrays.files if name.startswith(f'{network}.')]
+        return {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
 
 
 @cache
@@ -234,9 +235,7 @@ def agreement(
 def links_of(sentence: Sequence[str], meaning: Sequence[str]) -> list[list[float]]:
     """Return, for each token of a meaning, its share of each token of the sentence."""
     names = [slot_name(token) if token[0] == SIGN else '' for token in sentence]
-    return [
-        [(name == token) / max(1, names.count(token)) for name in names] for token in meaning
-    ]
+    return [[(name == token) / max(1, names.count(token)) for name in names] for token in meaning]
 
 
 @cache

@@ -16,7 +16,14 @@ from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
 from llm_astar_planner.instructions.reader.lifting import Slot
-from llm_astar_planner.instructions.reader.meaning import FIELDS, ONE, UNKNOWN, WISH, Unreadable
+from llm_astar_planner.instructions.reader.meaning import (
+    CLOSE,
+    FIELDS,
+    ONE,
+    UNKNOWN,
+    WISH,
+    Unreadable,
+)
 from llm_astar_planner.instructions.regions import Region
 
 Json = Mapping[str, Any]
@@ -41,27 +48,31 @@ class Translation:
     def clause(self, clause: Json) -> list[list[str]]:
         """Return the tokens of one clause, or of two that mean the same. Raises Unreadable."""
         kind = clause['kind']
+        if kind == 'count':
+            region = self.region(clause['region'])
+            return self.count(clause.get('at_least') or 0, clause.get('at_most'), region)
+        return [self.simple(kind, clause)]
+
+    def simple(self, kind: str, clause: Json) -> list[str]:
+        """Return the tokens of a clause that is no count. Raises Unreadable."""
         match kind:
             case 'unsupported':
-                return [[f'U_{clause.get("about", ABOUT[-1])}']]
+                found = [f'U_{clause.get("about", ABOUT[-1])}']
             case 'visit':
-                return [['V', *self.visited(clause['regions']), ')']]
-            case 'before' | 'then' | 'never_after':
-                ends = self.region(clause['first']), self.region(clause['second'])
-                return [[LETTERS[kind], *ends[0], *ends[1]]]
+                found = ['V', *self.visited(clause['regions']), CLOSE]
             case 'keep_distance':
                 walls = clause['from'] == 'walls'
                 region = ['WALLS'] if walls else self.region(clause['from'])
                 usual = 'D' if clause['metres'] == CLEAR else ''
-                return [['K', *region, self.slot('L', clause['metres'], usual)]]
-        region = self.region(clause['region'])
-        if kind == 'count':
-            return self.count(clause.get('at_least') or 0, clause.get('at_most'), region)
-        if kind == 'pass':
-            return [self.passed(region, clause['side'])]
-        if kind not in LETTERS:
-            raise Unreadable(f'no word for {kind}')
-        return [[LETTERS[kind], *region]]
+                found = ['K', *region, self.slot('L', clause['metres'], usual)]
+            case 'pass':
+                found = self.passed(self.region(clause['region']), clause['side'])
+            case _ if kind in LETTERS:
+                named = [clause[n] for n in ('region', 'first', 'second') if n in clause]
+                found = [LETTERS[kind], *self.regions(named)]
+            case _:
+                raise Unreadable(f'no word for {kind}')
+        return found
 
     def passed(self, region: list[str], side: str) -> list[str]:
         """Return the tokens of a side to pass; 'keep it on your left' says the other one."""
@@ -98,7 +109,7 @@ class Translation:
             if members and all(one in left for one in members) and not self.are_named(members):
                 found += ['EA', name]
                 left = [one for one in left if one not in members]
-        return [*(token for one in left for token in self.region(one)), *found]
+        return [*self.regions(left), *found]
 
     def are_named(self, regions: Sequence[Json]) -> bool:
         """Whether all of some regions have slots of their own."""
@@ -107,28 +118,33 @@ class Translation:
 
     def region(self, region: Json) -> list[str]:
         """Return the tokens of a region; '?' for a place that the sentence does not name."""
-        same = self.named(region)
+        found = [self.named(region)]
         match region:
-            case _ if same:
-                return [same]
+            case _ if found[0]:
+                pass
             case {'any_of': parts}:
-                return ['OR', *(token for one in parts for token in self.region(one)), ')']
+                found = ['OR', *self.regions(parts), CLOSE]
             case {'region': inner, 'except': others}:
-                parts = [inner, *others]
-                return ['EX', *(token for one in parts for token in self.region(one)), ')']
+                found = ['EX', *self.regions([inner, *others]), CLOSE]
             case {'half': side, 'of': str(name)}:
-                return ['HO', self.slot('S', side), *self.region({'place': name})]
+                found = ['HO', self.slot('S', side), *self.region({'place': name})]
             case {'half': side}:
-                return ['HF', self.slot('S', side)]
+                found = ['HF', self.slot('S', side)]
             case {'along': name}:
-                return ['AL', *self.region({'place': name})]
+                found = ['AL', *self.region({'place': name})]
             case {'between': names}:
-                return ['BW', *(token for one in names for token in self.region({'place': one}))]
+                found = ['BW', *self.regions([{'place': name} for name in names])]
             case {'end': end}:
-                return [end.upper()]
+                found = [end.upper()]
             case {'place': _} | {'tag': _}:
-                return [UNKNOWN]
-        raise Unreadable('no such region in the sentence')
+                found = [UNKNOWN]
+            case _:
+                raise Unreadable('no such region in the sentence')
+        return found
+
+    def regions(self, regions: Sequence[Json]) -> list[str]:
+        """Return the tokens of several regions."""
+        return [token for one in regions for token in self.region(one)]
 
     def named(self, region: Json) -> str:
         """Return the slot of a region, of the same places by another word too; '' for none."""
