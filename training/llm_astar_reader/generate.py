@@ -28,7 +28,7 @@ MACRO = re.compile(r'<(\w+)>')
 PLACES = ('@R', '@R', '@R', '@R', '@R', '@R', '@O', '@G')
 # How often a kind of meaning is drawn; 1 for the others.
 WEIGHTS = {
-    'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'S HF s': 1.5,
+    'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'A HF s': 2,
     'T a b': 4, 'N a b': 4, 'S a': 3, 'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3,
     'V a b )': 3, 'W A a': 3,
     'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 5, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
@@ -126,12 +126,13 @@ class Sentence:
         """Return the words of a region, and its meaning."""
         draw = self.draw
         chance = draw.random()
-        if chance < 0.03:
+        if chance < 0.06:
             noun = draw.sample(self.phrases.nouns, draw.choice((1, 1, 2)))
+            noun = [invented(draw)] if draw.random() < 0.3 else noun
             return [*self.article(), *noun], ['?']
-        if chance < 0.12:
+        if chance < 0.15:
             return self.composed()
-        if chance < 0.15 and self.known:
+        if chance < 0.18 and self.known:
             return draw.choice(self.known)
         if name == 'g':
             shown = '@G'
@@ -218,6 +219,12 @@ class Sentence:
         words = expanded(self.draw.choice(table.sections[name]), self.draw)
         meaning = [f'U_{name[2:]}'] if name.startswith('U ') else name.split()
         return (*self.filled(words, meaning), name)
+
+
+def invented(draw: Random) -> str:
+    """Return a word that nobody knows, in place of the name of a place."""
+    syllables = (f'{draw.choice("bcdfghklmnprstvz")}{draw.choice("aeiou")}' for _ in range(3))
+    return ''.join(syllables) + draw.choice(('', 'n', 'r', 's', 't', 'um', 'erie', 'hall'))
 
 
 def visits(meaning: Words) -> bool:
