@@ -151,11 +151,8 @@ class Sentence:
         """Return the words for several places, all of them or any one, and the meaning."""
         draw, words = self.draw, self.phrases.words
         if not is_visit and draw.random() < 0.35:
-            words = [
-                *expanded(draw.choice((*words['any'], [], [])), draw),
-                token.replace('G', 'Y'),
-            ]
-            return words, [meant]
+            some = expanded(draw.choice((*words['any'], [], [])), draw)
+            return [*some, token.replace('G', 'Y')], [meant]
         if not is_visit:
             return [*expanded(draw.choice((*words['every'], [], [])), draw), token], [meant]
         if draw.random() < 0.5:

@@ -182,6 +182,7 @@ def is_slot(token: str) -> bool:
 
 def regrouped(parts: list[Parts], slots: Words, draw: random.Random) -> list[Parts]:
     """Change what joins places: 'or', 'except', all of a group, a half, beside."""
+    done = False
 
     def changed(part: Parts) -> Parts:
         nonlocal done
@@ -193,7 +194,6 @@ def regrouped(parts: list[Parts], slots: Words, draw: random.Random) -> list[Par
             return draw.choice([one for one in inner if one[0][0] != 'S'] or [part])
         return (kind, *map(changed, inner))
 
-    done = False
     found = [changed(part) for part in parts]
     if done:
         return found

@@ -11,7 +11,7 @@ import math
 import random
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -31,7 +31,7 @@ from llm_astar_reader.samples import Sample, batches
 PAD = -100
 RATE, WARM = 2e-3, 0.02
 # Of each network: how it is made, its seed, the share of people's sentences, wrong meanings.
-NETWORKS = {
+NETWORKS: dict[str, tuple[Callable[[], nn.Module], int, float, int]] = {
     'reader': (Reader, 1, 0.55, 0),
     'second': (partial(Reader, 64, 112, 160), 3, 0.75, 0),
     'checker': (Checker, 2, 0.6, 3),

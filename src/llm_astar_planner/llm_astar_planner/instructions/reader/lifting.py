@@ -18,12 +18,11 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
-from llm_astar_planner.instructions.grammar.lexicon import Group
+from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag
 from llm_astar_planner.instructions.grammar.selection import (
     WALL,
     Modifier,
     Unclear,
-    common_tag,
     select_group,
 )
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns

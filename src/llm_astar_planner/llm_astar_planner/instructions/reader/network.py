@@ -219,7 +219,8 @@ def agreement(
     index = np.array([[NUMBER[token] for token in meaning] for meaning in tokens])
     inputs = np.concatenate((table['tokens.weight'][index], links @ code), axis=2)
     states = both_ways(inputs, table, 'meaning.{}_l0')
-    scores = (states @ table['query.weight'].T) @ code.transpose(0, 2, 1)
+    asked = states @ table['query.weight'].T
+    scores = np.asarray(asked @ code.transpose(0, 2, 1), np.float32)
     sides = []
     for name, mine, other in (
         ('meaning_side', states, softmax(scores) @ code),

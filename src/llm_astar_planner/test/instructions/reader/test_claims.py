@@ -1,10 +1,11 @@
-"""Right readings may be claimed; wrong ones may not, whatever the network says."""
+"""Right readings may be claimed, whoever proposes them; wrong ones may not."""
 
 import pytest
 from instruction_places import HOSPITAL
-from llm_astar_planner.instructions.reader.claims import doubt, strange
+from llm_astar_planner.instructions.reader.check import doubt_about
+from llm_astar_planner.instructions.reader.claims import strange
 from llm_astar_planner.instructions.reader.lifting import lifted
-from llm_astar_planner.instructions.reader.meaning import ordered
+from llm_astar_planner.instructions.reader.meaning import Writer, ordered
 
 RIGHT = [
     ('avoid the kitchen', 'A R1'),
@@ -44,10 +45,10 @@ WRONG = [
 
 
 def reason(text, meaning):
-    one = lifted(text, HOSPITAL)
-    clauses = ordered(meaning.split())
-    used = {token for token in meaning.split() if token in one.slots}
-    return doubt(one, clauses, used)
+    """Return what the check says of a reading of a sentence."""
+    writer = Writer(lifted(text, HOSPITAL).slots, {'': text})
+    clauses = [writer.clause(part) for part in ordered(meaning.split())]
+    return doubt_about(text, HOSPITAL, clauses)
 
 
 @pytest.mark.parametrize(('text', 'meaning'), RIGHT)
@@ -58,6 +59,12 @@ def test_right_readings_pass(text, meaning):
 @pytest.mark.parametrize(('text', 'meaning'), WRONG)
 def test_wrong_readings_do_not(text, meaning):
     assert reason(text, meaning)
+
+
+def test_what_the_sentence_does_not_name_is_no_reading_of_it():
+    avoid = {'kind': 'avoid', 'region': {'place': 'kitchen'}}
+    assert doubt_about('stay out of ward 1', HOSPITAL, [avoid])
+    assert doubt_about('stay out of the kitchen', HOSPITAL, [avoid]) == ''
 
 
 def test_a_word_that_may_name_a_place_is_strange():
