@@ -153,24 +153,23 @@ def orders(clauses: Clauses, _: Places) -> Iterator[Clauses]:
 
 def sides(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with the other side in one."""
-    for clause in clauses:
+
+    def other(clause: Json) -> Json | None:
         region = clause.get('region') or {}
         if 'side' in clause:
-            other = {**clause, 'side': OPPOSITE[clause['side']]}
-        elif 'half' in region:
-            other = {**clause, 'region': {**region, 'half': OPPOSITE[region['half']]}}
-        else:
-            continue
-        yield [other if one is clause else one for one in clauses]
+            return {**clause, 'side': OPPOSITE[clause['side']]}
+        turned = {**region, 'half': OPPOSITE[region['half']]} if 'half' in region else None
+        return turned and {**clause, 'region': turned}
+
+    return each(clauses, other)
 
 
 def numbers(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with another number in one."""
-    for clause in clauses:
-        for field in {'metres', 'at_least', 'at_most'} & {*clause}:
-            if clause[field]:
-                other = {**clause, field: clause[field] + 1}
-                yield [other if one is clause else one for one in clauses]
+    for name in ('metres', 'at_least', 'at_most'):
+        yield from each(
+            clauses, lambda one, n=name: {**one, n: one[n] + 1} if one.get(n) else None
+        )
 
 
 def negations(clauses: Clauses, _: Places) -> Iterator[Clauses]:

@@ -14,8 +14,7 @@ from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
 from llm_astar_planner.instructions.interpretation import Interpretation, not_understood
 from llm_astar_planner.instructions.reader import meaning
-from llm_astar_planner.instructions.reader.check import LONGEST, doubt
-from llm_astar_planner.instructions.reader.lifting import lifted
+from llm_astar_planner.instructions.reader.check import doubt, viewed
 from llm_astar_planner.instructions.reader.meaning import Unreadable
 from llm_astar_planner.instructions.reader.views import Clauses, Views
 from llm_astar_planner.instructions.specification import Specification, from_json
@@ -48,10 +47,7 @@ def read_or_not(text: str, places: Places) -> Interpretation:
 
 def read(text: str, places: Places) -> Interpretation:
     """Return what the networks read in a clean text. Raises Unreadable or SpecificationError."""
-    one = lifted(text, places)
-    if not 0 < len(one.tokens) <= LONGEST:
-        raise Unreadable(f'more than {LONGEST} words')
-    views = Views(one)
+    one, views = viewed(text, places)
     clauses = best_of(views)
     if not clauses:
         raise Unreadable('nothing that is read for certain')

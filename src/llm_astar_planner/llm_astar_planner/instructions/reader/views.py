@@ -7,12 +7,14 @@ import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from llm_astar_planner.instructions.reader import network
 from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Lifted, slot_name
 from llm_astar_planner.instructions.reader.meaning import Parts, flat, ordered, told_in_turn
 
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
-RENUMBERED, TRUST = 3, 0.1
+RENUMBERED, TRUST = 3, 0.15
 Names = Mapping[str, str]
 Clauses = tuple[Parts, ...]
 
@@ -21,8 +23,7 @@ Clauses = tuple[Parts, ...]
 class Weight:
     """What the networks say of a meaning, on average over the numberings.
 
-    `likely`: the log probability that the less sure one of the readers gives it; `agreed`: the
-    log odds of the checker.
+    `likely`: the log probability that the readers give it; `agreed`: the checker's log odds.
     """
 
     likely: float
@@ -30,7 +31,7 @@ class Weight:
 
     @property
     def all(self) -> float:
-        """One number by which meanings of one sentence are compared."""
+        """One number by which meanings are compared."""
         return self.likely + TRUST * self.agreed
 
 
@@ -57,8 +58,8 @@ class Views:
             told_in_turn(sentence, renamed(tokens, names))
             for sentence, names in zip(self.sentences, self.names)
         ]
-        likely = min(float(read.log_probabilities(said).mean()) for read in self.read)
-        return Weight(likely, float(network.agreement(self.sentences, said).mean()))
+        likely = np.mean([read.log_probabilities(said) for read in self.read])
+        return Weight(float(likely), float(network.agreement(self.sentences, said).mean()))
 
 
 def renamed(tokens: Sequence[str], names: Names) -> list[str]:

@@ -111,7 +111,7 @@ def test_the_checker_in_numpy_is_that_of_torch():
 
     other = loaded(NETWORKS['checker'][0](), 'checker')
     tokens = lifted('go to the kitchen, then to ward 1', HOSPITAL).tokens
-    meanings = ['V R1 ) V R2 )'.split(), 'V R2 ) V R1 )'.split()]
+    meanings = [['V', one, ')', 'V', two, ')'] for one, two in (('R1', 'R2'), ('R2', 'R1'))]
     logits = other([tokens], [meanings])[0].tolist()
     found = network.agreement([tokens, tokens], meanings)
     assert found.tolist() == pytest.approx(logits, abs=1e-3)
