@@ -32,9 +32,13 @@ LONGEST_DELAY_NS = 10_000_000_000
 
 
 def grid_from_message(message: Any) -> GridMap:  # noqa: ANN401 - live or decoded
-    """Read a nav_msgs/OccupancyGrid. Raises GridMapError naming the field that is wrong."""
+    """Read a nav_msgs/OccupancyGrid, whose cells must not be changed afterwards.
+
+    Raises GridMapError naming the field that is wrong.
+    """
     info = message.info
-    data = np.asarray(message.data, dtype=np.int8)
+    data = np.asarray(message.data, dtype=np.int8).view()
+    data.flags.writeable = False  # a map takes such cells as they are
     if len(data) != info.width * info.height:
         size = f'{info.width} x {info.height}'
         raise GridMapError('data', f'{len(data)} cells do not fill a map of {size}')

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap._kernels import changes as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflation_reach
+from llm_astar_planner.search.double_buffer import DoubleBuffer
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
@@ -53,6 +54,7 @@ class Costmap:
         self.config = config or CostmapConfig()
         self.barrier_map = barrier_map
         self._changes: NDArray[np.int64] | None = None
+        self._buffer = DoubleBuffer()
         if previous is not None:
             self._take_over(previous)
 
@@ -142,14 +144,17 @@ class Costmap:
         # One cell more than the inflation reaches: legal moves depend on the neighbours.
         margin = inflation_reach(now, self.config) + 1
         windows = kernels.changed_windows(before.cells, now.cells, margin)
-        inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        self._buffer = previous._buffer
+        inflated = inflated_again(now, self.config, layers['_inflated'], windows, self._buffer)
         self._inflated = read_only(inflated)
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
-            graph = graph.without_rules.updated(self.blocked, self._graded_cost(), windows)
+            graph = graph.without_rules.updated(
+                self.blocked, self._graded_cost(), windows, self._buffer
+            )
             self.grid_graph = graph.with_rules(now.forbidden)
         if 'components' in layers:
-            self.components = layers['components'].updated(self.blocked, windows)
+            self.components = layers['components'].updated(self.blocked, windows, self._buffer)
         self._changes = windows
 
     @cached_property

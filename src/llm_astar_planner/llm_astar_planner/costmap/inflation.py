@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import inflation as kernels
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
+from llm_astar_planner.search.double_buffer import DoubleBuffer
 from llm_astar_planner.search.grid_graph import whole
 
 # So that a distance of exactly the radius is within it, whatever radius / resolution rounds to.
@@ -49,6 +50,7 @@ def inflated_again(
     config: CostmapConfig,
     before: tuple[NDArray[np.bool_], NDArray[np.int8]],
     windows: NDArray[np.int64],
+    buffer: DoubleBuffer,
 ) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
     """Return what `inflate` does, from what it returned `before` for another map.
 
@@ -56,7 +58,9 @@ def inflated_again(
     """
     if not config.has_radius:
         return inflate(grid_map, config)
-    blocked, cost = before[0].copy(), before[1].copy()
+    shape = grid_map.cells.shape
+    blocked = buffer.copy('blocked', before[0], windows, shape)
+    cost = buffer.copy('cost', before[1], windows, shape)
     inflate_windows(grid_map, config, windows, blocked, cost)
     return blocked, cost
 

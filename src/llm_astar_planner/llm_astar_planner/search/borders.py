@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import borders as kernels
-from llm_astar_planner.search._kernels.astar import NO_PATH, SQUARE_BITS, Cells
+from llm_astar_planner.search._kernels.astar import SQUARE_BITS, Cells
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
 
 # Borders measured between two looks at the stop flag: about 2 ms.
 _STEP = 4
-# How much the way that is left weighs in the search for a corridor.
-ROUTE_WEIGHT = 1.06
 
 
 class Borders:
@@ -73,43 +71,35 @@ class Borders:
 
 
 class Crossing:
-    """The ways between two cells that are two tiles apart, over borders."""
+    """The cheapest route over borders between two cells that are two tiles apart.
+
+    `lower_bound` is what every path costs at least, in units, NO_PATH if there is none.
+    """
 
     def __init__(self, borders: Borders, grid: GridGraph, start: Cell, goal: Cell) -> None:
         """Measure from both cells to the borders of their tiles, without rules of the road."""
         grid = grid.without_rules
-        self._borders, self._grid = borders, grid
-        self._cells = grid.index(start), grid.index(goal)
-        self._ends = np.empty((2, 4, kernels.PARTS), dtype=np.int64)
-        for cell, distances in zip(self._cells, self._ends):
+        cells = grid.index(start), grid.index(goal)
+        ends = np.empty((2, 4, kernels.PARTS), dtype=np.int64)
+        for cell, distances in zip(cells, ends):
             kernels.reach_borders(grid.cells, cell, distances)
-        kernels.close_ends(self._ends[0], grid.straight)
+        kernels.close_ends(ends[0], grid.straight)
+        self._columns, self._shape = borders.columns, grid.blocked.shape
+        self._parents = np.empty(borders.rows[..., 0].size, dtype=np.int32)
+        self.lower_bound, self._last = kernels.route(
+            grid.cells, borders.rows, *cells, *ends, self._parents
+        )
 
     def corridor(self) -> NDArray[np.bool_]:
-        """Return the squares at a good route, within which most of the best paths are.
+        """Return the squares at the route, within which most of the best paths are.
 
         Bool [rows, columns], by squares of 2^SQUARE_BITS cells a side; all False for none.
         """
-        _, last, parents = self._route(ROUTE_WEIGHT, NO_PATH)
-        height, width = self._grid.blocked.shape
+        height, width = self._shape
         shape = (height - 1 >> SQUARE_BITS) + 1, (width - 1 >> SQUARE_BITS) + 1
         corridor = np.zeros(shape, dtype=np.bool_)
-        kernels.open_corridor(self._borders.columns, last, parents, corridor)
+        kernels.open_corridor(self._columns, self._last, self._parents, corridor)
         return corridor
-
-    def lower_bound(self, limit: int) -> int:
-        """Return what every path costs at least, in units, or `limit` if that is less."""
-        return self._route(1.0, limit)[0]
-
-    def _route(self, weight: float, limit: int) -> tuple[int, int, NDArray[np.int32]]:
-        """Return the cost of a route, its last part, and the part before each."""
-        rows = self._borders.rows
-        costs = np.empty(len(rows) * kernels.PARTS, dtype=np.int64)
-        parents = np.empty(costs.size, dtype=np.int32)
-        cost, last = kernels.route(
-            self._grid.cells, rows, *self._cells, *self._ends, weight, limit, costs, parents
-        )
-        return cost, last, parents
 
 
 def is_far(start: Cell, goal: Cell) -> bool:

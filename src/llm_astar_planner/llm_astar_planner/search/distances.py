@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import distances as kernels
 from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, RUNNING
-from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.grid_graph import GridGraph, whole
 from llm_astar_planner.search.stop import StopFlag
 
 # Cells that one step of a repair expands: about 2 ms.
@@ -43,7 +43,7 @@ class FreestMap:
         self.free = int(np.count_nonzero(self.moves))
         # Cells that were free on none of the earlier maps, over all merges.
         self.new_cells = 0
-        # Cells that were stricter on the last map than here.
+        # Cells that were stricter than here on the last map that was merged as a whole.
         self.stricter = 0
 
     @property
@@ -58,10 +58,17 @@ class FreestMap:
         cheaper = grid.cell_surcharge < self.cell_surcharge
         return not (cheaper & (grid.moves[: cheaper.size] != 0)).any()
 
-    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
-        """Merge a map like this; return the numbers of the cells that became freer or cheaper."""
+    def merge(
+        self, grid: GridGraph, windows: NDArray[np.int64] | None = None
+    ) -> NDArray[np.int64]:
+        """Merge a map like this; return the numbers of the cells that became freer or cheaper.
+
+        `windows` hold all in which it differs from the map merged before, if that is known.
+        """
         changed = np.empty(self.moves.size, dtype=np.int64)
-        freed, cheaper, self.stricter = kernels.merge_freer(grid.cells, self.cells, changed)
+        merged = whole(grid.blocked.shape) if windows is None else windows
+        freed, cheaper, stricter = kernels.merge_freer(grid.cells, self.cells, merged, changed)
+        self.stricter = stricter if windows is None else self.stricter
         self.ring = max(self.ring, grid.ring)
         self.new_cells += freed
         parts = [changed[:freed].copy(), changed[changed.size - cheaper :].copy()]

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copy
 import math
+import weakref
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search._kernels import jump as jump_kernels
+from llm_astar_planner.search.double_buffer import DoubleBuffer
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 5e-8. The coarse pair is for
@@ -147,20 +149,28 @@ class GridGraph:
         self._coarse: GridGraph | None = None
         # Whether rules of the road forbid moves, and the graph without them, None for this one.
         self.has_rules, self._free = False, cast('GridGraph | None', None)
+        # The graph that this one was updated from, and the windows in which they differ.
+        self._before: tuple[weakref.ref[GridGraph], NDArray[np.int64]] | None = None
 
     def updated(
-        self, blocked: NDArray[np.bool_], cost: NDArray[np.int8] | None, windows: NDArray[np.int64]
+        self,
+        blocked: NDArray[np.bool_],
+        cost: NDArray[np.int8] | None,
+        windows: NDArray[np.int64],
+        buffer: DoubleBuffer | None = None,
     ) -> GridGraph:
         """Return the graph of a map of the same size that differs from this one in windows.
 
         `windows` is int64 [n, 4], (top, bottom, left, right) half open: `blocked`, `cost` and the
         moves, which depend on neighbours, are as before in all other cells. `blocked` and `cost`
         are [height, width]; without `cost`, as without it in the constructor, costs are uniform.
-        This graph stays valid. Both share their idle workspaces where these fit both.
+        `buffer` is that of a series of maps. This graph stays valid. Both share their idle
+        workspaces where these fit both.
         """
-        grid = copy.copy(self)
+        grid, buffer, shape = copy.copy(self), buffer or DoubleBuffer(), (self.height, self.width)
         grid.blocked, grid.cost = blocked, cost
-        grid.moves = self.moves.copy()
+        grid._before = weakref.ref(self), windows
+        grid.moves = buffer.copy('moves', self.moves, windows, shape)
         kernels.build_moves(blocked, self.corner_cutting, windows, grid.moves)
         if cost is None:
             grid.cell_surcharge = np.zeros(0, dtype=np.uint16)
@@ -169,7 +179,9 @@ class GridGraph:
                 cost, blocked.shape, self.cost_multiplier, self.unknown_cost
             )
         else:
-            grid.cell_surcharge = self.cell_surcharge.copy()
+            grid.cell_surcharge = buffer.copy(
+                'cell_surcharge', self.cell_surcharge, windows, shape
+            )
             table = surcharge_table(self.cost_multiplier, self.unknown_cost)
             kernels.fill_surcharges(cost, table, windows, grid.cell_surcharge)
         grid.set_units(self.straight, self.diagonal)
@@ -180,6 +192,15 @@ class GridGraph:
         if 'packed' in vars(self):
             grid.packed = self.packed.updated(blocked, windows)
         return grid
+
+    def changes_since(self, before: GridGraph | None) -> NDArray[np.int64] | None:
+        """Return the windows in which this graph differs from that it was updated from.
+
+        None if `before` is not that graph.
+        """
+        if before is None or self._before is None or self._before[0]() is not before:
+            return None
+        return self._before[1]
 
     def with_rules(self, forbidden: NDArray[np.uint8]) -> GridGraph:
         """Return the graph without the moves that rules of the road forbid.

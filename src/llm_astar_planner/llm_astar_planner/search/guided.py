@@ -226,7 +226,7 @@ class GuidedSearch:
         borders = None if landmarks is None else landmarks.borders
         pays = self._limit >= LEAST_OF_CORRIDOR * kernels.ONE and not self.inbox
         if borders and pays and self._status is None and is_far(self.start, self.goal):
-            self._corridor = CorridorSearch(self, self._plain, borders, self._limit)
+            self._corridor = CorridorSearch(self, self._plain, borders)
 
     def _step(self) -> AnytimeSolution | None:
         """Search one slice; return the path that it found, None if it is not better."""
@@ -371,13 +371,11 @@ class CorridorSearch(PlainSearch):
     Its status is FOUND at its end, with or without a path.
     """
 
-    def __init__(
-        self, query: GuidedSearch, plain: PlainSearch, borders: Borders, limit: int
-    ) -> None:
-        """Search for `plain`, which learns the result; `limit` is the bound in parts of ONE."""
+    def __init__(self, query: GuidedSearch, plain: PlainSearch, borders: Borders) -> None:
+        """Search for `plain`, which learns the result."""
         super().__init__(plain.grid, query.start, query.goal)
         self.distances, self.active = plain.distances, plain.active
-        self._plain, self._limit = plain, limit
+        self._plain = plain
         self._crossing = Crossing(borders, plain.grid, query.start, query.goal)
         self.corridor = self._crossing.corridor()
 
@@ -385,11 +383,9 @@ class CorridorSearch(PlainSearch):
         """Expand up to `quota` cells; see `PlainSearch.advance`."""
         super().advance(quota)
         if self.status is not None:
-            self.status, bound = SearchStatus.FOUND, 0
-            enough = -(-self.best * kernels.ONE // self._limit)
-            if self._plain.bound < enough and self.best < plain_kernels.NO_PATH:
-                bound = self._crossing.lower_bound(enough)
-            self._plain.learn(self.best, bound)
+            self.status = SearchStatus.FOUND
+            found = self.best < plain_kernels.NO_PATH
+            self._plain.learn(self.best, min(self.best, self._crossing.lower_bound) * found)
 
 
 class WaypointSearch(SlicedSearch):

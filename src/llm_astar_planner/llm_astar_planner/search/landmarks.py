@@ -37,6 +37,8 @@ _SMALL_BYTES = 32 * 1024 * 1024
 # Fewer than COUNT, or none, if these would not fit: at 4000 x 4000 cells two take 128 MB, and
 # what else is held for the map, 14 bytes a cell, should not be more than doubled.
 MAX_BYTES = 64 * 1024 * 1024
+# With fewer the borders of tiles lead better: on maps of over 2048 x 2048.
+_FEW = 4
 # One landmark alone proves little: only what lies on a line with it.
 MIN_COUNT = 2
 # Landmarks that one query uses.
@@ -44,6 +46,8 @@ MAX_ACTIVE = 4
 # Landmarks are measured anew when so much of the map is stricter than what they were measured on
 # that their bounds are weak. Moving obstacles with their inflation cover less: 1 % at 1000 x 1000.
 STALE_SHARE = 1 / 8
+# Each so many maps, one is compared as a whole, to know how much of it is stricter.
+_WHOLE_MAPS = 16
 # So many maps at least lie between: measuring costs as much as a hundred repairs.
 _STALE_MAPS = 64
 # Seconds that `update` waits for searches that use the landmarks, before it leaves the repair to
@@ -51,6 +55,7 @@ _STALE_MAPS = 64
 _READERS_WAIT_S = 0.005
 NO_DISTANCES = np.zeros((0, 0), dtype=np.int32)
 NONE_ACTIVE = np.zeros((0, 2), dtype=np.int64)
+NO_WINDOWS = np.zeros((0, 4), dtype=np.int64)
 
 
 def landmark_count(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_BYTES) -> int:
@@ -76,7 +81,7 @@ def can_measure(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_
 class Landmarks:
     """Distances from a few landmarks to every cell of a grid: int32 [count, cells], units.
 
-    Made by `Landmarks.build`, with the `borders` of tiles where none fit. They prove lower
+    Made by `Landmarks.build`, with the `borders` of tiles where few fit. They prove lower
     bounds on that grid and on every grid that only blocks more cells or raises costs; `merge` and
     `repair` make them follow others.
     """
@@ -120,8 +125,9 @@ class Landmarks:
             if nearest is None or not rows.fill(row, int(nearest.argmax()), stop):
                 return None
             nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
-        borders = None if count else Borders(freest.cells)
-        if borders is not None:
+        borders = None
+        if count < _FEW and grid.cell_surcharge.size:
+            borders = Borders(freest.cells)
             if not any(borders.measure(borders.every, stop)):
                 return None
             # Compiled here in the background, a plan need not wait for what reads them.
@@ -183,12 +189,15 @@ class Landmarks:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
         return is_alike(self.freest, grid) and self.freest.covers(grid)
 
-    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
+    def merge(
+        self, grid: GridGraph, windows: NDArray[np.int64] | None = None
+    ) -> NDArray[np.int64]:
         """Take in a map like that measured on; return the cells that became freer or cheaper.
 
-        If there are any, `repair` has to be called with them, before anything else is.
+        If there are any, `repair` has to be called with them, before anything else is. `windows`
+        hold all in which the map differs from the one before, if that is known.
         """
-        return self.freest.merge(grid)
+        return self.freest.merge(grid, windows)
 
     def repair(self, changed: NDArray[np.int64], stop: StopFlag | None = None) -> Iterator[bool]:
         """Lower the distances to the map that was merged, in steps of a few milliseconds.
@@ -227,6 +236,8 @@ class LandmarkManager:
         # The newest, of whatever map; a search takes them by `lend`.
         self.current: Landmarks | None = None
         self._newest: GridGraph | None = None
+        # In which windows it differs from the map merged last, None if that is not known.
+        self._unmerged: list[NDArray[np.int64]] | None = None
         # The maps that the landmarks are known to be admissible on, once repaired.
         self._admitted: weakref.WeakSet[GridGraph] = weakref.WeakSet()
         self._repair: Iterator[bool] | None = None  # begun and not finished
@@ -253,6 +264,11 @@ class LandmarkManager:
         """
         grid = grid.without_rules
         with self._changed:
+            changes = grid.changes_since(self._newest)
+            if self._unmerged is None or changes is None:
+                self._unmerged = None
+            else:
+                self._unmerged.append(changes)
             self._newest = grid
             if self._building is not None and not is_alike(self._building, grid):
                 self._stop_build[0] = 1
@@ -355,7 +371,9 @@ class LandmarkManager:
             self.current = None
             return
         began = time.thread_time()
-        changed = landmarks.merge(grid)
+        is_whole = self._unmerged is None or self._tally['maps'] % _WHOLE_MAPS == 0
+        windows = None if is_whole else np.concatenate([NO_WINDOWS, *(self._unmerged or [])])
+        changed, self._unmerged = landmarks.merge(grid, windows), []
         self._admitted.add(grid)
         if changed.size:
             self._repair = landmarks.repair(changed, self._stop_repair)
@@ -426,5 +444,5 @@ class LandmarkManager:
         if stop[0]:
             self._tried.clear()
         elif landmarks is not None:
-            self.current, self._repair = landmarks, None
+            self.current, self._repair, self._unmerged = landmarks, None, None
             self._admitted = weakref.WeakSet((grid,))

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import tiles as kernels
+from llm_astar_planner.search.double_buffer import DoubleBuffer
 
 # Grids of up to so many cells along the longer side have tiles of 2^2 and of 2^3 cells a side.
 SMALL_GRID, MEDIUM_GRID = 256, 512
@@ -70,21 +71,31 @@ class Tiles:
         )
         return joined(tables, changed)
 
-    def updated(self, blocked: NDArray[np.bool_], windows: ArrayLike) -> Tiles:
+    def updated(
+        self,
+        blocked: NDArray[np.bool_],
+        windows: ArrayLike,
+        buffer: DoubleBuffer | None = None,
+    ) -> Tiles:
         """Return the tiles of a grid that differs only inside of `windows`.
 
-        They are int [n, 4], (top, bottom, left, right), half open, on the grid. The result is
-        equal to one built from nothing. Raises ValueError if the grid has another shape.
+        They are int [n, 4], (top, bottom, left, right), half open, on the grid; `buffer` is that
+        of a series of grids. The result is equal to one built from nothing. Raises ValueError if
+        the grid has another shape.
         """
         if blocked.shape != self.shape:
             raise ValueError(f'blocked: shape {blocked.shape} is not {self.shape}')
         tables, shift = self.tables, self.tables.shift
         changed = np.zeros(tables.counts.shape, dtype=np.bool_)
         last = (1 << shift) - 1
-        for top, bottom, left, right in np.asarray(windows, dtype=np.int64).reshape(-1, 4):
-            rows = slice(top >> shift, (bottom + last) >> shift)
-            changed[rows, left >> shift : (right + last) >> shift] = True
-        labels, counts = tables.labels.copy(), tables.counts.copy()
+        cells = np.asarray(windows, dtype=np.int64).reshape(-1, 4)
+        touched = cells + (0, last, 0, last) >> shift
+        for top, bottom, left, right in touched.tolist():
+            changed[top:bottom, left:right] = True
+        labels = (buffer or DoubleBuffer()).copy(
+            'labels', tables.labels, touched << shift, self.shape
+        )
+        counts = tables.counts.copy()
         grid = np.ascontiguousarray(blocked)
         kernels.label_tiles(grid, tables.corner_cutting, shift, changed, labels, counts)
         _, _, corner_cutting, _, nodes, starts, contacts = tables

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels.astar import SQUARE_BITS, Cells, octile
+from llm_astar_planner.search._kernels.astar import NO_PATH, SQUARE_BITS, Cells, octile
 from llm_astar_planner.search.kernel_cache import jit
 
 SIDE_BITS = 6
@@ -243,18 +243,14 @@ def route(
     goal: int,
     to_start: NDArray[np.int64],
     from_goal: NDArray[np.int64],
-    weight: float,
-    limit: int,
-    costs: NDArray[np.int64],
     parents: NDArray[np.int32],
 ) -> tuple[int, int]:
-    """Find a route from the goal to the start over the parts of borders, if below `limit` units.
+    """Find the cheapest route from the goal to the start over the parts of borders.
 
     `to_start` and `from_goal` are what `reach_borders` and `close_ends` have made. Returns the
-    cost of the route, else the limit, and its last part or -1. With weight 1 the cost is the
-    least: no path that leaves the goal's tile costs less. A larger weight of the way that is left
-    finds one sooner. Parts are numbered border * PARTS + part; the parts before, -1 at first, are
-    written to `parents`, and `costs` is as long.
+    cost of the route, in units, or NO_PATH, and its last part or -1. No path that leaves the
+    goal's tile costs less. Parts are numbered border * PARTS + part; the parts before, -1 at
+    first, are written to `parents`.
     """
     _, _, width, straight, diagonal = cells
     extra = diagonal - straight
@@ -263,14 +259,14 @@ def route(
     start_x, start_y = start % width, start // width
     goal_tile = (goal // width >> SIDE_BITS) * columns + (goal % width >> SIDE_BITS)
     start_row, start_column = start_y >> SIDE_BITS, start_x >> SIDE_BITS
-    costs[:] = UNSEEN
+    costs = np.full(parents.size, UNSEEN, dtype=np.int64)
     ways = np.empty(6 * PARTS, dtype=np.int64)
     is_open = np.zeros(costs.size, dtype=np.bool_)
     found = np.empty(6, dtype=np.int64)
     heads = np.zeros(BUCKETS, dtype=np.int32)
     pool = np.empty((1 << 14, 2), dtype=np.int32)
     top, live, bucket = np.int64(1), np.int64(0), np.int64(0)
-    best, last = np.int64(limit), np.int64(-1)
+    best, last = np.int64(NO_PATH), np.int64(-1)
     node = np.int64(-1)
     while True:
         if node < 0:
@@ -321,7 +317,7 @@ def route(
                     best, last = cost + to_start[at_start, number], target
                 if top == len(pool):
                     pool = np.concatenate((pool, np.empty_like(pool)))
-                due = cost + int(rest * weight) >> STEP_BITS
+                due = cost + rest >> STEP_BITS
                 bucket = min(bucket, due) if live else due
                 pool[top, 0], pool[top, 1] = target, heads[due & BUCKETS - 1]
                 is_open[target] = True

@@ -130,49 +130,50 @@ def propagate(
 
 
 @jit
-def merge_freer(cells: Cells, freest: Cells, changed: NDArray[np.int64]) -> tuple[int, int, int]:
+def merge_freer(
+    cells: Cells, freest: Cells, windows: NDArray[np.int64], changed: NDArray[np.int64]
+) -> tuple[int, int, int]:
     """Add to the second map what is freer on the first: its moves and its lower surcharges.
 
-    Surcharges count where a cell has moves. Of the cells that changed writes those that had no
-    moves before to the front of `changed` [cells], the others to its end. Returns how many of
-    each there are, and how many cells are now stricter on the first map than on the second.
+    Only in windows, int64 [n, 4]. Surcharges count where a cell has moves. Of the cells that
+    changed writes those that had no moves before to the front of `changed` [cells], the others to
+    its end. Returns how many of each there are, and how many cells of the windows are now
+    stricter on the first map than on the second.
     """
-    moves, cell_surcharge, _, _, _ = cells
+    moves, cell_surcharge, width, _, _ = cells
     least_moves, least_surcharge, _, _, _ = freest
     graded = cell_surcharge.size > 0
-    blocks = moves.size // 256
-    new = moves[: 256 * blocks].view(np.uint64).reshape(blocks, 32)
-    old = least_moves[: 256 * blocks].view(np.uint64).reshape(blocks, 32)
-    graded_blocks = blocks if graded else 0
-    new_cost = cell_surcharge[: 256 * graded_blocks].view(np.uint64).reshape(graded_blocks, 64)
-    old_cost = least_surcharge[: 256 * graded_blocks].view(np.uint64).reshape(graded_blocks, 64)
     freed = cheaper_cells = stricter = 0
-    # Most blocks of 256 cells are equal: compare them eight bytes at a time.
-    for block in range(blocks + 1):
-        differ = np.uint64(block == blocks)
-        if block < blocks:
-            for word in range(32):
-                differ |= new[block, word] ^ old[block, word]
+    for n in range(len(windows)):
+        top, bottom, left, right = windows[n]
+        for y in range(top, bottom):
+            begin, end = y * width + left, y * width + right
+            # Most rows are equal: loops without branches, for many cells at once.
+            differs = False
+            new, old = moves[begin:end], least_moves[begin:end]
+            for x in range(new.size):
+                differs |= new[x] != old[x]
             if graded:
-                for word in range(64):
-                    differ |= new_cost[block, word] ^ old_cost[block, word]
-        if differ == 0:
-            continue
-        for cell in range(256 * block, min(256 * block + 256, moves.size)):
-            mask, least = moves[cell], least_moves[cell]
-            cheaper = graded and cell_surcharge[cell] < least_surcharge[cell]
-            if mask & ~least or (mask and cheaper):
-                if graded and (least == 0 or cheaper):
-                    least_surcharge[cell] = cell_surcharge[cell]
-                least_moves[cell] |= mask
-                if least == 0:
-                    changed[freed] = cell
-                    freed += 1
-                else:
-                    cheaper_cells += 1
-                    changed[moves.size - cheaper_cells] = cell
-            elif mask != least or (graded and cell_surcharge[cell] != least_surcharge[cell]):
-                stricter += 1
+                new_cost, old_cost = cell_surcharge[begin:end], least_surcharge[begin:end]
+                for x in range(new_cost.size):
+                    differs |= new_cost[x] != old_cost[x]
+            if not differs:
+                continue
+            for cell in range(begin, end):
+                mask, least = moves[cell], least_moves[cell]
+                cheaper = graded and cell_surcharge[cell] < least_surcharge[cell]
+                if mask & ~least or (mask and cheaper):
+                    if graded and (least == 0 or cheaper):
+                        least_surcharge[cell] = cell_surcharge[cell]
+                    least_moves[cell] |= mask
+                    if least == 0:
+                        changed[freed] = cell
+                        freed += 1
+                    else:
+                        cheaper_cells += 1
+                        changed[moves.size - cheaper_cells] = cell
+                elif mask != least or (graded and cell_surcharge[cell] != least_surcharge[cell]):
+                    stricter += 1
     return freed, cheaper_cells, stricter
 
 
