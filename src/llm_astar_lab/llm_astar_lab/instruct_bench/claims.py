@@ -166,10 +166,10 @@ def sides(clauses: Clauses, _: Places) -> Iterator[Clauses]:
 
 def numbers(clauses: Clauses, _: Places) -> Iterator[Clauses]:
     """Yield clauses with another number in one."""
-    for name in ('metres', 'at_least', 'at_most'):
-        yield from each(
-            clauses, lambda one, n=name: {**one, n: one[n] + 1} if one.get(n) else None
-        )
+    for at, clause in enumerate(clauses):
+        for name in ('metres', 'at_least', 'at_most'):
+            if clause.get(name):
+                yield [*clauses[:at], {**clause, name: clause[name] + 1}, *clauses[at + 1 :]]
 
 
 def negations(clauses: Clauses, _: Places) -> Iterator[Clauses]:
