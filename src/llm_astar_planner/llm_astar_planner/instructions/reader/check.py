@@ -22,7 +22,7 @@ from llm_astar_planner.instructions.reader.views import Clauses, Views
 LONGEST = 64
 # The least weight of a claim, calibrated on sentences that were locked: there one claim in a
 # hundred was wrong.
-CERTAIN = 0.3
+CERTAIN = 0.45
 
 
 def doubt_about(text: str, places: Places, clauses: Sequence[Mapping[str, Any]]) -> str:
