@@ -15,32 +15,32 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 39_360, 326
+ALL_LINES, ALL_MODULES = 39_000, 322
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
-    ADAPTER: {'': 124, 'maps': 1_100, 'messages': 570},
+    ADAPTER: {'': 124, 'maps': 1_090, 'messages': 570},
     PLANNER: {
-        '': 480,
-        'search': 5_790,
-        'costmap': 1_100,
-        'planning': 4_490,
-        'waypoints': 2_760,
-        'instructions': 7_120,
-        'nodes': 4_150,
+        '': 500,
+        'search': 5_540,
+        'costmap': 1_000,
+        'planning': 4_240,
+        'waypoints': 2_670,
+        'instructions': 7_390,
+        'nodes': 4_170,
         'cli': 1_620,
     },
     LAB: {
         '': 20,
-        'bags': 980,
-        'evaluation': 700,
+        'bags': 970,
+        'evaluation': 680,
         'datasets': 570,
-        'runner': 860,
+        'runner': 830,
         'results': 650,
-        'analysis': 800,
-        'report': 940,
-        'instruct_bench': 1_020,
-        'pictures': 940,
-        'play': 900,
+        'analysis': 790,
+        'report': 930,
+        'instruct_bench': 1_160,
+        'pictures': 950,
+        'play': 880,
         'commands': 1_230,
         'nodes': 530,
     },

@@ -28,8 +28,9 @@ MACRO = re.compile(r'<(\w+)>')
 PLACES = ('@R', '@R', '@R', '@R', '@R', '@R', '@O', '@G')
 # How often a kind of meaning is drawn; 1 for the others.
 WEIGHTS = {
-    'A a': 7, 'V a )': 7, 'V a ) V b )': 6, 'B a b': 4, 'T a b': 4, 'N a b': 4, 'S a': 3,
-    'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3, 'V a b )': 3, 'W A a': 3,
+    'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'A HF s': 2,
+    'T a b': 4, 'N a b': 4, 'S a': 3, 'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3,
+    'V a b )': 3, 'W A a': 3,
     'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 5, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
 }  # fmt: skip
 NEVER_JOINED = {'', 'S a'}
@@ -125,12 +126,13 @@ class Sentence:
         """Return the words of a region, and its meaning."""
         draw = self.draw
         chance = draw.random()
-        if chance < 0.03:
+        if chance < 0.06:
             noun = draw.sample(self.phrases.nouns, draw.choice((1, 1, 2)))
+            noun = [invented(draw)] if draw.random() < 0.3 else noun
             return [*self.article(), *noun], ['?']
-        if chance < 0.12:
+        if chance < 0.15:
             return self.composed()
-        if chance < 0.15 and self.known:
+        if chance < 0.18 and self.known:
             return draw.choice(self.known)
         if name == 'g':
             shown = '@G'
@@ -148,6 +150,9 @@ class Sentence:
     def group(self, token: str, meant: str, is_visit: bool) -> Filled:
         """Return the words for several places, all of them or any one, and the meaning."""
         draw, words = self.draw, self.phrases.words
+        if not is_visit and draw.random() < 0.35:
+            some = expanded(draw.choice((*words['any'], [], [])), draw)
+            return [*some, token.replace('G', 'Y')], [meant]
         if not is_visit:
             return [*expanded(draw.choice((*words['every'], [], [])), draw), token], [meant]
         if draw.random() < 0.5:
@@ -196,7 +201,8 @@ class Sentence:
         """Return words and meaning of one variable."""
         if name in 'nks':
             kind = {'n': 'L', 'k': 'K', 's': 'S'}[name]
-            token, meant = self.slot(kind, f'@{kind}')
+            is_number = kind == 'K' and meaning[0] in ('CL', 'CG', 'CE')
+            token, meant = self.slot(kind, '@N' if is_number else f'@{kind}')
             return [token], [meant]
         if name in 'xyz' or (name == 'g' and meaning[0] in ('EX', 'OR')):
             token, meant = self.slot('R', '@G' if name == 'g' else self.draw.choice(PLACES[:7]))
@@ -210,6 +216,12 @@ class Sentence:
         words = expanded(self.draw.choice(table.sections[name]), self.draw)
         meaning = [f'U_{name[2:]}'] if name.startswith('U ') else name.split()
         return (*self.filled(words, meaning), name)
+
+
+def invented(draw: Random) -> str:
+    """Return a word that nobody knows, in place of the name of a place."""
+    syllables = (f'{draw.choice("bcdfghklmnprstvz")}{draw.choice("aeiou")}' for _ in range(3))
+    return ''.join(syllables) + draw.choice(('', 'n', 'r', 's', 't', 'um', 'erie', 'hall'))
 
 
 def visits(meaning: Words) -> bool:

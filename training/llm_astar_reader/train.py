@@ -1,4 +1,4 @@
-"""Trains the reader from nothing, or goes on: `python -m llm_astar_reader.train --out DIR`.
+"""Trains the reader and the checker from nothing, or goes on: `-m llm_astar_reader.train`.
 
 Each round makes new sentences, mixes in those of people where their files are, and writes a
 checkpoint, so that a run can be ended and resumed at any time. The weights are in `reader.npz`.
@@ -7,96 +7,38 @@ checkpoint, so that a run can be ended and resumed at any time. The weights are 
 from __future__ import annotations
 
 import argparse
-import itertools
 import math
 import random
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 import torch
-from llm_astar_planner.instructions.reader.lifting import SLOTS
-from llm_astar_planner.instructions.reader.meaning import TOKENS
+from torch import nn
 from torch.nn import functional
 
-from llm_astar_reader.generate import made, noisy, vocabulary
-from llm_astar_reader.network import Reader, exported
+from llm_astar_reader.generate import vocabulary
+from llm_astar_reader.network import BEGIN, NUMBER, Checker, Reader, exported
 from llm_astar_reader.people import known_words, people
+from llm_astar_reader.samples import Sample, batches
 
-Words = list[str]
-Pair = tuple[Words, Words]
-NUMBER = {token: n for n, token in enumerate(TOKENS)}
-BEGIN, PAD = len(TOKENS), -100
-BATCH, ROUND, LONGEST, MOST_TOKENS = 96, 9_600, 40, 24
-RATE = 2e-3
-
-
-def renumbered(tokens: Words, meaning: Words, draw: random.Random) -> Pair | None:
-    """Return a pair with its slots numbered anew; None where it has too many of them."""
-    names: dict[str, str] = {}
-    for token in tokens:
-        if token[0] == '@':
-            kind = 'R' if token[1] in 'ROGYX' else token[1]
-            names.setdefault(f'{kind}{token[2:]}', kind)
-    table: dict[str, str] = {}
-    for kind, most in SLOTS.items():
-        mine = [name for name, one in names.items() if one == kind]
-        if len(mine) > most:
-            return None
-        # In order of mention, as they come in use, or in any order.
-        numbers: Sequence[int] = draw.sample(range(1, most + 1), len(mine))
-        if draw.random() < 0.4:
-            numbers = range(1, len(mine) + 1)
-        table |= {name: f'{kind}{n}' for name, n in zip(mine, numbers)}
-
-    def shown(token: str) -> str:
-        if token[0] != '@':
-            return token
-        kind = 'R' if token[1] in 'ROGYX' else token[1]
-        return token[:2] + table[f'{kind}{token[2:]}'][1:]
-
-    try:
-        return [shown(token) for token in tokens], [table.get(t, t) for t in meaning]
-    except KeyError:
-        return None
+PAD = -100
+RATE, WARM = 2e-3, 0.02
+# Of each network: how it is made, its seed, the share of people's sentences, wrong meanings.
+NETWORKS: dict[str, tuple[Callable[[], nn.Module], int, float, int]] = {
+    'reader': (Reader, 1, 0.55, 0),
+    'second': (partial(Reader, 64, 112, 160), 3, 0.75, 0),
+    'checker': (Checker, 2, 0.6, 3),
+}
 
 
-def sample(draw: random.Random, human: list[Pair], share: float) -> Pair | None:
-    """Return a pair for training: made, or a sentence of a person with noise."""
-    if human and draw.random() < share:
-        tokens, meaning = draw.choice(human)
-        tokens = noisy([t for t in tokens if t != ',' or draw.random() > 0.2], draw)
-        if draw.random() < 0.15:
-            tokens = [*draw.choice((['please', ','], ['bitte'], ['ok', ',']))] + tokens
-        if tokens and tokens[-1] == '.' and draw.random() < 0.5:
-            tokens = tokens[:-1]
-    else:
-        tokens, meaning = made(draw)
-    pair = renumbered(tokens, meaning, draw)
-    if pair is None or not 0 < len(pair[0]) <= LONGEST or len(meaning) > MOST_TOKENS:
-        return None
-    if any(token not in NUMBER for token in pair[1]):
-        return None
-    return pair
-
-
-def batches(draw: random.Random, human: list[Pair], share: float) -> list[list[Pair]]:
-    """Return batches of sentences of one length each."""
-    pairs = [pair for _ in range(ROUND) if (pair := sample(draw, human, share))]
-    pairs.sort(key=lambda pair: len(pair[0]))
-    found: list[list[Pair]] = []
-    for _, group in itertools.groupby(pairs, key=lambda pair: len(pair[0])):
-        some = list(group)
-        draw.shuffle(some)
-        found += [some[at : at + BATCH] for at in range(0, len(some), BATCH)]
-    draw.shuffle(found)
-    return found
-
-
-def targets(meanings: Sequence[Words]) -> tuple[torch.Tensor, torch.Tensor]:
+def targets(meanings: Sequence[Sequence[str]]) -> tuple[torch.Tensor, torch.Tensor]:
     """Return the tokens before and the tokens to write, int64 [n, steps]."""
     steps = max(map(len, meanings)) + 1
     before = torch.zeros(len(meanings), steps, dtype=torch.long)
@@ -109,20 +51,28 @@ def targets(meanings: Sequence[Words]) -> tuple[torch.Tensor, torch.Tensor]:
     return before, wanted
 
 
-def main() -> None:
-    """Train for some minutes."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--out', type=Path, required=True)
-    parser.add_argument('--minutes', type=float, default=20.0, help='of computing, in all')
-    parser.add_argument('--people', type=float, default=0.45, help='share of their sentences')
-    parser.add_argument('--seed', type=int, default=1)
-    parser.add_argument('--threads', type=int, default=1)
-    args = parser.parse_args()
-    torch.set_num_threads(args.threads)
-    args.out.mkdir(parents=True, exist_ok=True)
-    path = args.out / 'checkpoint.pt'
-    torch.manual_seed(args.seed)
-    network = Reader()
+def loss_of(network: nn.Module, batch: Sequence[Sample]) -> torch.Tensor:
+    """Return what is to be made small: of the reader by tokens, of the checker by meanings."""
+    sentences, meanings = zip(*batch)
+    if isinstance(network, Reader):
+        before, wanted = targets([some[0] for some in meanings])
+        logits = network(sentences, before).flatten(0, 1)
+        return functional.cross_entropy(logits, wanted.flatten(), ignore_index=PAD)
+    logits = network(sentences, meanings)
+    right = torch.zeros_like(logits)
+    right[:, 0] = 1.0
+    # Which of several meanings it is, and whether one by itself is right.
+    which = functional.cross_entropy(logits, torch.zeros(len(logits), dtype=torch.long))
+    return which + functional.binary_cross_entropy_with_logits(logits, right)
+
+
+def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
+    """Train one network for some minutes of computing in all."""
+    torch.set_num_threads(threads)
+    kind, seed, share, wrongs = NETWORKS[name]
+    path = out / f'{name}.pt'
+    torch.manual_seed(seed)
+    network = kind()
     optimizer = torch.optim.Adam(network.parameters(), lr=RATE, betas=(0.9, 0.99))
     state = {'round': 0, 'seconds': 0.0}
     if path.exists():
@@ -131,44 +81,70 @@ def main() -> None:
         optimizer.load_state_dict(saved['optimizer'])
         state = saved['state']
     human = people()
-    say(
-        f'{len(human)} sentences of people, {sum(p.numel() for p in network.parameters())} weights'
-    )
-    words = sorted(crc32(word.encode()) for word in vocabulary(with_nouns=False) | known_words())
-    total = args.minutes * 60
+    total = minutes * 60
     while state['seconds'] < total:
         began = time.process_time()
-        draw = random.Random(f'{args.seed} {state["round"]}')
+        draw = random.Random(f'{seed} {state["round"]}')
         losses = []
         network.train()
-        for batch in batches(draw, human, args.people):
+        for batch in batches(draw, human, share, wrongs):
             done = min(1.0, (state['seconds'] + time.process_time() - began) / total)
             for group in optimizer.param_groups:
-                group['lr'] = RATE * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * done)))
-            before, wanted = targets([meaning for _, meaning in batch])
-            logits = network([tokens for tokens, _ in batch], before)
-            loss = functional.cross_entropy(
-                logits.flatten(0, 1), wanted.flatten(), ignore_index=PAD
-            )
+                group['lr'] = rate(done)
+            loss = loss_of(network, batch)
             optimizer.zero_grad()
             loss.backward()
-            torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            nn.utils.clip_grad_norm_(network.parameters(), 1.0)
             optimizer.step()
             losses.append(loss.item())
-        state = {
-            'round': state['round'] + 1,
-            'seconds': state['seconds'] + time.process_time() - began,
-        }
+        seconds = state['seconds'] + time.process_time() - began
+        state = {'round': state['round'] + 1, 'seconds': seconds}
         saved = {
             'network': network.state_dict(), 'optimizer': optimizer.state_dict(), 'state': state,
         }  # fmt: skip
         torch.save(saved, path.with_suffix('.new'))
         path.with_suffix('.new').replace(path)
-        np.savez(args.out / 'reader.npz', words=np.array(words, np.uint32), **exported(network))
         say(
-            f'round {state["round"]}: loss {np.mean(losses):.4f}, '
-            f'{state["seconds"] / 60:.1f} of {args.minutes:g} minutes'
+            f'{name}, round {state["round"]}: loss {np.mean(losses):.4f}, '
+            f'{seconds / 60:.1f} of {minutes:g} minutes'
         )
+
+
+def rate(done: float) -> float:
+    """Return the learning rate when a share of the time is done."""
+    return (
+        RATE * min(1.0, done / WARM + 0.05) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
+    )
+
+
+def export(out: Path) -> None:
+    """Write the weights of both networks into one file."""
+    arrays: dict[str, Any] = {}
+    for name, (kind, *_) in NETWORKS.items():
+        network = kind()
+        network.load_state_dict(torch.load(out / f'{name}.pt')['network'])
+        arrays |= {f'{name}.{key}': value for key, value in exported(network).items()}
+    words = sorted(crc32(word.encode()) for word in vocabulary(with_nouns=False) | known_words())
+    np.savez(out / 'reader.npz', words=np.array(words, np.uint32), **arrays)
+
+
+def main() -> None:
+    """Train both networks side by side."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--out', type=Path, required=True)
+    parser.add_argument('--minutes', type=float, default=35.0, help='of computing, for each')
+    parser.add_argument('--only', choices=NETWORKS, help='one of the two networks')
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    names = [args.only] if args.only else list(NETWORKS)
+    made = get_context('spawn')
+    running = [made.Process(target=train, args=(name, args.minutes, args.out)) for name in names]
+    for one in running:
+        one.start()
+    for one in running:
+        one.join()
+    if all((args.out / f'{name}.pt').exists() for name in NETWORKS):
+        export(args.out)
 
 
 def say(text: str) -> None:

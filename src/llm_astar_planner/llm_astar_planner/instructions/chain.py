@@ -131,11 +131,12 @@ class ChainInterpreter:
         started = time.monotonic()
         readings: list[Interpretation] = []
         for part in self.parts:
-            left = time_limit - (time.monotonic() - started)
-            reading = part.interpret(text, places, max(0.0, left))
-            readings.append(reading)
-            if is_settled(reading):
+            # The reader is asked too where the grammar has a question: it may be sure.
+            is_asked = part.name == READER and not any(one.is_whole for one in readings)
+            if any(map(is_settled, readings)) and not is_asked:
                 break
+            left = time_limit - (time.monotonic() - started)
+            readings.append(part.interpret(text, places, max(0.0, left)))
         return fullest(readings)
 
 

@@ -60,6 +60,9 @@ NOT_TOGETHER = 'no path of cells keeps every clause'
 # Metres from the goal up to which a path passes it.
 PASSES_GOAL = 1.0
 ELSEWHERE = 'the path ends at {}, as the instruction says, and does not pass the goal {}'
+# What is not certain may be the opposite of what was meant: it is followed where it costs at most
+# this share of the length more.
+UNSURE_SHARE = 1.0
 
 
 class InstructedSearch:
@@ -98,6 +101,7 @@ class InstructedSearch:
         is kept. Raises PlanningFailure where the policy is `require` and no path keeps every
         `must` clause, and where no path was found in time.
         """
+        self.demands = tuple(map(self.affordable, self.demands))
         segment = self.strictly(self.demands)
         if segment is None and self.policy == REQUIRE:
             broken = [
@@ -132,6 +136,14 @@ class InstructedSearch:
         if segment is None and any(demand.ask.rules for demand in demands if not demand.is_must):
             segment = self.solve(enforcer.strict(owes_wishes=False) or problem)
         return segment
+
+    def affordable(self, demand: Demand) -> Demand:
+        """Return a demand, left out where its clause is a question and its answer costs much."""
+        if not demand.clause.unsure or demand.problem is not None:
+            return demand
+        direct, longer = self.length_with(), self.length_with(demand)
+        is_cheap = longer <= (1.0 + UNSURE_SHARE) * direct
+        return demand if is_cheap else replace(demand, problem=f'{longer - direct:.1f} m longer')
 
     def possible(self, demand: Demand) -> Demand:
         """Return a demand as far as some path keeps it, whatever the others ask."""
@@ -190,7 +202,11 @@ class InstructedSearch:
 
     def shortest(self, numbers: Sequence[int]) -> float:
         """Return the metres of the best path under some demands. Raises PlanningFailure."""
-        enforcer = Enforcer([self.demands[number] for number in numbers], self.route)
+        return self.length_with(*(self.demands[number] for number in numbers))
+
+    def length_with(self, *demands: Demand) -> float:
+        """Return the metres of the best path under demands. Raises PlanningFailure."""
+        enforcer = Enforcer(demands, self.route)
         exact = replace(self.request, method=EXACT, source=None, want_expanded=False)
         segment = self.solve(enforcer.strict() or enforcer.relaxed(), exact)
         cells = math.nan if segment is None else segment.result.length
@@ -225,11 +241,17 @@ class InstructedSearch:
 
     def note(self) -> str:
         """Say which clauses contradict each other, or that no path keeps all; else ''."""
-        pairs = [
+        found = [
             f'"{one.sentence()}" contradicts "{other.sentence()}"'
             for one, other in contradictions(self.asked)
         ]
-        return '; '.join(pairs) or ('' if self.is_kept else NOT_TOGETHER)
+        found = found or ([] if self.is_kept else [NOT_TOGETHER])
+        found += [
+            f'"{demand.clause.sentence()}" waits for the answer: it would be {demand.problem}'
+            for demand, asked in zip(self.demands, self.asked)
+            if demand.clause.unsure and demand.problem and not asked.problem
+        ]
+        return '; '.join(found)
 
 
 def plan_with_instruction(

@@ -243,7 +243,7 @@ class WayKeeper(NamedTuple):
         away = np.hypot(
             *(kept.path[nearest_places(kept.path, cells.astype(float))] - cells).T
         ).max()
-        is_beside = away * self.costmap.grid_map.resolution < SAME_WAY_METRES
+        is_beside = away * self.planner.grid_map.resolution < SAME_WAY_METRES
         return bool(is_beside and self.request.instruction is None)
 
     def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:

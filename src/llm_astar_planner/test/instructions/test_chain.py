@@ -60,6 +60,16 @@ def test_what_the_first_one_reads_whole_is_not_asked_of_the_second():
     assert second.asked == []
 
 
+def test_the_reader_is_asked_about_what_is_a_question_of_the_grammar_and_no_model_is():
+    unsure = Scripted('grammar', Understanding.UNSURE, (replace(KITCHEN, unsure='?'),))
+    reader, model = Scripted('reader'), Scripted('model')
+    assert ChainInterpreter([unsure, reader, model]).interpret('a', NO_PLACES, 1.0).is_whole
+    reader.status, reader.clauses = Understanding.NONE, ()
+    found = ChainInterpreter([unsure, reader, model]).interpret('a', NO_PLACES, 1.0)
+    assert (found.understood_by, found.status) == ('grammar', Understanding.UNSURE)
+    assert model.asked == []
+
+
 def test_the_second_is_asked_where_the_first_has_read_a_part():
     found = ChainInterpreter([partial(), Scripted('model')]).interpret('a', NO_PLACES, 1.0)
     assert (found.understood_by, found.seconds, found.prompt_tokens) == ('model', 2.0, 20)

@@ -265,6 +265,17 @@ def test_a_guessed_clause_is_never_claimed(planner):
     assert made.instruction.satisfied is False
 
 
+def test_a_clause_in_question_is_followed_only_where_it_costs_little(planner, monkeypatch):
+    monkeypatch.setattr('llm_astar_planner.planning.instruction.UNSURE_SHARE', 0.1)
+    direct = planner.plan(PlanRequest(START, GOAL)).length
+    for unsure in (Visit(unsure='?', regions=(EAST,)), Avoid(unsure='?', region=Half('south'))):
+        made = plan(planner, unsure)
+        assert made.length == direct
+        assert 'waits for the answer: it would be' in made.instruction.note
+    nearby = plan(planner, Avoid(unsure='?', region=Disc(8.0, 3.0, 1.0)))
+    assert nearby.instruction.note == ''
+
+
 def test_clauses_that_exclude_each_other_are_named(planner):
     made = plan(planner, Visit(regions=(WEST,)), Avoid(region=WEST))
     assert made.instruction.note == '"visit the west room" contradicts "avoid the west room"'

@@ -18,8 +18,14 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
-from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS
+from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag
+from llm_astar_planner.instructions.grammar.selection import (
+    WALL,
+    Modifier,
+    Unclear,
+    select_group,
+)
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 
@@ -34,6 +40,13 @@ DESCRIBED = re.compile(
 )
 MOST_DESCRIBED = 12
 SHORTEST_PART = 3
+# Numbers that may say how often ('one' is a word: 'the big one'), and hundredths of a metre after
+# metres: 'a metre fifty'.
+TIMES = range(2, 21)
+HUNDREDTHS = range(5, 100, 5)
+# What a slot is called in the meaning, where it is not as it is shown.
+NAMED_AS = {'O': 'R', 'G': 'R', 'Y': 'R', 'N': 'K'}
+WORDS_OF_A_LETTER = frozenset('adeilmnostuy')
 # Words in names that tell nothing.
 VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala'})
 
@@ -42,8 +55,9 @@ VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', '
 class Slot:
     """What one slot stands for.
 
-    - `kind`: R a region, L metres, S a side, K how often (least, most, turned round by 'not').
-    - `shown`: R one place, O an object, G several, Y any one of several.
+    - `kind`: R a region, L metres, S a side, K how often: (least, most, turned round by 'not'), or
+      a number.
+    - `shown`: R one place, O an object, G several, Y any one of several, N a number.
     - `members`: the regions of a group. `doubts`: words that may mean something else.
     """
 
@@ -52,6 +66,14 @@ class Slot:
     shown: str = ''
     members: tuple[Region, ...] = ()
     doubts: tuple[str, ...] = ()
+
+    @property
+    def entries(self) -> tuple[int, int | None]:
+        """The least and the most of a K slot with limits; 'not twice' is once at most."""
+        least, most, turns = self.value
+        if turns:
+            least, most = (0, least - 1) if least else (int(most) + 1, None)
+        return int(least), None if most is None else int(most)
 
     @property
     def in_json(self) -> Any:  # noqa: ANN401 - JSON
@@ -91,6 +113,11 @@ def lifted(text: str, places: Places) -> Lifted:
     return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)
 
 
+def slot_name(token: str) -> str:
+    """Return the name in the meaning of a slot as it is shown: 'R3' of '@G3'."""
+    return NAMED_AS.get(token[1], token[1]) + token[2:]
+
+
 def named(slot: Slot, slots: Mapping[str, Slot]) -> str:
     """Return the name of a slot, that of the same one before; '' where there are too many."""
     mine = {name: one for name, one in slots.items() if name[0] == slot.kind}
@@ -101,13 +128,18 @@ def named(slot: Slot, slots: Mapping[str, Slot]) -> str:
 
 def slots_in(lexemes: Sequence[Lexeme], places: Places) -> Iterator[tuple[int, int, Slot]]:
     """Yield the slots of a sentence, each with where it stands."""
-    at = 0
+    at, before = 0, ''
     while at < len(lexemes):
         count, slot = noun_phrase(lexemes[at:])
+        if slot is None:
+            count, slot = 1, next_of_series(before, lexemes[at], places)
+        if slot is None:
+            count, slot = metres_and_more(lexemes[max(0, at - 1) : at], lexemes[at : at + 2])
         if slot is None:
             count, slot = 1, simple_slot(lexemes[at], places)
         if slot is not None:
             yield lexemes[at].start, lexemes[at + count - 1].end, slot
+            before = slot.value.place if isinstance(slot.value, NamedPlace) else before
         at += count
 
 
@@ -134,13 +166,49 @@ def described(lexemes: Sequence[Lexeme]) -> Slot | None:
     try:
         found = select_group(lexemes[noun].value, [*before, *tags], where)
     except Unclear:
-        return None
+        return any_of_group(lexemes[0]) if len(lexemes) == 1 else None
     doubts = tuple(said for one in lexemes for said, _ in one.doubts)
     if len(found.places) == 1 and not found.is_walls:
         return place_slot(found.places[0], doubts)
     region = found.together or regions.AnyOf(found.regions[: regions.MAX_JOINED])
     shown = 'Y' if found.any_one else 'G'
     return None if found.is_walls else Slot('R', region, shown, found.regions, doubts)
+
+
+def any_of_group(noun: Lexeme) -> Slot | None:
+    """Return the slot of a noun in singular that may mean several places: 'either bathroom'."""
+    group = noun.value
+    is_wide = isinstance(group, Group) and nouns().generic.get(group.noun) == group.noun
+    if not isinstance(group, Group) or is_wide or group.noun == WALL or len(group.places) < 2:
+        return None
+    members = tuple(NamedPlace(place.name) for place in group.places[: regions.MAX_JOINED])
+    tag = group.tag or common_tag(group, list(group.places), (), is_told=False)
+    doubts = tuple(said for said, _ in noun.doubts)
+    return Slot('R', regions.Tagged(tag) if tag else regions.AnyOf(members), 'Y', members, doubts)
+
+
+def metres_and_more(
+    before: Sequence[Lexeme], lexemes: Sequence[Lexeme]
+) -> tuple[int, Slot | None]:
+    """Return how many lexemes 'a metre' or 'one metre fifty' takes, and its slot."""
+    first, *others = lexemes
+    is_told = any(one.kind in ('OF', 'HALFNOUN', 'AND', 'UNKNOWN') for one in before)
+    if first.kind != 'LENGTH' and (first.kind != 'UNIT' or is_told):
+        return 0, None
+    if not float(first.value).is_integer():
+        return 0, None
+    more = [one.number for one in others if one.kind == 'NUMBER' and one.number in HUNDREDTHS]
+    metres = float(first.value) + sum(more) / 100
+    return 1 + len(more), Slot('L', metres, doubts=tuple(said for said, _ in first.doubts))
+
+
+def next_of_series(name: str, lexeme: Lexeme, places: Places) -> Slot | None:
+    """Return the place that a number or letter means after a name: 'lab 1 or 3', 'gate A, B'."""
+    head, _, last = name.rpartition(' ')
+    said = f'{lexeme.value:g}' if isinstance(lexeme.value, float) else str(lexeme.value)
+    is_next = lexeme.kind in ('NUMBER', 'UNKNOWN') and (last.isdigit() or len(last) == 1)
+    found = places.get(f'{head} {said}') if head and is_next else None
+    return None if found is None else place_slot(found, ())
 
 
 def place_slot(place: Place, doubts: tuple[str, ...]) -> Slot:
@@ -162,15 +230,22 @@ def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
         return Slot('R', regions.Disc(*value), 'R')
     if lexeme.kind == 'TIMES':
         return Slot('K', value, doubts=doubts) if isinstance(value, tuple) else None
+    if lexeme.kind == 'NUMBER' and lexeme.number in TIMES:
+        return Slot('K', int(lexeme.number), 'N')
     if lexeme.kind == 'TAG':
         found = places.with_tag(str(value))
         if len(found) == 1:
             return place_slot(found[0], doubts)
         members = tuple(NamedPlace(one.name) for one in found)
         return Slot('R', regions.Tagged(value), 'G', members, doubts)
-    if lexeme.kind == 'UNKNOWN' and len(str(value)) >= SHORTEST_PART:
+    if lexeme.kind == 'UNKNOWN' and (len(str(value)) >= SHORTEST_PART or is_letter(str(value))):
         return named_in_part(str(value), places)
     return None
+
+
+def is_letter(word: str) -> bool:
+    """Whether a word may be the letter of a place and is no word of a language."""
+    return len(word) == 1 and word.isalpha() and word not in WORDS_OF_A_LETTER
 
 
 def named_in_part(word: str, places: Places) -> Slot | None:

@@ -16,23 +16,25 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
-from llm_astar_planner.instructions.grammar.selection import DRAWN
-from llm_astar_planner.instructions.reader.lifting import SLOTS, Slot
+from llm_astar_planner.instructions.grammar.selection import DRAWN, OPPOSITE
+from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Slot, slot_name
 from llm_astar_planner.instructions.regions import NEAR_WIDTH
 
-END, CLOSE, UNKNOWN, WISH, EACH = '<end>', ')', '?', 'W', 'EA'
+END, CLOSE, UNKNOWN, WISH, EACH, ONE = '<end>', ')', '?', 'W', 'EA', 'ONE'
 # The parts of each clause: c a clause, r a region, p a place, s a side, l a length, k how often,
 # w a region or the walls, f the first of regions to visit; a star ends a list of any length.
 CLAUSES = {
-    'A': 'r', 'B': 'rr', 'T': 'rr', 'N': 'rr', 'S': 'r', 'P': 'rs', 'K': 'wl', 'E': 'r',
-    'C': 'rk', 'CN': 'rk', 'HF': 's', 'HO': 'sp', 'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
+    'A': 'r', 'B': 'rr', 'T': 'rr', 'N': 'rr', 'S': 'r', 'P': 'rs', 'PX': 'rs', 'K': 'wl',
+    'E': 'r', 'C': 'rk', 'CN': 'rk', 'CL': 'rk', 'CG': 'rk', 'CE': 'rk', 'HF': 's', 'HO': 'sp',
+    'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
     'V': 'fv', 'OR': 'rrm', 'EX': 'rrm',
 }  # fmt: skip
 LISTS = ('V', 'OR', 'EX')
 REGIONS = ('HF', 'HO', 'AL', 'BW', 'EA', 'OR', 'EX')
 # All tokens in the order of the network's outputs.
 TOKENS = (
-    END, CLOSE, *CLAUSES, 'START', 'GOAL', 'WALLS', UNKNOWN, 'D', *(f'U_{one}' for one in ABOUT),
+    END, CLOSE, *CLAUSES, 'START', 'GOAL', 'WALLS', UNKNOWN, 'D', ONE,
+    *(f'U_{one}' for one in ABOUT),
     *(f'{kind}{number}' for kind, most in SLOTS.items() for number in range(1, most + 1)),
 )  # fmt: skip
 # The fields in JSON of each kind of clause.
@@ -40,7 +42,7 @@ FIELDS = {
     'A': ('avoid', 'region'), 'S': ('stay_in', 'region'), 'E': ('end_at', 'region'),
     'B': ('before', 'first', 'second'), 'T': ('then', 'first', 'second'),
     'N': ('never_after', 'first', 'second'), 'P': ('pass', 'region', 'side'),
-    'K': ('keep_distance', 'from', 'metres'),
+    'PX': ('pass', 'region', 'side'), 'K': ('keep_distance', 'from', 'metres'),
 }  # fmt: skip
 Parts = tuple[Any, ...]
 
@@ -71,9 +73,54 @@ def following(tokens: Iterator[str]) -> str:
 
 def ordered(tokens: Sequence[str]) -> tuple[Parts, ...]:
     """Return the clauses of a meaning in one order of all that mean the same."""
-    found = [sorted_parts(part) for part in parsed(iter(tokens))]
+    found = [sorted_parts(one) for part in parsed(iter(tokens)) for one in apart(part)]
     visits = [part for part in found if is_visit(part)]
     return (*visits, *sorted({part for part in found if not is_visit(part)}, key=str))
+
+
+def apart(part: Parts) -> list[Parts]:
+    """Return 'avoid A or B' as two clauses: both are avoided."""
+    kind, *inner = part
+    if kind == WISH:
+        return [(WISH, one) for one in apart(inner[0])]
+    is_joined = kind == 'A' and inner[0][0] == 'OR'
+    return [(kind, one) for one in inner[0][1:]] if is_joined else [part]
+
+
+def flat(parts: Sequence[Parts]) -> Iterator[str]:
+    """Yield the tokens of clauses."""
+    for kind, *inner in parts:
+        yield kind
+        yield from flat(inner)
+        if kind in LISTS:
+            yield CLOSE
+
+
+def told_in_turn(tokens: Sequence[str], meaning: Sequence[str]) -> list[str]:
+    """Return a meaning as the networks write it: in the order of mention, visits first.
+
+    Raises Unreadable for what is no meaning.
+    """
+    spots: dict[str, int] = {}
+    for at, token in enumerate(tokens):
+        if token[0] == SIGN:
+            spots.setdefault(slot_name(token), at)
+
+    def place(part: Parts) -> tuple[int, str]:
+        found = [spots[token] for token in flat([part]) if token in spots]
+        return min(found, default=len(tokens)), str(part)
+
+    def sorted_in(part: Parts) -> Parts:
+        kind, *inner = part
+        inner = [sorted_in(one) for one in inner]
+        if kind in LISTS:
+            first = inner[:1] if kind == 'EX' else []
+            inner = [*first, *sorted(inner[len(first) :], key=place)]
+        return (kind, *inner)
+
+    parts = [sorted_in(part) for part in ordered(meaning)]
+    visits = [part for part in parts if is_visit(part)]
+    return list(flat([*visits, *sorted((p for p in parts if not is_visit(p)), key=place)]))
 
 
 def is_visit(part: Parts) -> bool:
@@ -112,8 +159,10 @@ class Writer:
         values = [self.value(one) for one in inner]
         if kind == 'V':
             return {'kind': 'visit', 'regions': [one for some in values for one in as_list(some)]}
-        if kind in ('C', 'CN'):
-            return count(*values, is_refused=kind == 'CN')
+        if kind[0] == 'C':
+            return {'kind': 'count', 'region': values[0], **entries(kind, values[1])}
+        if kind == 'PX':
+            values[1] = OPPOSITE[values[1]]
         if kind not in FIELDS:
             raise Unreadable(f'{kind} is no clause')
         name, *fields = FIELDS[kind]
@@ -133,6 +182,8 @@ class Writer:
         match kind:
             case 'START' | 'GOAL':
                 return {'end': kind.lower()}
+            case 'ONE':
+                return 1
             case 'WALLS' | 'D':
                 return 'walls' if kind == 'WALLS' else CLEAR
             case 'OR':
@@ -155,12 +206,14 @@ def as_list(value: Any) -> list[Any]:  # noqa: ANN401 - JSON
     return value if isinstance(value, list) else [value]
 
 
-def count(region: object, times: Sequence[Any], *, is_refused: bool) -> dict[str, Any]:
-    """Return how often a region is entered. Raises Unreadable for 'not twice'."""
-    least, most, turns = times
-    if is_refused != bool(turns):
-        raise Unreadable('not so often, or how often')
-    if is_refused:
-        least, most = (0, least - 1) if least else (int(most) + 1, None)
-    most = None if most is None else int(most)
-    return {'kind': 'count', 'region': region, 'at_least': int(least), 'at_most': most}
+def entries(kind: str, times: Any) -> dict[str, Any]:  # noqa: ANN401 - a number or limits
+    """Return the least and the most entries. Raises Unreadable for 'not twice' as a wish."""
+    if isinstance(times, int) == (kind in ('C', 'CN')):
+        raise Unreadable('how often, or how many')
+    if isinstance(times, int):
+        least, most = 0 if kind == 'CL' else times, None if kind == 'CG' else times
+    else:
+        if times[2] != (kind == 'CN'):
+            raise Unreadable('not so often, or how often')
+        least, most = Slot('K', times).entries
+    return {'at_least': least, 'at_most': most}

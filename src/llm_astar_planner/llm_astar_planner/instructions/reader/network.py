@@ -1,13 +1,16 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The network in numpy: a bidirectional GRU reads a sentence, another GRU writes its meaning.
+"""The networks in numpy: two readers write the meaning of a sentence, a checker weighs one.
 
-Its weights are `reader.npz`, which `training/llm_astar_reader` makes. Every token that is written
-is one that the language of meanings allows there, of slots that the sentence has.
+Each reads a sentence by a bidirectional GRU of its own. Another GRU of a reader writes tokens
+that the language of meanings allows, of slots that the sentence has. The checker reads a meaning
+in the light of the sentence, and the sentence in that of the meaning. Their weights are
+`reader.npz`, which `training/llm_astar_reader` makes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -15,11 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.reader.features import features
+from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import (
     CLAUSES,
     CLOSE,
     EACH,
     END,
+    ONE,
     REGIONS,
     TOKENS,
     UNKNOWN,
@@ -29,6 +34,7 @@ from llm_astar_planner.instructions.reader.meaning import (
 FILE = Path(__file__).with_name('reader.npz')
 # The hashes of the words that were seen in training, in the same file.
 WORDS = 'words'
+READERS = ('reader', 'second')
 LONGEST = 32
 Array = NDArray[np.float32]
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
@@ -43,7 +49,8 @@ def kind_tokens() -> dict[str, frozenset[str]]:
     kinds = {
         't': clause | {WISH, END}, 'c': clause, 'r': region, 'w': region | {'WALLS'},
         'f': region | {EACH}, 'v': region | {EACH, CLOSE}, 'm': region | {CLOSE},
-        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'}, 'k': slots['K'],
+        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'},
+        'k': slots['K'] | {ONE},
     }  # fmt: skip
     return {name: frozenset(tokens) for name, tokens in kinds.items()}
 
@@ -61,22 +68,22 @@ def after(stack: str, token: str) -> str:
 
 
 @cache
-def weights() -> Mapping[str, Array]:
-    """Return the arrays of the network, read once."""
+def weights(network: str) -> Mapping[str, Array]:
+    """Return the arrays of one of READERS or the checker, read once."""
     with np.load(FILE) as arrays:
-        return {n: arrays[n].astype(np.float32) for n in arrays.files if n != WORDS}
+        names = [name for name in arrays.files if name.startswith(f'{network}.')]
+        return {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
 
 
 @cache
 def known_words() -> frozenset[int]:
-    """Return the hashes of the words that the network has seen."""
+    """Return the hashes of the words that the networks have seen."""
     with np.load(FILE) as arrays:
         return frozenset(map(int, arrays[WORDS]))
 
 
-def gru(inputs: Array, name: str, state: Array) -> Array:
+def gru(inputs: Array, table: Mapping[str, Array], name: str, state: Array) -> Array:
     """Return the states [n, length, size] of a GRU over inputs [n, length, size]."""
-    table = weights()
     into = inputs @ table[name.format('weight_ih')].T + table[name.format('bias_ih')]
     turn, bias = table[name.format('weight_hh')].T, table[name.format('bias_hh')]
     states = np.empty((*inputs.shape[:2], state.shape[1]), np.float32)
@@ -89,14 +96,33 @@ def gru(inputs: Array, name: str, state: Array) -> Array:
     return states
 
 
+def both_ways(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
+    """Return the states of a bidirectional GRU over inputs [n, length, size]."""
+    size = table[name.format('weight_hh')].shape[1]
+    zero = np.zeros((len(inputs), size), np.float32)
+    ahead = gru(inputs, table, name, zero)
+    back = gru(inputs[:, ::-1], table, f'{name}_reverse', zero)[:, ::-1]
+    return np.concatenate((ahead, back), axis=2)
+
+
 def sigmoid(values: Array) -> Array:
     """Return the logistic function."""
     return np.asarray(0.5 + 0.5 * np.tanh(0.5 * values))
 
 
-def encoded(sentences: Sequence[Sequence[str]]) -> Array:
+def linear(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
+    """Return a linear layer of inputs."""
+    return np.asarray(inputs @ table[f'{name}.weight'].T + table[f'{name}.bias'])
+
+
+def softmax(values: Array) -> Array:
+    """Return shares along the last axis."""
+    found = np.exp(values - values.max(axis=-1, keepdims=True))
+    return np.asarray(found / found.sum(axis=-1, keepdims=True))
+
+
+def encoded(sentences: Sequence[Sequence[str]], table: Mapping[str, Array]) -> Array:
     """Return sentences of one length as float32 [n, length, size]."""
-    table = weights()
     rows = {
         token: sum(weight * table['words.weight'][row] for row, weight in features(token))
         for sentence in sentences
@@ -104,61 +130,113 @@ def encoded(sentences: Sequence[Sequence[str]]) -> Array:
     }
     layer = np.array([[rows[token] for token in sentence] for sentence in sentences], np.float32)
     for n in (0, 1):
-        size = table[f'encoder.weight_hh_l{n}'].shape[1]
-        zero = np.zeros((len(sentences), size), np.float32)
-        ahead = gru(layer, f'encoder.{{}}_l{n}', zero)
-        back = gru(layer[:, ::-1], f'encoder.{{}}_l{n}_reverse', zero)[:, ::-1]
-        layer = np.concatenate((ahead, back), axis=2)
+        layer = both_ways(layer, table, f'encoder.{{}}_l{n}')
     return layer
 
 
-def meanings(
-    sentences: Sequence[Sequence[str]], names: Sequence[Mapping[str, str]]
-) -> list[tuple[list[str], float]]:
-    """Return the meanings of sentences of one length, each with its log probability.
+@dataclass(frozen=True)
+class Reading:
+    """Sentences of one length as a reader has read them, to be asked for their meanings."""
 
-    The values of `names` are the slots that each of the sentences has.
+    table: Mapping[str, Array]
+    sentences: Sequence[Sequence[str]]
+    code: Array
+    state: Array
+
+    def step(self, state: Array, last: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return the next state and the log probability of each token [n, tokens]."""
+        table = self.table
+        state = gru(table['tokens.weight'][last][:, None], table, 'decoder.{}_l0', state)[:, 0]
+        scores = (self.code @ (state @ table['query.weight'].T)[:, :, None])[:, :, 0]
+        context = (softmax(scores)[:, None] @ self.code)[:, 0]
+        mixed = np.tanh(linear(np.hstack((state, context)), table, 'mix'))
+        return state, np.log(softmax(linear(mixed, table, 'out')) + 1e-12)
+
+    def log_probabilities(self, meanings: Sequence[Sequence[str]]) -> NDArray[np.float64]:
+        """Return the log probability of a meaning of each sentence, all of one length."""
+        state, last = self.state, np.full(len(self.sentences), len(TOKENS))
+        found = np.zeros(len(self.sentences))
+        for tokens in columns(meanings):
+            state, logs = self.step(state, last)
+            last = np.array([NUMBER[token] for token in tokens])
+            found += logs[np.arange(len(last)), last]
+        return found
+
+    def written(self, names: Sequence[Mapping[str, str]]) -> list[tuple[list[str], float]]:
+        """Return the likeliest meaning of each sentence with its log probability, [] for none.
+
+        The values of `names` are the slots that each of the sentences has.
+        """
+        has = np.array([token[0] not in 'RLSK' or not token[1:].isdigit() for token in TOKENS])
+        has = has | np.array([[token in mine.values() for token in TOKENS] for mine in names])
+        count = len(self.sentences)
+        stacks, found = ['t'] * count, [[] for _ in names]  # type: ignore[var-annotated]
+        scores, state, last = np.zeros(count), self.state, np.full(count, len(TOKENS))
+        for _ in range(LONGEST):
+            state, logs = self.step(state, last)
+            allowed = np.array([mask(stack[:1]) for stack in stacks]) & has
+            # A list may have to end where a sentence has no slot left that fits.
+            logs = np.where(allowed, logs, -np.inf)
+            last = logs.argmax(axis=1)
+            for n, token in enumerate(last):
+                if stacks[n]:
+                    scores[n] += logs[n, token]
+                    stacks[n] = after(stacks[n], TOKENS[token]) if TOKENS[token] != END else ''
+                    found[n] += [TOKENS[token]] if TOKENS[token] != END else []
+            if not any(stacks):
+                break
+        is_whole = np.isfinite(scores) & ~np.array(list(map(bool, stacks)))
+        return [
+            (tokens if whole else [], float(score))
+            for tokens, whole, score in zip(found, is_whole, scores)
+        ]
+
+
+def columns(meanings: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
+    """Yield the tokens of meanings of one length step by step, and the end."""
+    yield from zip(*meanings)
+    yield [END] * len(meanings)
+
+
+def reading(name: str, sentences: Sequence[Sequence[str]]) -> Reading:
+    """Return sentences of one length as one of READERS reads them."""
+    table = weights(name)
+    code = encoded(sentences, table)
+    return Reading(table, sentences, code, np.tanh(linear(code.mean(axis=1), table, 'start')))
+
+
+def agreement(
+    sentences: Sequence[Sequence[str]], meanings: Sequence[Sequence[str]]
+) -> NDArray[np.float64]:
+    """Return how sure the checker is that each sentence has its meaning, as a log odds.
+
+    Sentences are of one length, and so are meanings.
     """
-    table = weights()
-    code = encoded(sentences)
-    state = np.tanh(code.mean(axis=1) @ table['start.weight'].T + table['start.bias'])
-    has = np.array([token[0] not in 'RLSK' or not token[1:].isdigit() for token in TOKENS])
-    has = has | np.array([[token in mine.values() for token in TOKENS] for mine in names])
-    stacks, written = ['t'] * len(sentences), [[] for _ in sentences]  # type: ignore[var-annotated]
-    scores = np.zeros(len(sentences))
-    last = np.full(len(sentences), len(TOKENS))
-    for _ in range(LONGEST):
-        state = gru(table['tokens.weight'][last][:, None], 'decoder.{}_l0', state)[:, 0]
-        logs = token_logs(state, code)
-        allowed = np.array([mask(stack[:1]) for stack in stacks]) & has
-        # A list may have to end where a sentence has no slot left that fits.
-        logs = np.where(allowed, logs, -np.inf)
-        last = logs.argmax(axis=1)
-        for n, token in enumerate(last):
-            if stacks[n]:
-                scores[n] += logs[n, token]
-                stacks[n] = after(stacks[n], TOKENS[token]) if TOKENS[token] != END else ''
-                written[n] += [TOKENS[token]] if TOKENS[token] != END else []
-        if not any(stacks):
-            break
-    is_whole = np.isfinite(scores) & ~np.array(list(map(bool, stacks)))
-    return [
-        (tokens if whole else [], float(score))
-        for tokens, whole, score in zip(written, is_whole, scores)
-    ]
+    table = weights('checker')
+    code = linear(encoded(sentences, table), table, 'view')
+    tokens = [[*meaning, END] for meaning in meanings]
+    links = np.array([links_of(*pair) for pair in zip(sentences, tokens)], np.float32)
+    index = np.array([[NUMBER[token] for token in meaning] for meaning in tokens])
+    inputs = np.concatenate((table['tokens.weight'][index], links @ code), axis=2)
+    states = both_ways(inputs, table, 'meaning.{}_l0')
+    asked = states @ table['query.weight'].T
+    scores = np.asarray(asked @ code.transpose(0, 2, 1), np.float32)
+    sides = []
+    for name, mine, other in (
+        ('meaning_side', states, softmax(scores) @ code),
+        ('sentence_side', code, softmax(scores.transpose(0, 2, 1)) @ states),
+    ):
+        joint = np.concatenate((mine, other, mine * other), axis=2)
+        side = np.tanh(linear(joint, table, name))
+        sides += [side.max(axis=1), side.mean(axis=1)]
+    mixed = np.tanh(linear(np.hstack(sides), table, 'mix'))
+    return linear(mixed, table, 'out')[:, 0].astype(float)
 
 
-def token_logs(state: Array, code: Array) -> Array:
-    """Return the log probability of each token [n, tokens] at a state of the decoder."""
-    table = weights()
-    scores = (code @ (state @ table['query.weight'].T)[:, :, None])[:, :, 0]
-    share = np.exp(scores - scores.max(axis=1, keepdims=True))
-    share /= share.sum(axis=1, keepdims=True)
-    context = (share[:, None] @ code)[:, 0]
-    mixed = np.tanh(np.hstack((state, context)) @ table['mix.weight'].T + table['mix.bias'])
-    logits = mixed @ table['out.weight'].T + table['out.bias']
-    logits -= logits.max(axis=1, keepdims=True)
-    return np.asarray(logits - np.log(np.exp(logits).sum(axis=1, keepdims=True)))
+def links_of(sentence: Sequence[str], meaning: Sequence[str]) -> list[list[float]]:
+    """Return, for each token of a meaning, its share of each token of the sentence."""
+    names = [slot_name(token) if token[0] == SIGN else '' for token in sentence]
+    return [[(name == token) / max(1, names.count(token)) for name in names] for token in meaning]
 
 
 @cache

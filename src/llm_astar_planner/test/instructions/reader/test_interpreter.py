@@ -71,7 +71,7 @@ def test_no_text_breaks_it(text):
 
 def test_only_slots_of_the_sentence_are_written():
     one = lifted('keep away', HOSPITAL)
-    for tokens, _ in network.meanings([one.tokens], [{}]):
+    for tokens, _ in network.reading('reader', [one.tokens]).written([{}]):
         assert not {token for token in tokens if token[1:].isdigit()}
 
 
@@ -90,15 +90,36 @@ def test_the_weights_are_small():
     assert network.FILE.stat().st_size < 8e6
 
 
-def test_the_numpy_network_is_that_of_torch():
+@pytest.mark.parametrize('name', network.READERS)
+def test_the_readers_in_numpy_are_those_of_torch(name):
     torch = pytest.importorskip('torch')
-    from llm_astar_reader.network import Reader  # noqa: PLC0415
-    from llm_astar_reader.train import targets  # noqa: PLC0415
+    from llm_astar_reader.train import NETWORKS, targets  # noqa: PLC0415
 
-    other = Reader()
-    other.load_state_dict({name: torch.tensor(one) for name, one in network.weights().items()})
+    other = loaded(NETWORKS[name][0](), name)
     one = lifted('go to the kitchen, then to ward 1', HOSPITAL)
-    ((tokens, score),) = network.meanings([one.tokens], [{name: name for name in one.slots}])
+    read = network.reading(name, [one.tokens])
+    ((tokens, score),) = read.written([{name: name for name in one.slots}])
     before, wanted = targets([tokens])
-    logs = torch.log_softmax(other.eval()([one.tokens], before), -1)
-    assert logs[0].gather(1, wanted[0][:, None]).sum().item() == pytest.approx(score, abs=1e-4)
+    logs = torch.log_softmax(other([one.tokens], before), -1)
+    assert logs[0].gather(1, wanted[0][:, None]).sum().item() == pytest.approx(score, abs=1e-3)
+    assert read.log_probabilities([tokens])[0] == pytest.approx(score, abs=1e-5)
+
+
+def test_the_checker_in_numpy_is_that_of_torch():
+    pytest.importorskip('torch')
+    from llm_astar_reader.train import NETWORKS  # noqa: PLC0415
+
+    other = loaded(NETWORKS['checker'][0](), 'checker')
+    tokens = lifted('go to the kitchen, then to ward 1', HOSPITAL).tokens
+    meanings = [['V', one, ')', 'V', two, ')'] for one, two in (('R1', 'R2'), ('R2', 'R1'))]
+    logits = other([tokens], [meanings])[0].tolist()
+    found = network.agreement([tokens, tokens], meanings)
+    assert found.tolist() == pytest.approx(logits, abs=1e-3)
+
+
+def loaded(other, name):
+    """Return a network of torch with the weights of the package."""
+    torch = pytest.importorskip('torch')
+    arrays = {key: torch.tensor(one) for key, one in network.weights(name).items()}
+    other.load_state_dict(arrays)
+    return other.eval()

@@ -22,10 +22,28 @@ def words(text):
         ('the westernmost ward is closed', 'the @R1 is closed'),
         ('avoid the ballroom', 'avoid the ballroom'),
         ('meide die Küche', 'meide die @R1'),
+        ('ward 1 or 2', '@R1 or @R2'),
+        ('three visits to either ward', '@N1 visits to either @Y1'),
+        ('a good metre from the lift', 'a good @L1 from the @O1'),
+        ('a couple of metres', 'a couple of metres'),
     ],
 )
 def test_names_numbers_sides_and_counts_become_slots(text, tokens):
     assert words(text) == tokens
+
+
+@pytest.mark.parametrize(
+    ('text', 'metres'),
+    [
+        ('sixty centimetres', 0.6),
+        ('a metre fifty', 1.5),
+        ('ein Meter zwanzig', 1.2),
+        ('un mètre vingt', 1.2),
+        ('metro veinte', 1.2),
+    ],
+)
+def test_lengths_in_words_are_metres(text, metres):
+    assert lifted(text, HOSPITAL).slots['L1'].value == pytest.approx(metres)
 
 
 def test_a_slot_knows_what_it_stands_for_and_what_is_doubtful_of_it():
@@ -43,7 +61,7 @@ def test_a_word_of_one_name_alone_means_it_with_a_doubt():
 
 
 def test_an_identifier_is_a_whole_word():
-    assert '@' not in words('avoid ward 1a')
+    assert words('avoid ward 1a') == 'avoid @Y1 1a'
 
 
 def test_there_are_no_more_slots_than_the_network_knows():

@@ -3,11 +3,25 @@
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.lifting import lifted
-from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer, ordered
+from llm_astar_planner.instructions.reader.meaning import (
+    Unreadable,
+    Writer,
+    flat,
+    ordered,
+    parsed,
+    told_in_turn,
+)
 from llm_astar_planner.instructions.reader.network import KINDS, after
+from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.specification import from_json
 
-ONE = lifted('the kitchen, ward 1, the blue rooms, 2 m, north, at most twice', HOSPITAL)
+TEXT = 'the kitchen, ward 1, the blue rooms, 2 m, north, at most twice, 3'
+ONE = lifted(TEXT, HOSPITAL)
+MEANINGS = (
+    'A R1', 'W A R1', 'V R1 ) V R2 )', 'V EA R3 )', 'V OR R1 R2 ) )', 'B R1 R2', 'S HF S1',
+    'P R1 S1', 'PX R1 S1', 'K WALLS L1', 'K R1 D', 'E START', 'A EX R3 R2 )', 'C R1 K1',
+    'CL R1 K2', 'CE R1 ONE', 'CG R2 K2', 'A BW R1 R2', 'V AL R1 )', 'T R1 R2', 'N R1 R2',
+)  # fmt: skip
 
 
 def sentence(meaning):
@@ -27,6 +41,9 @@ def sentence(meaning):
         ('B R1 R2', 'do not enter the ward 1 before the kitchen'),
         ('S HF S1', 'stay in the north half'),
         ('P R1 S1', 'pass the kitchen on the north side'),
+        ('PX R1 S1', 'pass the kitchen on the south side'),
+        ('CL R1 K2', 'enter the kitchen at most 3 times'),
+        ('CE R1 ONE', 'enter the kitchen exactly once'),
         ('K WALLS L1', 'keep 2 m away from the walls'),
         ('K R1 D', 'keep 1 m away from the kitchen'),
         ('E START', 'end in the start'),
@@ -39,10 +56,46 @@ def test_a_meaning_makes_clauses(meaning, words):
     assert sentence(meaning) == words
 
 
-@pytest.mark.parametrize('meaning', ['A', 'R1', 'A R9', 'V R1', 'C R1', 'CN R1 K1', 'A W'])
+@pytest.mark.parametrize(
+    'meaning', ['A', 'R1', 'A R9', 'V R1', 'C R1', 'CN R1 K1', 'CL R1 K1', 'C R1 ONE']
+)
 def test_what_is_no_meaning_is_refused(meaning):
     with pytest.raises(Unreadable):
         sentence(meaning)
+
+
+@pytest.mark.parametrize('meaning', MEANINGS)
+def test_clauses_are_translated_back_to_their_meaning(meaning):
+    writer = Writer(ONE.slots, {'': ''})
+    clauses = [writer.clause(part) for part in ordered(meaning.split())]
+    assert ordered(Translation(ONE.slots, HOSPITAL).meaning(clauses)) == ordered(meaning.split())
+
+
+def test_what_a_sentence_does_not_name_is_not_translated():
+    translation = Translation(ONE.slots, HOSPITAL)
+    lift = {'kind': 'avoid', 'region': {'place': 'lift'}}
+    assert translation.meaning([lift]) == ['A', '?']
+    with pytest.raises(Unreadable):
+        translation.meaning([{'kind': 'keep_distance', 'from': 'walls', 'metres': 3.0}])
+
+
+def test_a_meaning_is_told_in_the_order_of_mention():
+    meaning = ['A', 'R2', 'A', 'R1', 'V', 'R3', 'R2', ')']
+    assert told_in_turn(['@R2', '@R3', '@R1'], meaning) == [
+        'V',
+        'R2',
+        'R3',
+        ')',
+        'A',
+        'R2',
+        'A',
+        'R1',
+    ]
+    assert list(flat(parsed(iter(meaning)))) == meaning
+
+
+def test_to_avoid_one_or_the_other_is_to_avoid_both():
+    assert ordered(['A', 'OR', 'R1', 'R2', ')']) == ordered(['A', 'R2', 'A', 'R1'])
 
 
 def test_what_is_in_any_order_is_the_same_meaning():
