@@ -49,6 +49,7 @@ CANNOT_RUN = {
     r'llm-astar .*/nav2_bringup/maps/': "needs Nav2's map, which comes with ROS",
     r'llm-astar record': 'runs until Ctrl-C; test_recording.py runs it',
     r'python -m benchmarks': 'minutes, and needs maps from elsewhere',
+    r'python -m nav2_stack': 'needs a whole Nav2; test_nav2_missions.py drives where there is one',
 }
 # Files that no clone has, by what a command calls them, and whose they are.
 PROVIDED = {
