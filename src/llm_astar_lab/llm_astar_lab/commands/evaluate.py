@@ -199,9 +199,14 @@ def save_exchanges(
 
 
 def make_config(
-    args: argparse.Namespace, bags: Sequence[Bag], selection: TopicSelection,
-    listed: Sequence[ListedRequest], rules: dict[str, Any], *, folder: ResultsFolder,
-) -> Evaluation:  # fmt: skip
+    args: argparse.Namespace,
+    bags: Sequence[Bag],
+    selection: TopicSelection,
+    listed: Sequence[ListedRequest],
+    rules: dict[str, Any],
+    *,
+    folder: ResultsFolder,
+) -> Evaluation:
     """Return what the evaluation covers.
 
     All baselines are added only where the barriers of every map are known.

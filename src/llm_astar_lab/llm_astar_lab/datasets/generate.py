@@ -242,9 +242,12 @@ def validate_maps(maps: Sequence[ProblemMap]) -> Iterator[DatasetProblem]:
 
 
 def validate_sample(
-    where: str, barrier_map: ProblemMap, sample: Sample, labels: NDArray[np.int32],
+    where: str,
+    barrier_map: ProblemMap,
+    sample: Sample,
+    labels: NDArray[np.int32],
     line_of_sight: LineOfSightChecker,
-) -> Iterator[DatasetProblem]:  # fmt: skip
+) -> Iterator[DatasetProblem]:
     """Yield the problems of one sample.
 
     `labels` [height, width] numbers the connected free cells from 1; 0 is blocked.

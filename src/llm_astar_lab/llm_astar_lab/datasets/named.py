@@ -67,9 +67,12 @@ def load_samples(
 
 
 def select_samples(
-    loaded: Sequence[ProblemMap], path: str, maps: str | None = None, limit: int | None = None,
+    loaded: Sequence[ProblemMap],
+    path: str,
+    maps: str | None = None,
+    limit: int | None = None,
     seed: int = 0,
-) -> list[BenchmarkSample]:  # fmt: skip
+) -> list[BenchmarkSample]:
     """Select samples from loaded maps as `load_samples` does; messages name `path`."""
     if maps is not None:
         wanted = set(parse_ranges(maps, '--map-ids'))

@@ -129,9 +129,12 @@ class RequestReader:
     """Reads the requests of one bag."""
 
     def __init__(
-        self, bag: Bag, selection: TopicSelection, window: float,
+        self,
+        bag: Bag,
+        selection: TopicSelection,
+        window: float,
         listed: Sequence[ListedRequest] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Take an open bag; a recorded plan may come `window` seconds after its request."""
         self.bag = bag
         self._roles = topic_roles(bag, selection)
@@ -248,9 +251,13 @@ class RequestReader:
             self._make_request(f'listed request {item.number}', item.start, item.goal)
 
     def _make_request(
-        self, when: str, start: Place, goal: Place, call: Call | None = None,
+        self,
+        when: str,
+        start: Place,
+        goal: Place,
+        call: Call | None = None,
         tolerance: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Make a request on the current map, or say why that is not possible."""
         made = (self.bag.name, self._count, self._now)
         self._count += 1

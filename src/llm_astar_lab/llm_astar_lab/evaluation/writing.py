@@ -94,9 +94,15 @@ class ResultsBag(BagWriter):
         return self
 
     def add(
-        self, method: str, source: str, grid_map: GridMap, stamp: int, *, points: ArrayLike,
+        self,
+        method: str,
+        source: str,
+        grid_map: GridMap,
+        stamp: int,
+        *,
+        points: ArrayLike,
         report: PlanReport,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Write a method's plan for the request at `stamp` (nanoseconds).
 
         `points` [n, 2] are the path in metres, empty where there is none; `source` is `none`

@@ -126,9 +126,12 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def plan_samples(
-    args: Sequence[str] | None, arguments: argparse.Namespace, folder: ResultsFolder,
-    samples: Sequence[BenchmarkSample], done: Finished,
-) -> None:  # fmt: skip
+    args: Sequence[str] | None,
+    arguments: argparse.Namespace,
+    folder: ResultsFolder,
+    samples: Sequence[BenchmarkSample],
+    done: Finished,
+) -> None:
     """Plan the samples; every row is written as soon as it arrives.
 
     Raises PlannerClientError, ResultsError, KeyboardInterrupt.

@@ -51,9 +51,14 @@ class AnimatedSearch:
 
 
 def drawn_search(
-    plan: Plan, costmap: Costmap, offset: Cell, name: str, order: ExpansionOrder | None, *,
+    plan: Plan,
+    costmap: Costmap,
+    offset: Cell,
+    name: str,
+    order: ExpansionOrder | None,
+    *,
     recorded: NDArray[np.float64] | None = None,
-) -> tuple[Picture, AnimatedSearch | None]:  # fmt: skip
+) -> tuple[Picture, AnimatedSearch | None]:
     """Return the picture of one of several plans on a map, and its animation if it has an order.
 
     `recorded` [n, 2] is the path that a bag holds.

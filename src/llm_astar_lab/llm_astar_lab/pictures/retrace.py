@@ -75,9 +75,12 @@ def instructed_costmap(
 
 
 def search_again(
-    planner: Planner, costmap: Costmap, request: PlanRequest, plan: Plan,
+    planner: Planner,
+    costmap: Costmap,
+    request: PlanRequest,
+    plan: Plan,
     recorder: ExpansionRecorder,
-) -> SearchStatus:  # fmt: skip
+) -> SearchStatus:
     """Run the search of one segment as the plan's; return how it ended. Raises OverflowError."""
     graph, ends = costmap.grid_graph, (request.start, request.goal)
     if request.method == GUIDED:

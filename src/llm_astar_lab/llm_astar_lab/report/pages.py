@@ -66,9 +66,12 @@ def markdown_report(run: RunSummary, pictures: Pictures = ()) -> str:
 
 
 def html_report(
-    run: RunSummary, pictures: Pictures = (), samples: Mapping[str, Any] = NO_SAMPLES, *,
+    run: RunSummary,
+    pictures: Pictures = (),
+    samples: Mapping[str, Any] = NO_SAMPLES,
+    *,
     has_zone: bool = False,
-) -> str:  # fmt: skip
+) -> str:
     """Return the page, which loads nothing from the network.
 
     `samples` is what its browser of samples shows; `has_zone` says that the robot's body closes

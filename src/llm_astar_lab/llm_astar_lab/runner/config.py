@@ -100,9 +100,13 @@ def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
 
 
 def open_folder(
-    folder: ResultsFolder, metadata: dict[str, Any], *, resume: bool, overwrite: bool = False,
+    folder: ResultsFolder,
+    metadata: dict[str, Any],
+    *,
+    resume: bool,
+    overwrite: bool = False,
     parquet: bool = False,
-) -> Finished:  # fmt: skip
+) -> Finished:
     """Start, replace or resume a results folder; return the keys of the finished rows.
 
     A resumed folder keeps its format. Resuming drops the rows whose source never answered, so
@@ -150,9 +154,14 @@ def timing(metadata: dict[str, Any]) -> Iterator[None]:
 
 
 def run_into_folder(
-    folder: ResultsFolder, tasks: Iterable[Task], executor: Executor, max_pending: int, *,
-    metadata: dict[str, Any], step: Callable[[Task, list[Outcome]], object],
-) -> None:  # fmt: skip
+    folder: ResultsFolder,
+    tasks: Iterable[Task],
+    executor: Executor,
+    max_pending: int,
+    *,
+    metadata: dict[str, Any],
+    step: Callable[[Task, list[Outcome]], object],
+) -> None:
     """Run tasks and append their rows; call `step` after each.
 
     The elapsed time is added to `metadata` even when the run is interrupted.

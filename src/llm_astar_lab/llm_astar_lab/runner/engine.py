@@ -158,9 +158,12 @@ def list_variants(
 
 
 def make_tasks(
-    samples: Iterable[tuple[BenchmarkSample, int]], variants: Sequence[tuple[Variant, int]],
-    sources: Sequence[SourceSpec], settings: SearchSettings, done: Finished | None = None,
-) -> list[Task]:  # fmt: skip
+    samples: Iterable[tuple[BenchmarkSample, int]],
+    variants: Sequence[tuple[Variant, int]],
+    sources: Sequence[SourceSpec],
+    settings: SearchSettings,
+    done: Finished | None = None,
+) -> list[Task]:
     """Make one task per pair of sample and scale, without the variants that are `done` for it.
 
     A source with `samples` is run on these alone.

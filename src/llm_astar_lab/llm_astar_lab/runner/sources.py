@@ -256,9 +256,12 @@ class RecordedRun(NamedTuple):
 
 
 def keep_recorded(
-    samples: Sequence[BenchmarkSample], specs: Sequence[SourceSpec], scales: Sequence[int],
-    scale_samples: int, seed: int,
-) -> RecordedRun:  # fmt: skip
+    samples: Sequence[BenchmarkSample],
+    specs: Sequence[SourceSpec],
+    scales: Sequence[int],
+    scale_samples: int,
+    seed: int,
+) -> RecordedRun:
     """Limit a run to the samples that its replays have at one of the scales.
 
     A replay is run on the samples that it has, every other source on those that any replay has.

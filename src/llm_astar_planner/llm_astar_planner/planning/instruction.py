@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -141,9 +142,14 @@ class InstructedSearch:
         """Return a demand, left out where its clause is a question and its answer costs much."""
         if not demand.clause.unsure or demand.problem is not None:
             return demand
-        direct, longer = self.length_with(), self.length_with(demand)
-        is_cheap = longer <= (1.0 + UNSURE_SHARE) * direct
-        return demand if is_cheap else replace(demand, problem=f'{longer - direct:.1f} m longer')
+        more = self.length_with(demand) - self.direct_length
+        is_cheap = more <= UNSURE_SHARE * self.direct_length
+        return demand if is_cheap else replace(demand, problem=f'{more:.1f} m longer')
+
+    @cached_property
+    def direct_length(self) -> float:
+        """The metres of the best path without demands."""
+        return self.length_with()
 
     def possible(self, demand: Demand) -> Demand:
         """Return a demand as far as some path keeps it, whatever the others ask."""

@@ -40,7 +40,7 @@ from llm_astar_planner.planning.types import (
     WaypointStatus,
     describe_expansions,
 )
-from llm_astar_planner.search.arrays import StopFlag
+from llm_astar_planner.search.arrays import Bools, Int32s, Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import path_cost, path_length
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
@@ -48,10 +48,6 @@ from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQ
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.search.any_angle import AnyAnglePath
-
-Int32s = NDArray[np.int32]
-Bools = NDArray[np.bool_]
-Int64s = NDArray[np.int64]
 
 # Goals whose last ways are remembered.
 REMEMBERED_GOALS = 64
@@ -240,9 +236,8 @@ class WayKeeper(NamedTuple):
     def is_same_way(self, kept: Plan) -> bool:
         """Tell whether the new path is beside the kept one all along; not with an instruction."""
         cells = self.plan.path[::4]
-        away = np.hypot(
-            *(kept.path[nearest_places(kept.path, cells.astype(float))] - cells).T
-        ).max()
+        beside = kept.path[nearest_places(kept.path, cells.astype(float))]
+        away = np.hypot(*(beside - cells).T).max()
         is_beside = away * self.planner.grid_map.resolution < SAME_WAY_METRES
         return bool(is_beside and self.request.instruction is None)
 

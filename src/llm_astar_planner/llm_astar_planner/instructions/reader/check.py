@@ -20,8 +20,7 @@ from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.reader.views import Clauses, Views
 
 LONGEST = 64
-# The least weight of a claim, calibrated on sentences that were locked: there one claim in a
-# hundred was wrong.
+# The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
 CERTAIN = 0.45
 
 

@@ -78,17 +78,24 @@ class Entities:
         return self._keep(made, self.node.destroy_publisher)
 
     def subscription(
-        self, kind: type, name: str, callback: Callable[[Any], None], qos: QoSProfile,
+        self,
+        kind: type,
+        name: str,
+        callback: Callable[[Any], None],
+        qos: QoSProfile,
         group: CallbackGroup,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Create a subscription."""
         made = self.node.create_subscription(kind, name, callback, qos, callback_group=group)
         self._keep(made, self.node.destroy_subscription)
 
     def service(
-        self, kind: type, name: str, callback: Callable[[Any, Any], Any] | None,
+        self,
+        kind: type,
+        name: str,
+        callback: Callable[[Any, Any], Any] | None,
         group: CallbackGroup,
-    ) -> Service:  # fmt: skip
+    ) -> Service:
         """Create a service that loses no request of many callers."""
         made = self.node.create_service(
             kind, name, callback, qos_profile=CALLS, callback_group=group

@@ -73,9 +73,12 @@ class MapManager:
     """
 
     def __init__(
-        self, logger: RcutilsLogger, config: Callable[[], CostmapConfig],
-        on_planner: Callable[[Planner], None], compiler: KernelCompiler | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        logger: RcutilsLogger,
+        config: Callable[[], CostmapConfig],
+        on_planner: Callable[[Planner], None],
+        compiler: KernelCompiler | None = None,
+    ) -> None:
         """Start without a map; `on_planner` gets each new planner, on the preparing thread.
 
         A map that arrives while `compiler` compiles what it takes is prepared after that.
@@ -380,9 +383,13 @@ class CostmapWait:
         return waited._replace(warnings=(*waited.warnings, *maps.arrivals.warnings()))
 
     def wait_for(
-        self, warning: str, begin: float, limit: float, may_wait: Callable[[], bool],
+        self,
+        warning: str,
+        begin: float,
+        limit: float,
+        may_wait: Callable[[], bool],
         newer_than: float | None = None,
-    ) -> Waited:  # fmt: skip
+    ) -> Waited:
         """Wait for up to `limit` seconds as `MapManager.wait` does; warn if that was in vain."""
         is_ready = self.maps.wait(limit, may_wait, newer_than=newer_than)
         seconds = self.clock() - begin

@@ -45,8 +45,7 @@ from llm_astar_planner.planning.types import (
     plan_report,
 )
 from llm_astar_planner.search.any_angle import interpolate, turning_points
-
-Float64s = NDArray[np.float64]
+from llm_astar_planner.search.arrays import Float64s
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
 MAX_REPORTS = 32

@@ -121,9 +121,14 @@ class RequestConverter:
         self._fields: dict[str, Any] = {}
 
     def to_request(
-        self, goal: PlanGoal, grid_map: GridMap, time_left: Callable[[], float],
-        may_wait: MayWait = never, *, want_expanded: bool,
-    ) -> Converted:  # fmt: skip
+        self,
+        goal: PlanGoal,
+        grid_map: GridMap,
+        time_left: Callable[[], float],
+        may_wait: MayWait = never,
+        *,
+        want_expanded: bool,
+    ) -> Converted:
         """Return the request to the planner; a transform is awaited while `may_wait()`.
 
         It has the seconds that `time_left` returns after that. Raises RequestError, and what
@@ -253,9 +258,12 @@ class RequestHandler:
             self._ended.wait_for(lambda: not self._running, LONGEST_END)
 
     def answer(
-        self, goal: PlanGoal, token: CancellationToken | None = None,
-        on_better: Callable[[], None] | None = None, replan_reason: str = '',
-    ) -> PlanResponse:  # fmt: skip
+        self,
+        goal: PlanGoal,
+        token: CancellationToken | None = None,
+        on_better: Callable[[], None] | None = None,
+        replan_reason: str = '',
+    ) -> PlanResponse:
         """Plan, publish what came of it, and return it; never raises.
 
         `token` cancels it from another thread: its code is then TIMEOUT and only the report is

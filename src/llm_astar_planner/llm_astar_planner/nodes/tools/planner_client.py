@@ -164,9 +164,12 @@ class PlannerClient:
             )
 
     def wait_until_ready(
-        self, map_digest: str | None = None, *, client: str = '',
+        self,
+        map_digest: str | None = None,
+        *,
+        client: str = '',
         seconds: float = DISCOVERY_SECONDS,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Wait until the planner has the map of that digest, or any map.
 
         `client` names a waypoint client that the planner must have discovered and that must have

@@ -9,21 +9,18 @@ Grids are flat here and have a frame of one closed cell around the map.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from llm_astar_planner.search.arrays import Bools, Int32s, Uint8s
 from llm_astar_planner.search.kernel_cache import jit
 
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.uint8]
-Ints = NDArray[np.int32]
 # What `flood` notes of a cell: reached, and met but not open.
 REACHED, EDGE = 1, 2
 
 
 @jit
 def flood(
-    groups: Ints, is_open: Bools, steps: Ints, targets: Bools, seen: Bytes, first: Ints
-) -> tuple[int, Ints]:
+    groups: Int32s, is_open: Bools, steps: Int32s, targets: Bools, seen: Uint8s, first: Int32s
+) -> tuple[int, Int32s]:
     """Reach all cells of open groups from the `first` ones, until one is a target.
 
     `groups` [cells] numbers what closes a cell, 0 what nothing opens; `is_open` [groups]. Fills
@@ -58,8 +55,8 @@ def flood(
 
 @jit
 def room_of(
-    lethal: Bools, reach: int, groups: Ints, is_open: Bools, wide_groups: Ints, is_wide: Bools
-) -> Ints:
+    lethal: Bools, reach: int, groups: Int32s, is_open: Bools, wide_groups: Int32s, is_wide: Bools
+) -> Int32s:
     """Return the squared distance to the nearest lethal cell: [height + 2, width + 2].
 
     In cells: 0 where the group is not open, and the most, one beyond `reach` squared, where the
@@ -90,7 +87,7 @@ def room_of(
 
 
 @jit
-def nearest_reached(seen: Bytes, x: int, y: int) -> tuple[int, int]:
+def nearest_reached(seen: Uint8s, x: int, y: int) -> tuple[int, int]:
     """Return the row and column of a reached cell nearest to another, -1 if there is none.
 
     `seen` is [height, width]; the other cell may lie off it.
@@ -108,7 +105,7 @@ def nearest_reached(seen: Bytes, x: int, y: int) -> tuple[int, int]:
 
 @jit
 def widest(
-    room: Ints, steps: Ints, targets: Bools, seen: Bytes, edges: Ints
+    room: Int32s, steps: Int32s, targets: Bools, seen: Uint8s, edges: Int32s
 ) -> tuple[int, int, int]:
     """Return the target that the widest way leads to, its least room, and where that is.
 
