@@ -19,6 +19,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
@@ -64,6 +65,7 @@ class InstructionServer:
     """
 
     entities: Entities
+    side: Node
     settings: Parameters
     places: Callable[[], Places]
     on_understood: Callable[[], None]
@@ -97,7 +99,8 @@ class InstructionServer:
         entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
         entities.subscription(Bool, '~/confirm', self.on_confirm, RELIABLE, group)
         QuestionServer(entities, self.interpret)
-        entities.timer(ASK_AGAIN_PERIOD, self.ask_again, group)
+        # On a thread where little else waits: each second it would wake the executor of the node.
+        Entities(self.side).timer(ASK_AGAIN_PERIOD, self.ask_again, group)
         self.refresh()
 
     def interpret(
