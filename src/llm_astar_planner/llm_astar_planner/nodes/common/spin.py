@@ -59,7 +59,7 @@ LONGEST_LEAVE = 8.0
 
 def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
     """Spin until the context is shut down or `stopped` is set, then return without an error."""
-    # What sets it wakes the executor too.
+    # What sets it ends the wait too.
     timeout = None if stopped else LONGEST_WAIT
     while context.ok() and not (stopped and stopped.is_set()):
         spin_once(executor, context, timeout)
@@ -98,7 +98,8 @@ class SpinThread:
     def close(self) -> None:
         """Stop; without this the process may abort at exit."""
         self._stopped.set()
-        self._executor.wake()
+        # Something to do: merely woken, the executor would go on waiting.
+        self._executor.create_task(int)
         self._thread.join()
         self._executor.shutdown()
 
