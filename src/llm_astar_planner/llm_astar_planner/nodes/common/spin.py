@@ -49,7 +49,7 @@ class ArgumentError(LlmAstarError, ValueError):
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 # A signal that arrives between two steps interrupts neither, so no step waits for longer.
-LONGEST_WAIT = 2.0
+LONGEST_WAIT = 1.0
 # How long a thread that writes a long path may delay a cancel request, in seconds.
 SWITCH_SECONDS = 0.001
 # Seconds after which a process that cannot leave the graph is ended; `ros2 launch` kills it after
