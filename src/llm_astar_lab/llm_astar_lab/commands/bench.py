@@ -53,7 +53,6 @@ from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_lab.runner import sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
-from llm_astar_lab.runner.map_costs import map_costs
 from llm_astar_lab.runner.protocol import (
     FIELDS,
     NEEDED,
@@ -137,9 +136,6 @@ def run(args: argparse.Namespace) -> int:
         with run.pool(config.sources):
             tasks = config.tasks(run.open(config.row_count))
             kept = keep_maps(args, folder, config, dataset.maps)
-            if dataset.map_names:
-                grids = [item for item in kept if isinstance(item, GridProblem)]
-                run.metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
             run.execute(tasks)
         # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks, kept

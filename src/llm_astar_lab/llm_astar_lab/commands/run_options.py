@@ -37,7 +37,6 @@ from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
-from llm_astar_lab.runner.map_costs import add_query_times
 from llm_astar_lab.runner.sources import GRID_BASELINES, RETRIEVED, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -329,8 +328,6 @@ class Run:
         rows = folder.stored()
         maps = load_kept_maps(folder.path / MAPS_FILE)
         unanswered = [*config.describe_unanswered(rows)]
-        if 'map_costs' in metadata:
-            add_query_times(metadata['map_costs'], rows)
         folder.write_json('metadata.json', metadata)
         has_zones = 'zones' in metadata['parameters']
         lengths = {} if has_zones else thresholds.reference_lengths(maps)

@@ -6,20 +6,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
-
-from llm_astar_msgs_adapter.errors import shortened
+from collections.abc import Iterator, Sequence
 
 from llm_astar_lab.analysis.replies import reply_shares
 from llm_astar_lab.analysis.summary import Growth, RunSummary, VariantSummary
 from llm_astar_lab.report.table import Table, descriptions
-from llm_astar_lab.results.row import ResultsError
 
 # Families that the tables show; summary.json has all.
 MAX_FAMILIES = 12
-# Maps that the table of their costs shows; metadata.json has all.
-MAX_MAP_COSTS = 200
 
 
 def report_tables(run: RunSummary) -> list[Table]:
@@ -30,7 +24,7 @@ def report_tables(run: RunSummary) -> list[Table]:
         Table.of('over_none', [item for item in run.comparisons if item.samples]),
         Table.of('spread', run.variants), Table.of('waypoints', guided), reply_table(run.variants),
         Table.of('paths', run.variants), *family_tables(run.variants),
-        map_cost_table(run.metadata), growth_table(run.growths),
+        growth_table(run.growths),
         Table.of('paper', () if run.metadata.get('bags') else descriptions()['paper']['items']),
     ]  # fmt: skip
     return [table for table in every if table.rows]
@@ -76,34 +70,6 @@ def family_tables(summaries: Sequence[VariantSummary]) -> Iterator[Table]:
     }
     for name, items in shown.items():
         yield Table.of(name, items, [label or 'unknown' for label in names], more=note)
-
-
-def map_cost_table(metadata: Mapping[str, Any]) -> Table:
-    """Return preprocessing, memory and query times by map, where they were measured.
-
-    Raises ResultsError where the metadata has something else there.
-    """
-    costs = metadata.get('map_costs', ())
-    shown, more = costs[:MAX_MAP_COSTS], ''
-    try:
-        variants = list(dict.fromkeys(name for cost in costs for name in cost['queries']))
-        items = [cost_of(cost, variants) for cost in shown]
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise ResultsError(f'metadata.json: map_costs: {shortened(str(error))}') from None
-    if len(costs) > len(shown):
-        more = f' The first {len(shown)} of {len(costs)} maps; metadata.json has all.'
-    return Table.of('map_costs', items, variants, more=more)
-
-
-def cost_of(cost: Mapping[str, Any], variants: Sequence[str]) -> dict[str, Any]:
-    """Return the costs of a map by name; a variant without a query there has no times."""
-    queries = [cost['queries'].get(name, {}) for name in variants]
-    return {
-        'name': str(cost['name']), 'family': str(cost['family']),
-        'cells': float(cost['width'] * cost['height']),
-        'seconds': float(cost['seconds']), 'bytes': float(cost['bytes']),
-        'queries': [{name: float(value) for name, value in found.items()} for found in queries],
-    }  # fmt: skip
 
 
 def growth_table(growths: Sequence[Growth]) -> Table:

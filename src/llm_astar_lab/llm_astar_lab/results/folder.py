@@ -60,7 +60,7 @@ PART_ROWS = 16_384
 NUMBER = 'int or float'
 SHAPE = {
     'version': 'str', 'machine': {}, 'seconds': NUMBER, 'bags': ['str'], 'left_out': ['str'],
-    'notes': ['str'], 'map_costs': ['dict'], 'files': {}, 'packages': {},
+    'notes': ['str'], 'files': {}, 'packages': {},
     'dataset': {'file': 'str', 'sha256': 'str'},
     'parameters': {
         'seed': 'int', 'rules': 'dict or null', 'price': 'list or null', 'heuristic': 'str',
