@@ -133,12 +133,11 @@ def run(args: argparse.Namespace) -> int:
     if card is not None:
         run.metadata.setdefault('notes', []).append(sentence(card, len(config.samples)))
     try:
-        with run.pool(config.sources):
-            tasks = config.tasks(run.open(config.row_count))
-            kept = keep_maps(args, folder, config, dataset.maps)
-            run.execute(tasks)
+        tasks = config.tasks(run.open(config.row_count))
+        keep_maps(args, folder, config, dataset.maps)
+        run.execute(tasks, config.sources, 'sample')
         # Free the memory of the run: the reports of a million rows take much themselves.
-        del dataset, config, tasks, kept
+        del dataset, config, tasks
         if card is not None:
             write_protocol(folder, card, run.metadata)
         return run.close()
@@ -151,8 +150,8 @@ def keep_maps(
     folder: ResultsFolder,
     config: BenchmarkConfig,
     maps: Sequence[ProblemMap],
-) -> list[ProblemMap]:
-    """Write the maps and places of a run into its folder; return the maps. Raises ResultsError."""
+) -> None:
+    """Write the maps and places of a run into its folder. Raises ResultsError."""
     ids = {sample.barrier_map.id for sample in config.samples}
     kept = [item for item in maps if item.id in ids]
     if args.resume and (folder.path / MAPS_FILE).exists():
@@ -160,7 +159,6 @@ def keep_maps(
     folder.write_text(MAPS_FILE, format_kept_maps(kept))
     if config.settings.instruction is not None:
         folder.write_places(config.settings.instruction.places)
-    return kept
 
 
 def open_dataset(args: argparse.Namespace) -> named.Dataset:

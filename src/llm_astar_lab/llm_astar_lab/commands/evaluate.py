@@ -123,16 +123,15 @@ def run(args: argparse.Namespace) -> int:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             common.check_thresholds(args, config.sources)
-            with run.pool(config.sources):
-                files = [*args.bags, *([args.requests] if listed else [])]
-                parameters = run_parameters(args, config)
-                run.metadata |= describe_run(files, parameters, common.deciding_files(args))
-                names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
-                run.metadata['bags'] = list(names)
-                left = config.tasks(run.open())
-                keep = [partial(write_outcomes, results_bag)] if results_bag else []
-                with results_bag or nullcontext():
-                    run.execute(left, 'request', *keep)
+            files = [*args.bags, *([args.requests] if listed else [])]
+            parameters = run_parameters(args, config)
+            run.metadata |= describe_run(files, parameters, common.deciding_files(args))
+            names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
+            run.metadata['bags'] = list(names)
+            left = config.tasks(run.open())
+            keep = [partial(write_outcomes, results_bag)] if results_bag else []
+            with results_bag or nullcontext():
+                run.execute(left, config.sources, 'request', *keep)
             problems = [unopened, *(bag.problems for bag in bags)]
         report_problems(run, problems)
         folder.write_text(MAPS_FILE, format_kept_maps(config.kept_maps()))

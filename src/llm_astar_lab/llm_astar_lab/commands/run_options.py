@@ -8,9 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -171,7 +169,6 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         f'{config.LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
         choices=config.FORMATS,
     )  # fmt: skip
-    option(group, '--dask ADDRESS', 'scheduler of a Dask cluster to run on')
     option(
         group, '--fail-under --assert LIMIT',
         'VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
@@ -262,22 +259,6 @@ class Run:
         self.args, self.folder, self.metadata = args, folder, metadata
         self.code, self._failure = OK, BAD_INPUT
 
-    @contextmanager
-    def pool(self, sources: Sequence[SourceSpec]) -> Iterator[None]:
-        """Have an executor for the tasks; opened before a folder is touched, as that may fail."""
-        if self.args.dask:
-            with config.connect(self.args.dask, sources) as (self._executor, self._at_once):
-                yield
-            return
-        is_live = any(spec.name == 'endpoint' for spec in sources)
-        jobs = self.args.jobs or (LIVE_JOBS if is_live else 1)
-        self._executor, self._at_once = ThreadPoolExecutor(jobs), 2 * jobs
-        try:
-            yield
-        finally:
-            # Requests that are still in flight may take long, and nothing needs their answers now.
-            self._executor.shutdown(wait=False, cancel_futures=True)
-
     def open(self, rows: int = 0) -> Finished:
         """Start or resume the folder of a run of so many rows; return which of them it has.
 
@@ -287,15 +268,18 @@ class Run:
         again = {'resume': self.args.resume, 'overwrite': self.args.overwrite}
         return config.open_folder(self.folder, self.metadata, **again, parquet=parquet)
 
-    def execute(self, tasks: Iterable[Task], unit: str = 'sample', *keep: Keep) -> None:
-        """Run tasks in the pool into the folder, and call `keep` after each.
+    def execute(
+        self, tasks: Iterable[Task], sources: Sequence[SourceSpec], unit: str, *keep: Keep
+    ) -> None:
+        """Run tasks into the folder, and call `keep` after each.
 
         Raises ResultsError where the folder cannot be written to, and what `keep` raises.
         """
         total = len(tasks) if isinstance(tasks, list) else None
-        self.metadata['parameters']['jobs'] = self.args.dask or self._at_once // 2
-        # Tasks that are made one by one hold a map each, so fewer of them are queued.
-        queued = max(1, self._at_once // 2) if total is None else self._at_once
+        is_live = any(spec.name == 'endpoint' for spec in sources)
+        jobs = self.metadata['parameters']['jobs'] = self.args.jobs or (
+            LIVE_JOBS if is_live else 1
+        )
         engine.compile_once()
         self._failure = INCOMPLETE  # from here on there are rows
         try:
@@ -306,8 +290,8 @@ class Run:
                         call(task, outcomes)
                     step()
 
-                pool, metadata = (self._executor, queued), self.metadata
-                config.run_into_folder(self.folder, tasks, *pool, metadata=metadata, step=finish)
+                metadata = self.metadata
+                config.run_into_folder(self.folder, tasks, jobs, metadata=metadata, step=finish)
         except KeyboardInterrupt:
             message = 'interrupted: the rows so far are kept; continue with --resume'
             self.complain(message, INTERRUPTED)

@@ -271,7 +271,8 @@ def check_size(name: str, rules: DrawRules, scale: int) -> None:
 def load_set(name: str, folder: Path) -> Iterator[GridProblem]:
     """Yield the maps of a set in the order of their names, with ids from 0.
 
-    Their samples are the rows of their scenarios. Raises GridProblemError or MovingAiError, which name the folder or the file.
+    Their samples are the rows of their scenarios. Raises GridProblemError or MovingAiError, which
+    name the folder or the file.
     """
     files = sorted(files_of_set(name, folder), key=lambda path: path.name)
     maps = {key: list(named) for key, named in groupby(files, key=lambda path: path.name)}

@@ -5,8 +5,7 @@
 
 A task is one sample at one scale with all its variants. Each source is asked once per task and
 its answer is given to every method, so a run costs one request per sample, prompt and model.
-Tasks can be pickled and `run_task` is a plain function, so that any concurrent.futures executor
-can run them.
+Any concurrent.futures executor can run them.
 """
 
 from __future__ import annotations
