@@ -32,7 +32,7 @@ import llm_astar_planner
 OLD = Path(__file__).parent / 'data' / 'version_0_1_0'
 
 
-# --- bags: `dataset to-bag` (samples), `evaluate --results-bag` (results), `record` (recorded) ---
+# --- bags: of `dataset to-bag` (samples), of an evaluation (results), of `record` (recorded) ---
 
 # What `evaluate samples --methods guided --source straight` said then: the topic of the method,
 # and code, operation, storage, length and number of waypoints of its two plans.

@@ -8,9 +8,8 @@ from llm_astar_lab.bags.types import (
     bag_types,
     define,
     get_plan_request,
+    make_message,
     occupancy_grid,
-    path,
-    status,
 )
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
@@ -61,6 +60,23 @@ def write_bag(folder, messages, storage='mcap', **options):
             else:
                 bag.write_message(topic, at(seconds), message)
     return folder
+
+
+def path(points, frame, stamp):
+    head = {'stamp': {'sec': stamp // NANOSECONDS, 'nanosec': stamp % NANOSECONDS}}
+    head['frame_id'] = frame
+    places = ({'x': float(x), 'y': float(y)} for x, y in points)
+    poses = [{'position': place, 'orientation': {'w': 1.0}} for place in places]
+    poses = [{'header': head, 'pose': pose} for pose in poses]
+    return make_message('nav_msgs/msg/Path', header=head, poses=poses)
+
+
+def status(name, level, message, values, stamp):
+    """Return one diagnostic status with JSON values, like the planner node's report."""
+    pairs = [{'key': key, 'value': json.dumps(value)} for key, value in values.items()]
+    one = {'level': level, 'name': name, 'message': message, 'values': pairs}
+    head = {'stamp': {'sec': stamp // NANOSECONDS, 'nanosec': stamp % NANOSECONDS}}
+    return make_message('diagnostic_msgs/msg/DiagnosticArray', header=head, status=[one])
 
 
 def map_at(seconds, grid_map):

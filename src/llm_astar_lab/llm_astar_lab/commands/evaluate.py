@@ -28,9 +28,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,20 +42,17 @@ from llm_astar_planner.planning.parameters import (
     defaults,
     read_parameter_files,
 )
-from llm_astar_planner.planning.types import plan_report
 
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.types import BARRIER_MAP
-from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
 from llm_astar_lab.evaluation.tasks import Evaluation
 from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
-from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
+from llm_astar_lab.evaluation.writing import write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder
-from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
@@ -99,7 +94,6 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
     flags.option(group, '--plan-window SECONDS', text, default=10.0, type=flags.at_least(0))
-    flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -112,7 +106,6 @@ def run(args: argparse.Namespace) -> int:
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | flags.given_values(args, RULES)
-    results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
     run = common.Run(args, folder, {})
     try:
@@ -128,16 +121,13 @@ def run(args: argparse.Namespace) -> int:
             run.metadata |= describe_run(files, parameters, common.deciding_files(args))
             names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
             run.metadata['bags'] = list(names)
-            left = config.tasks(run.open())
-            keep = [partial(write_outcomes, results_bag)] if results_bag else []
-            with results_bag or nullcontext():
-                run.execute(left, config.sources, 'request', *keep)
+            run.execute(config.tasks(run.open()), config.sources, 'request')
             problems = [unopened, *(bag.problems for bag in bags)]
         report_problems(run, problems)
         folder.write_text(MAPS_FILE, format_kept_maps(config.kept_maps()))
         folder.write_places(config.places)
         return run.close()
-    except (ResultsError, BagWriteError) as error:
+    except ResultsError as error:
         return run.failed(error)
 
 
@@ -233,16 +223,3 @@ def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, An
         'tolerance': settings.tolerance, 'start_tolerance': settings.start_tolerance,
         'paper_corners': settings.paper_corners, 'topics': list(asdict(config.selection).values()),
     }  # fmt: skip
-
-
-def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
-    """Write the plans of all methods for one request into a bag."""
-    grid_map = task.sample.barrier_map.to_grid()
-    for row, plan in outcomes:
-        if plan is not None and task.recorded_plan is not None:
-            source = '/'.join(filter(None, row.variant[1:]))
-            results_bag.add(
-                row.method, source, grid_map, task.recorded_plan.time,
-                points=grid_map.grid_to_world(plan.path),
-                report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
-            )  # fmt: skip

@@ -55,7 +55,6 @@ DECIDING = (
 SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
 SEARCH_PARAMETERS = [item.for_bench() for item in named((*SEARCH, *REQUESTS), *SEARCH_NAMES)]
 Parsed = TypeVar('Parsed')
-Keep = Callable[[Task, list[engine.Outcome]], object]
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -268,30 +267,17 @@ class Run:
         again = {'resume': self.args.resume, 'overwrite': self.args.overwrite}
         return config.open_folder(self.folder, self.metadata, **again, parquet=parquet)
 
-    def execute(
-        self, tasks: Iterable[Task], sources: Sequence[SourceSpec], unit: str, *keep: Keep
-    ) -> None:
-        """Run tasks into the folder, and call `keep` after each.
-
-        Raises ResultsError where the folder cannot be written to, and what `keep` raises.
-        """
+    def execute(self, tasks: Iterable[Task], sources: Sequence[SourceSpec], unit: str) -> None:
+        """Run tasks into the folder. Raises ResultsError where it cannot be written to."""
         total = len(tasks) if isinstance(tasks, list) else None
         is_live = any(spec.name == 'endpoint' for spec in sources)
-        jobs = self.metadata['parameters']['jobs'] = self.args.jobs or (
-            LIVE_JOBS if is_live else 1
-        )
+        jobs = self.args.jobs or (LIVE_JOBS if is_live else 1)
+        self.metadata['parameters']['jobs'] = jobs
         engine.compile_once()
         self._failure = INCOMPLETE  # from here on there are rows
         try:
-            with config.progress(total, unit) as step:
-
-                def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
-                    for call in keep:
-                        call(task, outcomes)
-                    step()
-
-                metadata = self.metadata
-                config.run_into_folder(self.folder, tasks, jobs, metadata=metadata, step=finish)
+            with config.progress(total, unit) as step, config.timing(self.metadata):
+                config.run_into_folder(self.folder, tasks, jobs, step)
         except KeyboardInterrupt:
             message = 'interrupted: the rows so far are kept; continue with --resume'
             self.complain(message, INTERRUPTED)

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is written of bags: a dataset's samples and an evaluation's plans as bags, exchanges.
+"""A dataset's samples as a bag, and the exchanges of bags as a transcript.
 
 Exchanges with language models that were recorded in bags become a transcript to replay.
 """
@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import values_of_report
-from llm_astar_msgs_adapter.messages.report import PlanReport
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, parse_exchange
-from numpy.typing import ArrayLike
 
 from llm_astar_lab.bags import types as bag_messages
 from llm_astar_lab.bags.reading import Bag
@@ -35,10 +33,8 @@ GRID = 'nav_msgs/msg/OccupancyGrid'
 FIRST_STAMP = 1_700_000_000 * NANOSECONDS
 # The time from each map or request of a sample bag to the next.
 STEP = NANOSECONDS
-# How long barriers come before their map, and a map before the first plan on it.
+# How long barriers come before their map.
 LEAD = NANOSECONDS // 1000
-# The size of the spheres that show waypoints, in cells.
-MARKER_CELLS = 1.5
 
 
 def write_sample_bag(
@@ -75,56 +71,6 @@ def write_sample_bag(
                 bag.write_message(GET_PLAN_EVENT, stamp, request)
             stamp += STEP
     return bag.counts
-
-
-class ResultsBag(BagWriter):
-    """Writes the plans of an evaluation into a new bag; a context manager.
-
-    `/map` is written when it changes; for each method (with a source: both their names) there are
-    `/evaluation/<method>/plan`, `/report` and `/markers`. Players show messages in order of their
-    times, so the plans of all methods for one request come before those for the next.
-    """
-
-    _map_digest = ''
-
-    def __enter__(self) -> ResultsBag:
-        """Make the folder. Raises OSError where that fails."""
-        super().__enter__()
-        self.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
-        return self
-
-    def add(
-        self,
-        method: str,
-        source: str,
-        grid_map: GridMap,
-        stamp: int,
-        *,
-        points: ArrayLike,
-        report: PlanReport,
-    ) -> None:
-        """Write a method's plan for the request at `stamp` (nanoseconds).
-
-        `points` [n, 2] are the path in metres, empty where there is none; `source` is `none`
-        where no source was asked. Raises BagWriteError where the disk is full or fails.
-        """
-        stamp = max(stamp, 0)
-        if grid_map.digest != self._map_digest:
-            before = max(stamp - LEAD, 0)
-            self.write_message(MAP, before, bag_messages.occupancy_grid(grid_map, before))
-            self._map_digest = grid_map.digest
-        frame, size = grid_map.frame_id, MARKER_CELLS * grid_map.resolution
-        level, name = report.level[0], f'{method} {source}'
-        messages: dict[str, Any] = {
-            'plan': bag_messages.path(points, frame, stamp),
-            'report': bag_messages.status(name, level, report.summary, asdict(report), stamp),
-            'markers': bag_messages.waypoint_markers(report.waypoints, size, frame, stamp),
-        }
-        for kind, message in messages.items():
-            topic = bag_messages.evaluation_topic(method, source, kind)
-            if topic not in self.counts:
-                self.add_topic(OfferedTopic(topic, define(message.__msgtype__), (qos(),)))
-            self.write_message(topic, stamp, message)
 
 
 def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: Path) -> int:

@@ -22,7 +22,7 @@ from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row
 from llm_astar_lab.results.stored_rows import UNANSWERED, Finished, StoredRows
 from llm_astar_lab.runner import engine
-from llm_astar_lab.runner.engine import Outcome, Task
+from llm_astar_lab.runner.engine import Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
 
 # How rows are stored; a run of at least so many is large.
@@ -152,28 +152,19 @@ def timing(metadata: dict[str, Any]) -> Iterator[None]:
 
 
 def run_into_folder(
-    folder: ResultsFolder,
-    tasks: Iterable[Task],
-    jobs: int,
-    *,
-    metadata: dict[str, Any],
-    step: Callable[[Task, list[Outcome]], object],
+    folder: ResultsFolder, tasks: Iterable[Task], jobs: int, step: Callable[[], object]
 ) -> None:
-    """Run tasks, so many at a time, and append their rows; call `step` after each.
+    """Run tasks, so many at a time, and append their rows; call `step` after each."""
 
-    The elapsed time is added to `metadata` even when the run is interrupted.
-    """
+    def keep(rows: list[Row]) -> None:
+        folder.append(rows)
+        step()
+
     executor = ThreadPoolExecutor(jobs)
     # Tasks that are made one by one hold a map each, so fewer of them are queued.
     queued = 2 * jobs if isinstance(tasks, list) else jobs
-
-    def keep(task: Task, outcomes: list[Outcome]) -> None:
-        folder.append(outcome.row for outcome in outcomes)
-        step(task, outcomes)
-
     try:
-        with timing(metadata):
-            engine.run_tasks(tasks, executor, queued, keep)
+        engine.run_tasks(tasks, executor, queued, keep)
     finally:
         # Requests that are still in flight may take long, and nothing needs their answers now.
         executor.shutdown(wait=False, cancel_futures=True)

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from llm_astar_lab.bags import writing
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.bags.types import BagTypeError, bag_types, define, evaluation_topic
+from llm_astar_lab.bags.types import BagTypeError, bag_types, define
 from llm_astar_lab.bags.writing import BagWriteError, BagWriter, OfferedTopic, qos
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
@@ -203,9 +203,3 @@ def test_types_of_other_packages_are_read_from_their_installation(tmp_path, monk
     assert 'IDL: robot_msgs/srv/Turn_Request\n' in define('robot_msgs/srv/Turn_Event').text
     with pytest.raises(BagTypeError, match=r'robot_msgs/msg/Arm: .* no installed package'):
         define('robot_msgs/msg/Arm')
-
-
-def test_topics_of_an_evaluation_have_names_that_ros_allows():
-    assert evaluation_topic('astar', 'none', 'plan') == '/evaluation/astar/plan'
-    name = evaluation_topic('llm_astar', 'replay:hand-written example', 'report')
-    assert name == '/evaluation/llm_astar_replay_hand_written_example/report'
