@@ -176,7 +176,7 @@ def test_a_recorded_drive_evaluated_with_replay_gives_the_same_paths(drive, tmp_
 
 def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
     """None is lost: those that have arrived when the recording ends are written too."""
-    options = ('--topics', 'chatter', '--max-size', '0.05', '--storage', 'sqlite3')
+    options = ('--topics', 'chatter', '--max-size', '0.05')
     bag = tmp_path / 'bag'
     sent = [f'{number:05}' * 1000 for number in range(30)]
     node = rclpy.create_node('talker', namespace=ALONE)
@@ -208,7 +208,7 @@ def test_what_is_published_by_who_appears_and_leaves_at_once_is_recorded(tmp_pat
         'planner_node/goal_place': (String(data='kitchen'), RELIABLE),
         'map': (OccupancyGrid(), LATCHED),
     }
-    with recording(bag, '--storage', 'sqlite3') as recorder:
+    with recording(bag) as recorder:
         for topic, (message, qos) in requests.items():
             wait_for(lambda topic=topic: node.count_subscribers(topic), topic)
             publisher = node.create_publisher(type(message), topic, qos)

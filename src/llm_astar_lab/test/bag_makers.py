@@ -13,6 +13,7 @@ from llm_astar_lab.bags.types import (
 )
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 TYPES = {
     '/map': 'nav_msgs/msg/OccupancyGrid',
@@ -30,6 +31,7 @@ TYPES = {
     '/llm_astar/barrier_map': 'std_msgs/msg/String',
 }
 EVENT = '/planner_node/get_plan/_service_event'
+SQLITE3 = StoragePlugin.SQLITE3
 
 
 def make(msgtype, **fields):
@@ -51,14 +53,41 @@ def at(seconds):
 
 def write_bag(folder, messages, storage='mcap', **options):
     """Write (topic, seconds, message) in this order; a message may be serialized."""
-    with BagWriter(folder, storage, **options) as bag:
-        for topic in dict.fromkeys(topic for topic, _, _ in messages):
+    topics = dict.fromkeys(topic for topic, _, _ in messages)
+    if storage == 'sqlite3':
+        return write_sqlite3(folder, messages, topics)
+    with BagWriter(folder, **options) as bag:
+        for topic in topics:
             bag.add_topic(OfferedTopic(topic, define(TYPES[topic])))
         for topic, seconds, message in messages:
             if isinstance(message, bytes):
                 bag.write(topic, at(seconds), message)
             else:
                 bag.write_message(topic, at(seconds), message)
+    return folder
+
+
+def as_sqlite3(bag, folder):
+    """Write a bag again as rosbags does, in sqlite3."""
+    with Reader(bag) as source, Writer(folder, version=9, storage_plugin=SQLITE3) as copy:
+        topics = {}
+        for one in source.connections:
+            defined = {'msgdef': one.msgdef.data, 'rihs01': one.digest}
+            topics[one.topic] = copy.add_connection(one.topic, one.msgtype, **defined)
+        for one, stamp, data in source.messages():
+            copy.write(topics[one.topic], stamp, data)
+    return folder
+
+
+def write_sqlite3(folder, messages, topics):
+    with Writer(folder, version=9, storage_plugin=SQLITE3) as bag:
+        for topic in topics:
+            _, text, _, digest = define(TYPES[topic])
+            topics[topic] = bag.add_connection(topic, TYPES[topic], msgdef=text, rihs01=digest)
+        for topic, seconds, message in messages:
+            is_raw = isinstance(message, bytes)
+            data = message if is_raw else bag_types().serialize_cdr(message, TYPES[topic])
+            bag.write(topics[topic], at(seconds), data)
     return folder
 
 

@@ -1,18 +1,16 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes bags as rosbag2 does: a folder of files split by size, with one metadata.yaml.
+"""Writes bags as rosbag2 does: a folder of mcap files split by size, with one metadata.yaml.
 
-Each file is complete up to the last chunk or second even if the process dies.
+Each file is complete up to the last chunk even if the process dies.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import sqlite3
 import sys
-import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,14 +22,12 @@ from typing import Any, NamedTuple
 import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from llm_astar_lab.bags.types import TypeDefinition, bag_types
 from llm_astar_lab.templates import render
 
-# How much a power cut may lose: bytes before compression, and seconds.
+# How much a power cut may lose: bytes before compression.
 CHUNK_BYTES = 64 * 1024
-COMMIT_SECONDS = 1.0
 # The start (ns) of a file without messages, as rosbag2 writes it.
 NEVER = 2**63 - 1
 
@@ -90,8 +86,6 @@ class Written:
 class McapPart:
     """Writes an mcap file: zstd chunks, indices, checksums."""
 
-    suffix = '.mcap'
-
     def __init__(self, path: Path) -> None:
         """Create the file."""
         self._stream = path.open('xb')
@@ -129,63 +123,6 @@ class McapPart:
         self._stream.close()
 
 
-class SqlitePart:
-    """Writes a database and commits every second into a write-ahead log.
-
-    With neither, a power cut would leave a file that cannot be read.
-    """
-
-    suffix = '.db3'
-
-    def __init__(self, path: Path) -> None:
-        """Create the file."""
-        self._database = sqlite3.connect(path)
-        self._database.executescript(f'PRAGMA journal_mode=WAL; {Sqlite3Writer.SQLITE_SCHEMA}')
-        self._database.execute('UPDATE schema SET ros_distro = ?', (ros_distro(),))
-        self._topics: dict[str, int] = {}
-        self._types: set[str] = set()
-        self._committed = time.monotonic()
-
-    def add_topic(self, topic: OfferedTopic) -> None:
-        """Write a topic with the QoS that its publishers offer, and its type where it is new."""
-        msgtype, text, encoding, digest = topic.definition
-        if msgtype not in self._types:
-            self._types.add(msgtype)
-            columns = 'topic_type, encoding, encoded_message_definition, type_description_hash'
-            self._insert(f'message_definitions ({columns})', msgtype, encoding, text, digest)
-        number = self._topics[topic.name] = len(self._topics) + 1
-        self._insert('topics', number, topic.name, msgtype, 'cdr', topic.profiles, digest)
-
-    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
-        """Write a message at its time in nanoseconds."""
-        self._insert('messages (topic_id, timestamp, data)', self._topics[topic], stamp, data)
-        if time.monotonic() > self._committed + COMMIT_SECONDS:
-            self._database.commit()
-            self._committed = time.monotonic()
-
-    def close(self, metadata: str) -> None:
-        """Finish the file and merge its log: with a log it could not be opened read-only."""
-        self._database.commit()
-        self._database.execute('PRAGMA journal_mode=DELETE')
-        self._insert('metadata (metadata_version, metadata)', 9, metadata)
-        self._database.commit()
-        self._database.execute('PRAGMA optimize')
-        self._database.close()
-
-    def _insert(self, columns: str, *values: object) -> None:
-        """Add a row to a table, all of whose columns or some are named."""
-        marks = ', '.join('?' * len(values))
-        self._database.execute(f'INSERT INTO {columns} VALUES ({marks})', values)  # noqa: S608
-
-    def abort(self) -> None:
-        """Close the file without what was not committed."""
-        self._database.close()
-
-
-Part = McapPart | SqlitePart
-STORAGES: dict[str, type[Part]] = {'mcap': McapPart, 'sqlite3': SqlitePart}
-
-
 class BagWriter:
     """Writes messages into a new bag as they come; a context manager.
 
@@ -194,8 +131,8 @@ class BagWriter:
     full or fails.
     """
 
-    def __init__(self, folder: str | Path, storage: str = 'mcap', max_bytes: int = 0) -> None:
-        """Prepare a bag in `folder`, `mcap` or `sqlite3`.
+    def __init__(self, folder: str | Path, max_bytes: int = 0) -> None:
+        """Prepare a bag in `folder`.
 
         After `max_bytes` of messages a file is closed and the next one begun; 0 means one file.
         Raises BagWriteError where the folder exists.
@@ -203,7 +140,6 @@ class BagWriter:
         self.folder = Path(folder)
         if self.folder.exists():
             raise BagWriteError(f'{folder}: exists already; name a new folder, or remove this one')
-        self._storage = storage
         self._max_bytes = max_bytes or sys.maxsize
         self._topics: dict[str, OfferedTopic] = {}
         self._files: list[tuple[str, Written]] = []
@@ -263,14 +199,13 @@ class BagWriter:
         """Raise BagWriteError for what the disk raises in the block."""
         try:
             yield
-        except (OSError, sqlite3.Error) as error:
-            why = getattr(error, 'strerror', None) or error
+        except OSError as error:
+            why = error.strerror or error
             raise BagWriteError(f'{self.folder}: {why}; what was written before is kept') from None
 
     def _open_part(self) -> None:
-        make = STORAGES[self._storage]
-        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{make.suffix}'
-        self._part: Part = make(self._path)
+        self._path = self.folder / f'{self.folder.name}_{len(self._files)}.mcap'
+        self._part = McapPart(self._path)
         self._part_bytes = 0
         self._in_part = Written()
         for topic in self._topics.values():
@@ -289,8 +224,7 @@ class BagWriter:
     def _metadata(self, files: list[tuple[str, Written]], written: Written) -> str:
         """Return the metadata of a bag of these files, in the format of Jazzy."""
         template, topics = 'bags/metadata.yaml.j2', self._topics.values()
-        facts: dict[str, Any] = {'storage': self._storage, 'distro': ros_distro()}
-        text = render(template, topics=topics, files=files, written=written, **facts)
+        text = render(template, topics=topics, files=files, written=written, distro=ros_distro())
         return f'{text}\n'
 
 

@@ -59,8 +59,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map_option(bag)
     add_map_ids_option(bag)
     option(bag, '--out DIR', 'the folder of the new bag', required=True)
-    text = 'format of the bag (default: %(default)s)'
-    option(bag, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -130,7 +128,7 @@ def write_bag(args: argparse.Namespace) -> int:
     from llm_astar_lab.evaluation.writing import write_sample_bag  # noqa: PLC0415
 
     samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
-    counts = write_sample_bag(samples, args.out, args.storage)
+    counts = write_sample_bag(samples, args.out)
     print(f'{args.out}: {counts[MAP]} maps, {counts[GET_PLAN_EVENT]} requests')
     return OK
 

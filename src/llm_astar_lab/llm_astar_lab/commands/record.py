@@ -35,8 +35,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, '--duration SECONDS', text, default=math.inf, type=at_least(0.001))
     text = 'begin a new file after this size (default: one file)'
     option(parser, '--max-size MB', text, default=0.0, type=at_least(0.0))
-    text = 'format of the bag (default: %(default)s)'
-    option(parser, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     # Not at the top, so that `--help` works without ROS.
     from llm_astar_lab.nodes.recorder import TOPICS, record  # noqa: PLC0415
 
-    bag = BagWriter(arguments.out, arguments.storage, round(arguments.max_size * MEGABYTE))
+    bag = BagWriter(arguments.out, round(arguments.max_size * MEGABYTE))
     topics = (*TOPICS, *arguments.topics)
     report = partial(print, flush=True)
     record(bag, topics, arguments.namespace, arguments.duration, report)

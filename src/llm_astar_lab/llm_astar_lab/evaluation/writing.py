@@ -37,9 +37,7 @@ STEP = NANOSECONDS
 LEAD = NANOSECONDS // 1000
 
 
-def write_sample_bag(
-    samples: Iterable[BenchmarkSample], folder: str | Path, storage: str = 'mcap'
-) -> dict[str, int]:
+def write_sample_bag(samples: Iterable[BenchmarkSample], folder: str | Path) -> dict[str, int]:
     """Write samples, in their order, as a bag; return the number of messages by topic.
 
     Each map is an OccupancyGrid, with its barriers as JSON just before it if it has any; each
@@ -47,7 +45,7 @@ def write_sample_bag(
     bag. Raises BagWriteError where the folder exists or the disk is full, OSError where the folder
     cannot be made.
     """
-    with BagWriter(folder, storage) as bag:
+    with BagWriter(folder) as bag:
         bag.add_topic(OfferedTopic(BARRIER_MAP, define('std_msgs/msg/String'), (LATCHED,)))
         bag.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
         event = define(bag_messages.GET_PLAN_EVENT_TYPE)

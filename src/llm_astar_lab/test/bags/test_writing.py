@@ -4,11 +4,9 @@ import io
 import os
 import resource
 import shutil
-import sqlite3
 
 import pytest
 import yaml
-from llm_astar_lab.bags import writing
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.types import BagTypeError, bag_types, define
 from llm_astar_lab.bags.writing import BagWriteError, BagWriter, OfferedTopic, qos
@@ -36,13 +34,12 @@ def information(folder):
     return yaml.safe_load((folder / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
 
 
-@pytest.mark.parametrize(('storage', 'suffix'), [('mcap', '.mcap'), ('sqlite3', '.db3')])
-def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path, storage, suffix):
-    with BagWriter(tmp_path / 'bag', storage, max_bytes=1000) as bag:
+def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path):
+    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
         bag.add_topic(CHATTER)
         write(bag, 25)
     found = information(tmp_path / 'bag')
-    names = [f'bag_{number}{suffix}' for number in range(3)]
+    names = [f'bag_{number}.mcap' for number in range(3)]
     assert found['relative_file_paths'] == names
     assert sorted(file.name for file in (tmp_path / 'bag').iterdir()) == [*names, 'metadata.yaml']
     assert [file['message_count'] for file in found['files']] == [10, 10, 5]
@@ -69,7 +66,7 @@ def test_a_topic_added_later_is_in_the_metadata_too(tmp_path):
 
 def test_an_error_between_messages_still_leaves_a_complete_bag(tmp_path):
     def break_off():
-        with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
+        with BagWriter(tmp_path / 'bag') as bag:
             bag.add_topic(CHATTER)
             write(bag, 3)
             raise OSError('the disk is full')
@@ -92,10 +89,8 @@ def test_an_unfinished_mcap_file_holds_all_but_the_last_chunk(tmp_path):
     assert sum(isinstance(record, Message) for record in found) >= 90
 
 
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path, monkeypatch, storage):
-    monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
-    with BagWriter(tmp_path / 'bag', storage, max_bytes=300_000) as bag:
+def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path):
+    with BagWriter(tmp_path / 'bag', max_bytes=300_000) as bag:
         bag.add_topic(CHATTER)
         write(bag, 50, size=10_000)
         shutil.copytree(tmp_path / 'bag', tmp_path / 'left')
@@ -106,15 +101,11 @@ def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path, monkeypatc
     assert 'does not name it yet' in note
 
 
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_a_full_disk_is_reported_and_the_messages_before_can_be_read(
-    tmp_path, monkeypatch, storage
-):
-    monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
+def test_a_full_disk_is_reported_and_the_messages_before_can_be_read(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def fill():
-        with BagWriter(tmp_path / 'bag', storage) as bag:
+        with BagWriter(tmp_path / 'bag') as bag:
             bag.add_topic(CHATTER)
             for stamp in range(1000):
                 bag.write('/chatter', stamp, text(os.urandom(5_000).hex()))
@@ -141,20 +132,6 @@ def test_a_bag_without_messages_can_be_read(tmp_path):
 def test_an_existing_folder_is_not_overwritten(tmp_path):
     with pytest.raises(BagWriteError, match='exists already'):
         BagWriter(tmp_path)
-
-
-def test_sqlite3_files_hold_definitions_and_distro_as_rosbag2_writes_them(tmp_path, monkeypatch):
-    monkeypatch.delenv('ROS_DISTRO', raising=False)
-    with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
-        bag.add_topic(CHATTER)
-    with sqlite3.connect(tmp_path / 'bag' / 'bag_0.db3') as database:
-        rows = database.execute('SELECT topic_type, encoding FROM message_definitions').fetchall()
-        (schema,) = database.execute('SELECT schema_version, ros_distro FROM schema')
-        (inside,) = database.execute('SELECT metadata FROM metadata').fetchone()
-    database.close()
-    assert rows == [(STRING, 'ros2msg')]
-    assert schema == (4, 'jazzy')
-    assert yaml.safe_load(inside)['ros_distro'] == 'jazzy'
 
 
 @pytest.mark.parametrize(('sourced', 'distro'), [('', 'jazzy'), ('kilted', 'kilted')])

@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 from bag_makers import (
     answer_at,
+    as_sqlite3,
     call_at,
     exchange_at,
     goal_at,
@@ -87,13 +88,13 @@ def test_the_bag_of_a_dataset_gives_the_same_rows_as_the_benchmark(tmp_path):
     save_maps(list(generate(9, 2, MapRules(pairs=4))), dataset)
     methods = ('--methods', 'exact_astar,waypoints_only,llm_astar,guided')
     assert llm_astar('bench', '--map', dataset, '--out', tmp_path / 'bench', *methods) == 0
+    assert llm_astar('dataset', 'to-bag', '--map', dataset, '--out', tmp_path / 'mcap') == 0
+    as_sqlite3(tmp_path / 'mcap', tmp_path / 'sqlite3')
     for storage in ('mcap', 'sqlite3'):
-        bag, out = tmp_path / f'{storage}_bag', tmp_path / f'{storage}_out'
-        options = ('--map', dataset, '--out', bag, '--storage', storage)
-        assert llm_astar('dataset', 'to-bag', *options) == 0
-        assert llm_astar('evaluate', bag, '--out', out, *methods) == 0
+        out = tmp_path / f'{storage}_out'
+        assert llm_astar('evaluate', tmp_path / storage, '--out', out, *methods) == 0
         assert figures(out, OF_BAGS) == figures(tmp_path / 'bench', OF_BAGS)
-        assert {row['bag'] for row in rows_in(out)} == {f'{storage}_bag'}
+        assert {row['bag'] for row in rows_in(out)} == {storage}
     assert [item.id for item in load_barrier_maps(out / 'maps.json')] == [0, 1]
 
 
