@@ -4,7 +4,7 @@
 """Generate datasets of samples, check them, or convert them to bags.
 
 examples:
-  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset generate --seed 7 --maps 20 --out maps.json
   llm-astar dataset generate --family floors --scale 2 --out floors.json
   llm-astar dataset check maps.json
   llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
@@ -17,10 +17,8 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, save_maps
 from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import MAP_KINDS
@@ -50,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'cells a unit of the maps, as --scales of bench makes them (1)'
     option(make, '--scale K', text, default=1)
     option(make, '--out FILE', 'the JSON file to write', required=True)
-    option(make, '--pictures DIR', 'also draw every map into this folder')
     check = actions.add_parser('check', help='validate a dataset file')
     check.add_argument('file', metavar='FILE')
     option(check, '--json', 'print the problems found as JSON')
@@ -83,11 +80,6 @@ def generate_dataset(args: argparse.Namespace) -> int:
     maps = drawn_maps(args)
     save_maps(maps, args.out)
     print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
-    if args.pictures:
-        # Only drawing needs matplotlib.
-        from llm_astar_lab.report.figures import save_map_pictures  # noqa: PLC0415
-
-        print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
     return OK
 
 
@@ -106,19 +98,16 @@ def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
 
 def check_dataset(args: argparse.Namespace) -> int:
     """Print the problems of a dataset; return 2 where it has errors."""
-    summary, problems = validate_file(args.file)
+    maps, problems = validate_file(args.file)
+    samples = sum(len(item.samples) for item in maps)
     errors = sum(problem.error for problem in problems)
     if args.json:
-        found = [problem._asdict() for problem in problems]
-        print(json.dumps({**summary._asdict(), 'errors': errors, 'findings': found}))
-        return BAD_INPUT if errors else OK
-    for problem in problems:
-        print(problem)
-    counts = f'{summary.maps} maps, {summary.samples} samples, {errors} errors'
-    print(f'{Path(args.file)}: {counts}, {len(problems) - errors} notes')
-    if summary.detours:
-        low, middle, high = np.percentile(summary.detours, (0, 50, 100))
-        print(f'mean detour of a map: {low:.2f} to {high:.2f}, median {middle:.2f}')
+        counts = {'maps': len(maps), 'samples': samples, 'errors': errors}
+        print(json.dumps(counts | {'findings': [problem._asdict() for problem in problems]}))
+    else:
+        notes = len(problems) - errors
+        said = f'{len(maps)} maps, {samples} samples, {errors} errors, {notes} notes'
+        print(*problems, f'{args.file}: {said}', sep='\n')
     return BAD_INPUT if errors else OK
 
 

@@ -89,7 +89,7 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         group, '--requests WHAT',
         "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
-        'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+        'FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
         default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'

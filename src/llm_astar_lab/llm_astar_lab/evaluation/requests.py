@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of a bag, each on the map of its time; also requests listed in a CSV or JSON file.
+"""Requests of a bag, each on the map of its time; also requests listed in a CSV file.
 
 Messages are read one by one. Only the current map, the newest poses and transforms, and the
 requests that wait for their recorded plan are kept.
@@ -18,8 +18,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
-from llm_astar_msgs_adapter.files import parse_json, read_json, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.files import parse_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
@@ -297,20 +297,17 @@ def are_barriers_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
 
 
 def load_requests(path: str | Path) -> list[ListedRequest]:
-    """Read a list of requests, in metres in the map's frame.
+    """Read a CSV list of requests, in metres in the map's frame.
 
-    A `.json` file holds a list of `{"start": [x, y], "goal": [x, y], "time": t}`. Any other is CSV
-    with a first line that names `start_x, start_y, goal_x, goal_y` and optionally `time`. A
-    request without a time is made on the last map. Raises RequestListError.
+    Its first line names `start_x, start_y, goal_x, goal_y` and optionally `time`. A request
+    without a time is made on the last map. Raises RequestListError.
     """
-    path = Path(path)
-    entries = json_entries(path) if path.suffix == '.json' else csv_entries(path)
     requests = []
-    for number, entry in enumerate(entries, 1):
+    for number, entry in enumerate(csv_entries(Path(path)), 1):
         where = f'{path}: entry {number}'
         ends = [read_number(entry[name], f'{where}: {name}') for name in COLUMNS]
         given = entry.get('time')
-        time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
+        time = read_number(given, f'{where}: time') if given else math.inf
         requests.append(ListedRequest(number, time, Pose2D(*ends[:2]), Pose2D(*ends[2:])))
         if number > MAX_REQUESTS:
             raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
@@ -319,7 +316,7 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     return requests
 
 
-def csv_entries(path: Path) -> Iterable[Mapping[str, Any]]:
+def csv_entries(path: Path) -> Iterable[Mapping[str, str | None]]:
     """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
     text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
     reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
@@ -329,28 +326,12 @@ def csv_entries(path: Path) -> Iterable[Mapping[str, Any]]:
     return reader
 
 
-def json_entries(path: Path) -> Iterable[Mapping[str, Any]]:
-    """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
-    entries = read_json(path, RequestListError, MAX_LIST_BYTES)
-    expect(entries, list, str(path), 'a JSON list of requests', RequestListError)
-    for number, entry in enumerate(entries, 1):
-        where = f'{path}: entry {number}'
-        expect(entry, dict, where, 'an object with start and goal', RequestListError)
-        values = {'time': entry.get('time')}
-        for name in ('start', 'goal'):
-            point = entry.get(name)
-            if not isinstance(point, list) or len(point) != 2:
-                raise RequestListError(f'{where}: {name}: [x, y] in metres is expected')
-            values[f'{name}_x'], values[f'{name}_y'] = point
-        yield values
-
-
-def read_number(value: Any, where: str) -> float:  # noqa: ANN401 - as the file has it
+def read_number(value: str | None, where: str) -> float:
     """Return a finite number. Raises RequestListError, which begins with `where`."""
     try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
+        number = float(value or '')
+    except ValueError:
         number = math.nan
-    if isinstance(value, bool) or not math.isfinite(number):
+    if not math.isfinite(number):
         raise RequestListError(f'{where}: a number is expected, not {short_repr(value)}')
     return number

@@ -114,11 +114,9 @@ class Judgement:
         lines = [*self.findings(), self.verdict()]
         return '\n\n'.join([*parts, '\n'.join(lines)])
 
-    def as_markdown(self, picture: str) -> str:
-        """Return the comparison as a page that shows `picture`, a file beside it."""
-        return markdown_page(
-            'report/comparison.md.j2', judgement=self, remarks=remarks, picture=picture
-        )
+    def as_markdown(self) -> str:
+        """Return the comparison as a page."""
+        return markdown_page('report/comparison.md.j2', judgement=self, remarks=remarks)
 
     def as_json(self) -> dict[str, Any]:
         """Return the comparison as JSON values."""

@@ -1,16 +1,13 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A table as data, columns and rows of cells, and as Markdown, LaTeX, CSV and text.
+"""A table as data, columns and rows of cells, and as Markdown, LaTeX and text.
 
-Markdown, LaTeX and text show numbers as they are read, CSV has all their digits. `tables.yaml`
-says which columns the tables have.
+`tables.yaml` says which columns the tables have.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -34,12 +31,12 @@ TextRows = list[tuple[str, ...]]
 # What numbers of a unit are multiplied by, and their decimals.
 UNITS = {
     'text': (1.0, 2), 'number': (1.0, 2), 'count': (1.0, 0), 'tenth': (1.0, 1), 'p': (1.0, 3),
-    'price': (1.0, 4), 'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
+    'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
     'whole percent': (100.0, 0), 'ms': (1e3, 3),
 }  # fmt: skip
 # The end of the unit of a column that is left out where nothing in it is known.
 IF_KNOWN = ' if known'
-# Characters of a text in a table; CSV has all.
+# Characters of a text in a table.
 MAX_CELL = 300
 # What has a meaning in LaTeX, or no glyph in its usual fonts.
 LATEX = str.maketrans({
@@ -217,34 +214,6 @@ def latex_text(words: str) -> str:
     return f'{{}}{quoted}' if quoted.startswith(('[', '*')) else quoted
 
 
-def csv_table(table: Table) -> str:
-    """Return a table as CSV, with its columns' units and all digits.
-
-    A column with intervals becomes three, the value and the limits of its interval; what is
-    unknown is an empty cell.
-    """
-    found: list[list[str]] = []
-    for (head, unit), cells in zip(table.columns, zip(*table.rows)):
-        found.append([head, *(exact(cell, unit) for cell in cells)])
-        if any(isinstance(cell, Interval) for cell in cells):
-            for name in ('low', 'high'):
-                limits = (getattr(cell, name, math.nan) for cell in cells)
-                found.append([f'{head}, {name}', *(exact(end, unit) for end in limits)])
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator='\n').writerows(zip(*found))
-    return buffer.getvalue()
-
-
-def exact(cell: Cell, unit: str) -> str:
-    """Return the value of a cell with all its digits, in its unit."""
-    if isinstance(cell, str):
-        return '' if cell == '-' else cell
-    value = cell.value if isinstance(cell, Interval) else cell
-    if math.isnan(value):
-        return ''
-    return str(value) if isinstance(value, int) else repr(round(UNITS[unit][0] * value, 9))
-
-
 def json_of(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """Return figures as JSON values: dataclasses and named tuples become objects."""
     if isinstance(value, Ratio):
@@ -258,16 +227,6 @@ def json_of(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     return value
 
 
-def write_tables(
-    folder: ResultsFolder, tables: Sequence[Table], *, as_latex: bool, as_csv: bool
-) -> list[Path]:
-    """Write each table to tables/NAME.tex and tables/NAME.csv of a folder; return the files.
-
-    Raises ResultsError.
-    """
-    renderers = [('tex', latex)] * as_latex + [('csv', csv_table)] * as_csv
-    return [
-        folder.write_text(f'tables/{table.name}.{ending}', render(table))
-        for table in tables
-        for ending, render in renderers
-    ]
+def write_tables(folder: ResultsFolder, tables: Sequence[Table]) -> list[Path]:
+    """Write each table to tables/NAME.tex of a folder; return the files. Raises ResultsError."""
+    return [folder.write_text(f'tables/{table.name}.tex', latex(table)) for table in tables]
