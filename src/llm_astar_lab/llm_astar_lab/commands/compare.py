@@ -31,9 +31,8 @@ import json
 
 from llm_astar_planner.cli.flags import at_least, option
 
-from llm_astar_lab.analysis import run_comparison as runs
-from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, load_run
-from llm_astar_lab.report.comparison import Judgement
+from llm_astar_lab.report import comparison as runs
+from llm_astar_lab.report.comparison import MAX_SAMPLES, METRICS, Judgement, load_run
 from llm_astar_lab.report.table import write_tables
 from llm_astar_lab.results.folder import ResultsFolder, format_csv, without_nan
 

@@ -46,9 +46,15 @@ from llm_astar_planner.planning.parameters import (
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.types import BARRIER_MAP
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
+from llm_astar_lab.evaluation.requests import (
+    REQUEST_KINDS,
+    ListedRequest,
+    TopicSelection,
+    describe,
+    describe_text,
+    load_requests,
+)
 from llm_astar_lab.evaluation.tasks import Evaluation
-from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
 from llm_astar_lab.evaluation.writing import write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError

@@ -20,8 +20,7 @@ from llm_astar_planner.cli.flags import option
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.pages import replace_section, results_section
 from llm_astar_lab.report.sentences import headline
-from llm_astar_lab.report.table import write_tables
-from llm_astar_lab.report.tables import report_tables
+from llm_astar_lab.report.table import report_tables, write_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 
 

@@ -26,7 +26,7 @@ from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.types import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS, define
 from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_lab.datasets.named import BenchmarkSample
-from llm_astar_lab.evaluation.topics import TopicSelection, topic_roles
+from llm_astar_lab.evaluation.requests import TopicSelection, topic_roles
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
 # The time of a sample bag's first map; it is fixed, so that the same samples give the same bag.

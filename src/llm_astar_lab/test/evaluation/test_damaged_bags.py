@@ -6,8 +6,7 @@ import pytest
 from bag_makers import as_sqlite3
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.storage import BagError
-from llm_astar_lab.evaluation.requests import RequestReader
-from llm_astar_lab.evaluation.topics import TopicSelection
+from llm_astar_lab.evaluation.requests import RequestReader, TopicSelection
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.resources import find_file
 

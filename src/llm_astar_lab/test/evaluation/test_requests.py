@@ -24,9 +24,10 @@ from llm_astar_lab.bags.types import barrier_map_text
 from llm_astar_lab.evaluation.requests import (
     RequestListError,
     RequestReader,
+    TopicSelection,
+    describe,
     load_requests,
 )
-from llm_astar_lab.evaluation.topics import TopicSelection, describe
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 
 WAY = [(2.0, 2.0), (5.0, 5.0), (8.0, 8.0)]

@@ -10,10 +10,10 @@ from llm_astar_lab.report.table import (
     cell_text,
     latex,
     markdown,
+    report_tables,
     texts_of,
     write_tables,
 )
-from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import ResultsFolder
 
 PERCENT = Column('share (%)', 'percent')
