@@ -20,7 +20,7 @@ import platform
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -358,9 +358,7 @@ def describe_run(
         },
         'files': {names[file]: digest_files(file) for file in names},
         'machine': describe_machine(),
-        'packages': {
-            name: package_version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')
-        },
+        'packages': {name: version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')},
     }
 
 
@@ -413,11 +411,3 @@ def digest_files(*paths: str | Path) -> str:
                     while block := stream.read(1 << 20):
                         digest.update(block)
     return digest.hexdigest()
-
-
-def package_version(package: str) -> str:
-    """Return the installed version of a package, or `missing`."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return 'missing'
