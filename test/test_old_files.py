@@ -11,8 +11,8 @@ import pytest
 from graph_tools import ALONE, process, wait_for
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.writing import ros_distro
+from llm_astar_lab.commands.dataset import write_sample_bag
 from llm_astar_lab.datasets.named import load_samples
-from llm_astar_lab.evaluation.writing import write_sample_bag
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ADDED_COLUMNS
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps

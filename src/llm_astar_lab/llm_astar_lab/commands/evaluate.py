@@ -46,16 +46,9 @@ from llm_astar_planner.planning.parameters import (
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.types import BARRIER_MAP
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.evaluation.requests import (
-    REQUEST_KINDS,
-    ListedRequest,
-    TopicSelection,
-    describe,
-    describe_text,
-    load_requests,
-)
+from llm_astar_lab.evaluation import requests as of_bags
+from llm_astar_lab.evaluation.requests import REQUEST_KINDS, ListedRequest, TopicSelection
 from llm_astar_lab.evaluation.tasks import Evaluation
-from llm_astar_lab.evaluation.writing import write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder
@@ -153,7 +146,7 @@ def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[L
     listed: Sequence[ListedRequest] = ()
     requests = args.requests
     if requests not in REQUEST_KINDS:
-        listed, requests = load_requests(requests), 'list'
+        listed, requests = of_bags.load_requests(requests), 'list'
     namespace = args.namespace.strip('/')
     topics = (args.map_topic, args.plan_topic, args.odom_topic)
     return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed
@@ -163,12 +156,12 @@ def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
     """Show what bags contain; return 3 where one cannot be read or evaluated."""
     code = common.OK
     with open_bags(args.bags) as (bags, unopened):
-        contents = [describe(bag, selection) for bag in bags]
+        contents = [of_bags.describe(bag, selection) for bag in bags]
     for line in unopened.lines():
         code = common.complain(args, line, common.INCOMPLETE)
     if any(item['missing'] or item['left_out'] for item in contents):
         code = common.INCOMPLETE
-    print(json.dumps(contents) if args.json else '\n'.join(map(describe_text, contents)))
+    print(json.dumps(contents) if args.json else '\n'.join(map(of_bags.describe_text, contents)))
     return code
 
 
@@ -185,7 +178,7 @@ def save_exchanges(
         return transcript
     if not (args.resume or args.overwrite):
         folder.require_new()
-    if not write_exchanges(bags, selection, transcript):
+    if not of_bags.write_exchanges(bags, selection, transcript):
         raise ValueError(
             '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
             'llm_client_node); name a --transcript'

@@ -1,16 +1,17 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of a bag, each on the map of its time; also requests listed in a CSV file.
+"""Requests of a bag, each on the map of its time, and exchanges with models as a transcript.
 
 Messages are read one by one. Only the current map, the newest poses and transforms, and the
-requests that wait for their recorded plan are kept.
+requests that wait for their recorded plan are kept. Requests may also be listed in a CSV file.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,8 +24,11 @@ from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import parse_json, read_text, read_yaml
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages import fields
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, parse_exchange
 
 from llm_astar_lab.bags.reading import JUMP, Bag, BagMessage
 from llm_astar_lab.bags.storage import BagError
@@ -457,3 +461,45 @@ def read_number(value: str | None, where: str) -> float:
     if not math.isfinite(number):
         raise RequestListError(f'{where}: a number is expected, not {short_repr(value)}')
     return number
+
+
+def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: Path) -> int:
+    """Write every exchange in bags to a new transcript, in their order; return their number.
+
+    Raises TranscriptError or OSError where the file cannot be written.
+    """
+    transcript.unlink(missing_ok=True)
+    writer = TranscriptWriter(transcript)
+    count = 0
+    for bag in bags:
+        roles = topic_roles(bag, selection)
+        for message in bag.messages([name for name, role in roles.items() if role == 'exchange']):
+            exchange = exchange_from_values(fields.values_of_report(message.value))
+            if exchange is not None:
+                writer.write(exchange)
+                count += 1
+    return count
+
+
+def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
+    """Make an exchange of a message's values; None where they are not those of an exchange."""
+    try:
+        response, unit = response_of(values)
+        messages = [{'role': role, 'content': text} for role, text in values['messages']]
+        own = {'response': response, 'unit': unit, 'messages': messages}
+        return parse_exchange({**values, 'map': values['map_digest'], 'scale': 1, **own})
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
+def response_of(values: Mapping[str, Any]) -> tuple[str, int]:
+    """Return the reply's text, and how many cells one step of its coordinates is.
+
+    The message has the waypoints too. Where the text does not give the same ones, since it was
+    cut, is in other units, or the source has no text, the response is their list in cells.
+    """
+    text, unit = str(values['text']), int(values['unit'])
+    points = tuple((float(x), float(y)) for x, y in values['waypoints'])
+    if not points or (unit == 1 and read_answer(text).waypoints == points):
+        return text, unit
+    return json.dumps(points), 1

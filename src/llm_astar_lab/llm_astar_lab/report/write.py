@@ -21,7 +21,6 @@ from matplotlib.figure import Figure
 from llm_astar_lab.analysis.replies import reply_shares
 from llm_astar_lab.analysis.summary import Growth, RunSummary, VariantSummary, summarise_run
 from llm_astar_lab.pictures import style
-from llm_astar_lab.pictures.animation import save_animation
 from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, panel_figure
 from llm_astar_lab.report.pages import html_report, markdown_report
 from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples
@@ -113,16 +112,13 @@ def draw_all(
         caption = 'Growth of work and storage with the scale of the map.'
         save('growth.png', growth_figure(run.growths), caption)
     # Neither the best nor the worst sample.
-    if sample := draw_median(rows, maps, search_settings(run.metadata)):
-        caption = f'{sample.where}: what each method expanded.'
-        save('compare.png', comparison_figure(sample.pictures), caption, PAD)
-        for number, picture in enumerate(on_one_window(sample.pictures), start=1):
+    where, drawn = draw_median(rows, maps, search_settings(run.metadata))
+    if drawn:
+        caption = f'{where}: what each method expanded.'
+        save('compare.png', comparison_figure(drawn), caption, PAD)
+        for number, picture in enumerate(on_one_window(drawn), start=1):
             file, caption = f'panel_{number}.png', picture.title
             save(file, panel_figure(picture), caption, PANEL_PAD, PANEL_DPI)
-        if sample.searches:
-            save_animation(folder / 'search.gif', sample.searches)
-            frames = 'all searches with the same number of expansions in a frame.'
-            pictures.append((folder / 'search.gif', f'{sample.where}: {frames}'))
     return pictures
 
 

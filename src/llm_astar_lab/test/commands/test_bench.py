@@ -80,7 +80,7 @@ def test_the_whole_table_needs_no_key(dataset, out, capsys):
     metadata = json.loads((out / 'metadata.json').read_text())
     assert metadata['parameters']['jobs'] == 1
     assert metadata['seconds'] > 0
-    for name in ('summary.json', 'report.md', 'report.html', 'growth.png', 'search.gif'):
+    for name in ('summary.json', 'report.md', 'report.html', 'growth.png', 'compare.png'):
         assert (out / name).is_file()
 
 
