@@ -51,12 +51,12 @@ def at(seconds):
     return int(seconds * NANOSECONDS)
 
 
-def write_bag(folder, messages, storage='mcap', **options):
+def write_bag(folder, messages, storage='mcap'):
     """Write (topic, seconds, message) in this order; a message may be serialized."""
     topics = dict.fromkeys(topic for topic, _, _ in messages)
     if storage == 'sqlite3':
         return write_sqlite3(folder, messages, topics)
-    with BagWriter(folder, **options) as bag:
+    with BagWriter(folder) as bag:
         for topic in topics:
             bag.add_topic(OfferedTopic(topic, define(TYPES[topic])))
         for topic, seconds, message in messages:
@@ -64,6 +64,20 @@ def write_bag(folder, messages, storage='mcap', **options):
                 bag.write(topic, at(seconds), message)
             else:
                 bag.write_message(topic, at(seconds), message)
+    return folder
+
+
+def write_split(folder, messages):
+    """Write a bag with a file for each message, as a recorder does that splits it."""
+    folder.mkdir()
+    names = [f'{folder.name}_{number}.mcap' for number in range(len(messages))]
+    for name, message in zip(names, messages):
+        part = write_bag(folder / 'part', [message])
+        (part / 'part_0.mcap').rename(folder / name)
+        (part / 'metadata.yaml').unlink()
+        part.rmdir()
+    described = {'rosbag2_bagfile_information': {'relative_file_paths': names}}
+    (folder / 'metadata.yaml').write_text(json.dumps(described))
     return folder
 
 

@@ -194,7 +194,7 @@ def sample_changes(variant: Variant, columns: Arrays, metric: str) -> Iterator[S
     order = np.argsort(-sizes, kind='stable')[:MAX_SAMPLES]
     for at in order[sizes[order] > LENGTH_TOLERANCE].tolist():
         found = {name: column[at] for name, column in columns.items()}
-        place = (int(found[name]) for name in ('map', 'pair', 'scale'))
+        place = int(found['map']), int(found['pair']), int(found['scale'])
         values, lengths = (
             (float(found[f'{name}_0']), float(found[f'{name}_1'])) for name in (metric, 'length')
         )

@@ -1,4 +1,4 @@
-"""Writing bags: split by size, described by metadata.yaml, closed after errors too."""
+"""Writing bags: described by metadata.yaml, closed after errors too."""
 
 import io
 import os
@@ -34,15 +34,15 @@ def information(folder):
     return yaml.safe_load((folder / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
 
 
-def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path):
-    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
+def test_a_bag_is_a_file_that_its_metadata_describes(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
         write(bag, 25)
     found = information(tmp_path / 'bag')
-    names = [f'bag_{number}.mcap' for number in range(3)]
-    assert found['relative_file_paths'] == names
-    assert sorted(file.name for file in (tmp_path / 'bag').iterdir()) == [*names, 'metadata.yaml']
-    assert [file['message_count'] for file in found['files']] == [10, 10, 5]
+    assert found['relative_file_paths'] == ['bag_0.mcap']
+    files = sorted(file.name for file in (tmp_path / 'bag').iterdir())
+    assert files == ['bag_0.mcap', 'metadata.yaml']
+    assert [file['message_count'] for file in found['files']] == [25]
     assert found['message_count'] == 25
     assert found['starting_time']['nanoseconds_since_epoch'] == 1000
     assert found['duration']['nanoseconds'] == 24
@@ -53,7 +53,7 @@ def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path):
 
 
 def test_a_topic_added_later_is_in_the_metadata_too(tmp_path):
-    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
         write(bag, 15)
         bag.add_topic(CHATTER._replace(name='/late'))
@@ -90,13 +90,17 @@ def test_an_unfinished_mcap_file_holds_all_but_the_last_chunk(tmp_path):
 
 
 def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path):
-    with BagWriter(tmp_path / 'bag', max_bytes=300_000) as bag:
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
-        write(bag, 50, size=10_000)
-        shutil.copytree(tmp_path / 'bag', tmp_path / 'left')
-    with Bag(tmp_path / 'left') as left:
-        assert 40 <= left.topics['/chatter'].count <= 50
-        (note,) = left.problems.notes
+        write(bag, 20, size=10_000)
+    left = shutil.copytree(tmp_path / 'bag', tmp_path / 'left')
+    with BagWriter(tmp_path / 'more') as bag:
+        bag.add_topic(CHATTER)
+        write(bag, 30, size=10_000)
+        shutil.copy(tmp_path / 'more' / 'more_0.mcap', left / 'bag_1.mcap')
+    with Bag(left) as found:
+        assert 40 <= found.topics['/chatter'].count <= 50
+        (note,) = found.problems.notes
     assert 'bag_1' in note
     assert 'does not name it yet' in note
 
@@ -139,19 +143,18 @@ def test_mcap_files_hold_distro_and_type_hashes_as_rosbag2_writes_them(
     tmp_path, monkeypatch, sourced, distro
 ):
     monkeypatch.setenv('ROS_DISTRO', sourced)
-    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
         write(bag, 15)
     assert information(tmp_path / 'bag')['ros_distro'] == distro
-    for number in range(2):
-        with (tmp_path / 'bag' / f'bag_{number}.mcap').open('rb') as stream:
-            reader = make_reader(stream)
-            (channel,) = reader.get_summary().channels.values()
-            (metadata,) = (found.metadata for found in reader.iter_metadata())
-        assert channel.metadata['topic_type_hash'] == define(STRING).digest
-        inside = yaml.safe_load(metadata['serialized_metadata'])
-        assert inside['ros_distro'] == distro
-        assert inside['relative_file_paths'] == [f'bag_{number}.mcap']
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        reader = make_reader(stream)
+        (channel,) = reader.get_summary().channels.values()
+        (metadata,) = (found.metadata for found in reader.iter_metadata())
+    assert channel.metadata['topic_type_hash'] == define(STRING).digest
+    inside = yaml.safe_load(metadata['serialized_metadata'])
+    assert inside['ros_distro'] == distro
+    assert inside['relative_file_paths'] == ['bag_0.mcap']
     with Reader(tmp_path / 'bag') as reader:
         assert [connection.digest for connection in reader.connections] == [define(STRING).digest]
 
