@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_maps
 from llm_astar_planner.cli.flags import option
 from llm_astar_planner.instructions.transcript import parse_exchange as parse_instruction
 from llm_astar_planner.resources import find_file
@@ -32,13 +32,44 @@ from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptError
 
-from llm_astar_lab.datasets.named import BenchmarkSample
+from llm_astar_lab.datasets.named import BenchmarkSample, select_samples
 from llm_astar_lab.runner.sources import Coverage, SourceSpec, cover, groups_of
+from llm_astar_lab.templates import render
 
+# Exit codes: nothing to complain about, malformed lines, or something is missing or differs.
+SOUND, MALFORMED, INCOMPLETE = 0, 2, 3
 # What all exchanges of one model and prompt have in common, if they were recorded alike.
 COMMON = ('model_digest', 'prompt_digest', 'dataset_digest', 'temperature', 'seed')
 # Models and prompts of a transcript, each of which is compared with the whole dataset.
 MAX_MODELS = 100
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the action `check`."""
+    actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
+    check = actions.add_parser(
+        'check', help='validate every line, and summarise by model and prompt'
+    )
+    option(check, 'file FILE', 'a path, or a name in maps/')
+    text = 'maps with start-goal pairs, a path or a name in maps/'
+    option(check, '--map DATASET', f'{text}: say which samples are missing at scale 1')
+    option(check, '--json', 'print what was found as JSON')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check a transcript; return its exit code. Raises ValueError for what cannot be read."""
+    path = find_file(args.file, 'maps')
+    maps = load_maps(find_file(args.map, 'maps')) if args.map else []
+    found = check_transcript(path, select_samples(maps, args.map) if maps else (), maps)
+    values = found.values
+    if args.json:
+        print(json.dumps(values))
+    else:
+        held = zip(values['models'], found.coverage)
+        text = render('commands/transcript.txt.j2', **values, held=held, dataset=args.map)
+        for line in text.splitlines():
+            print(('  ' if line.startswith(' ') else '') + printable(line))
+    return MALFORMED if values['problems'] else SOUND if values['sound'] else INCOMPLETE
 
 
 class TranscriptCheck(NamedTuple):
@@ -159,42 +190,3 @@ def name_samples(keys: Iterable[SampleKey]) -> list[str]:
     others = [f'map {key.map}: {key.pair}' for key in every.difference(of_dataset)]
     order = sorted(of_dataset, key=lambda key: (key.scale, key.map, key.pair))
     return [*map(str, groups_of(order)), *sorted(others)]
-
-
-# Exit codes: nothing to complain about, malformed lines, or something is missing or differs.
-SOUND, MALFORMED, INCOMPLETE = 0, 2, 3
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the action `check`."""
-    actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
-    check = actions.add_parser(
-        'check', help='validate every line, and summarise by model and prompt'
-    )
-    option(check, 'file FILE', 'a path, or a name in maps/')
-    text = 'maps with start-goal pairs, a path or a name in maps/'
-    option(check, '--map DATASET', f'{text}: say which samples are missing at scale 1')
-    option(check, '--json', 'print what was found as JSON')
-
-
-def run(args: argparse.Namespace) -> int:
-    """Check a transcript; return its exit code. Raises ValueError for what cannot be read."""
-    # These import numpy and the search, which `--help` should not wait for.
-    from llm_astar_msgs_adapter.maps.problem_maps import load_maps  # noqa: PLC0415
-
-    from llm_astar_lab.commands.transcript import check_transcript  # noqa: PLC0415
-    from llm_astar_lab.datasets.named import select_samples  # noqa: PLC0415
-    from llm_astar_lab.templates import render  # noqa: PLC0415
-
-    path = find_file(args.file, 'maps')
-    maps = load_maps(find_file(args.map, 'maps')) if args.map else []
-    found = check_transcript(path, select_samples(maps, args.map) if maps else (), maps)
-    values = found.values
-    if args.json:
-        print(json.dumps(values))
-    else:
-        held = zip(values['models'], found.coverage)
-        text = render('commands/transcript.txt.j2', **values, held=held, dataset=args.map)
-        for line in text.splitlines():
-            print(('  ' if line.startswith(' ') else '') + printable(line))
-    return MALFORMED if values['problems'] else SOUND if values['sound'] else INCOMPLETE
