@@ -35,13 +35,8 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
 from llm_astar_planner.cli import flags
 from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.planning.parameters import (
-    COSTMAP,
-    REQUESTS,
-    costmap_config,
-    defaults,
-    read_parameter_files,
-)
+from llm_astar_planner.planning import parameters
+from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS
 
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.types import BARRIER_MAP
@@ -55,8 +50,8 @@ from llm_astar_lab.runner.config import choose_folder
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
-OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
-RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
+OF_REQUESTS = flags.named(REQUESTS, 'tolerance', 'start_tolerance', 'robot_base_frame')
+RULES = (*COSTMAP, *(item.for_bench() for item in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
 
@@ -101,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return list_contents(args, selection)
     paths = args.params_file
-    file = read_parameter_files(paths)['planner_node'] if paths else None
+    file = parameters.read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | flags.given_values(args, RULES)
@@ -116,8 +111,8 @@ def run(args: argparse.Namespace) -> int:
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             common.check_thresholds(args, config.sources)
             files = [*args.bags, *([args.requests] if listed else [])]
-            parameters = run_parameters(args, config)
-            run.metadata |= describe_run(files, parameters, common.deciding_files(args))
+            kept = run_parameters(args, config)
+            run.metadata |= describe_run(files, kept, common.deciding_files(args))
             names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
             run.metadata['bags'] = list(names)
             run.execute(config.tasks(run.open()), config.sources, 'request')
@@ -199,10 +194,10 @@ def make_config(
 
     All baselines are added only where the barriers of every map are known.
     """
-    values = defaults(RULES, cli=True) | rules
+    values = parameters.defaults(RULES, cli=True) | rules
     places = open_places(args.places_file or '', None)
     settings = common.search_settings(
-        args, places, costmap=costmap_config(rules), tolerance=values['tolerance'],
+        args, places, costmap=parameters.costmap_config(rules), tolerance=values['tolerance'],
         start_tolerance=values['start_tolerance'],
         paper_corners='corner_cutting' not in rules and not args.params_file,
     )  # fmt: skip
