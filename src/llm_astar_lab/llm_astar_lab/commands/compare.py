@@ -33,7 +33,6 @@ from llm_astar_planner.cli.flags import at_least, option
 
 from llm_astar_lab.report import comparison as runs
 from llm_astar_lab.report.comparison import MAX_SAMPLES, METRICS, Judgement, load_run
-from llm_astar_lab.report.table import write_tables
 from llm_astar_lab.results.folder import ResultsFolder, format_csv, without_nan
 
 OK, REGRESSION, UNJUDGED = 0, 1, 3
@@ -58,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, '--json', 'print one JSON object')
     option(
         parser, '--out DIR',
-        'write comparison.md and .json, changes.csv with all changed samples (at most '
-        f'{MAX_SAMPLES} of a variant), and tables/ as LaTeX',
+        'write comparison.md and .json, and changes.csv with all changed samples (at most '
+        f'{MAX_SAMPLES} of a variant)',
     )  # fmt: skip
 
 
@@ -88,7 +87,6 @@ def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
     """Write everything about a comparison into a folder. Raises ResultsError."""
     folder.write_json('comparison.json', judgement.as_json())
     folder.write_text('comparison.md', judgement.as_markdown())
-    write_tables(folder, judgement.tables())
     for number, comparison in enumerate(judgement.comparisons, start=1):
         end = f'_{number}' if len(judgement.comparisons) > 1 else ''
         table = judgement.changed_samples(comparison)

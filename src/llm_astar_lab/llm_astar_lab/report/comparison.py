@@ -378,35 +378,20 @@ class Judgement:
             lines.append(say('power', self, SMALL, percent, least.variant))
         return lines
 
-    def tables(self) -> list[Table]:
-        """Return the tables of all runs, by whose numbers their files are told apart."""
-        several = len(self.comparisons) > 1
-        numbered = enumerate(self.comparisons, start=1)
-        return [
-            table
-            for number, comparison in numbered
-            for table in self.tables_of(comparison, f'_{number}' if several else '')
-        ]
-
-    def tables_of(self, comparison: RunComparison, end: str = '') -> list[Table]:
-        """Return the tables of one run that have rows: variants, and what changed most.
-
-        `end` makes the names of their files distinct.
-        """
+    def tables_of(self, comparison: RunComparison) -> list[Table]:
+        """Return the tables of one run that have rows: variants, and what changed most."""
         label = LABELS[self.metric].lower()
         words = {'title': f'Ratios of {comparison.path}', 'label': label, 'metric': self.metric}
-        compared = Table.of('compared', comparison.changes, file=f'compared{end}', **words)
-        changed = self.changed_samples(comparison, SHOWN_SAMPLES, f'changed{end}')
+        compared = Table.of('compared', comparison.changes, **words)
+        changed = self.changed_samples(comparison, SHOWN_SAMPLES)
         return [table for table in (compared, changed) if table.rows]
 
-    def changed_samples(
-        self, comparison: RunComparison, limit: int | None = None, file: str = 'changed'
-    ) -> Table:
+    def changed_samples(self, comparison: RunComparison, limit: int | None = None) -> Table:
         """Return the samples that changed most: lost and gained paths, then large ratios."""
         title = f'Samples that changed most in {comparison.path}'
         unit = 'seconds' if self.metric == 'seconds_search' else 'number'
-        label, samples = LABELS[self.metric], comparison.samples[:limit]
-        return Table.of('changed', samples, [label], file=file, title=title, unit=unit)
+        samples = comparison.samples[:limit]
+        return Table.of('changed', samples, [LABELS[self.metric]], title=title, unit=unit)
 
     def as_text(self) -> str:
         """Return the comparison for a terminal."""

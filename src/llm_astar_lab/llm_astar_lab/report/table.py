@@ -80,8 +80,8 @@ class Table:
         """Return the table that `tables.yaml` describes by this name, with a row for each item.
 
         `each` are the names of columns that are there several times. `words` are known to the
-        expressions, fill the note and the names of units, and may be another `title` and `file`
-        and `more` of the note.
+        expressions, fill the note and the names of units, and may be another `title` and `more`
+        of the note.
         """
         found = descriptions()[name]
         described = [
@@ -101,7 +101,7 @@ class Table:
         title = words.get('title') or found['title']
         note = found.get('note', '').format(**words) + words.get('more', '')
         shown = [tuple(compress(row, is_kept)) for row in rows]
-        return cls(words.get('file', name), title, [*compress(columns, is_kept)], shown, note)
+        return cls(name, title, [*compress(columns, is_kept)], shown, note)
 
     def without_constants(self) -> tuple[Table, str]:
         """Return it without the columns that say the same in every row, and what they say.
