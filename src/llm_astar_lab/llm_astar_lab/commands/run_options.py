@@ -48,7 +48,7 @@ ENDPOINT = (
 # What is kept of a run, besides what its command adds.
 DECIDING = (
     'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'prompt_form',
-    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality',
+    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'price',
     'jobs', 'sampling_seed',
 )  # fmt: skip
 # The parameters of the search, with the defaults of the benchmark.
@@ -112,6 +112,8 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     )  # fmt: skip
     add_defaulted_flags(group, SOURCE, ENDPOINT)
     add_parameter_flags(group, SEARCH_PARAMETERS)
+    text = 'price of a million tokens, for the cost column'
+    option(group, '--price', text, type=float, nargs=2, metavar=('IN', 'OUT'))
 
 
 def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

@@ -25,7 +25,7 @@ def test_a_summary_holds_each_metric():
         row(MODEL, 100.0, 12.0, pair=1, completion_tokens=1, source_status='TIMEOUT'),
         row(MODEL, 10.0, math.nan, map_id=1, code='NO_VALID_PATH'),
     ]
-    summary = summarise(rows)[1]
+    summary = summarise(rows, price=(1e5, 1e6))[1]
     assert summary.variant == MODEL
     assert (summary.samples, summary.maps, summary.unanswered) == (3, 2, 1)
     assert summary.valid.value == pytest.approx(2 / 3)
@@ -35,6 +35,7 @@ def test_a_summary_holds_each_metric():
     assert summary.optimal.value == 0.5
     assert summary.verdicts == {'accepted': 0.5, 'occupied': 0.5}
     assert summary.waypoints == pytest.approx(2 / 3)
+    assert summary.cost == pytest.approx(0.9 + 1.0)
 
 
 def test_the_share_of_optimal_paths_has_an_interval_over_the_maps():

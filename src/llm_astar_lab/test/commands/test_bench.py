@@ -122,11 +122,13 @@ def test_a_replay_is_named_by_its_model_and_baselines_are_added(
     transcript = tmp_path / 'replies.jsonl'
     record(transcript, [(0, pair, 'Generated Path: [[25, 15]]') for pair in range(10)])
     words = ('--source', 'replay', '--transcript', transcript, '--map-ids', '0', '--json')
-    assert llm_astar('bench', '--map', dataset, '--out', out, *words) == 0
+    prices = ('--price', '1', '2')
+    assert llm_astar('bench', '--map', dataset, '--out', out, *words, *prices) == 0
     summary = json.loads(capsys.readouterr().out)
     cases = {case['case']: case for case in summary['cases']}
     model = cases['llm_astar/replay/few_shot/parrot']
     assert (model['prompt_tokens'], model['completion_tokens']) == (70, 50)
+    assert model['cost'] == pytest.approx(170e-6)
     assert {'llm_astar/oracle', 'waypoints_only/replay/few_shot/parrot'} < set(cases)
     assert 'parrot' in summary['headline']
     digests = json.loads((out / 'metadata.json').read_text())['files']
