@@ -114,7 +114,7 @@ def running(*nodes):
         for node in nodes:
             node.destroy_node()
         stopped.set()
-        executor.wake()
+        executor.create_task(int)
         thread.join()
         executor.shutdown()
 

@@ -198,7 +198,7 @@ def test_nav2s_footprint_is_taken_where_the_robot_is_by_tf(robot):
     shape = affinity.rotate(shapely.Polygon(footprint.points), 1.0, (0, 0), use_radians=True)
     points = shapely.get_coordinates(affinity.translate(shape, 30.0, -12.0))[:-1]
     robot.footprints.publish(polygon_of(points, 'map', stamp))
-    wait_for(lambda: robot.current and robot.current.is_close_to(footprint, 1e-4), 'it')
+    wait_for(lambda: robot.current and robot.current.is_close_to(footprint.array, 1e-4), 'it')
 
 
 class Buffer:
@@ -240,7 +240,7 @@ def test_a_footprint_in_the_global_frame_is_moved_back_by_the_transform_at_its_s
     server, logger, on_change = footprint_server(Frames(Buffer(Pose2D(*origin, -yaw), 7 * 10**9)))
     world = footprint.array @ turn.T + place
     server.on_message(polygon_of(world, 'map', Time(sec=7)))
-    assert server.current.is_close_to(footprint, 1e-4)
+    assert server.current.is_close_to(footprint.array, 1e-4)
     on_change.assert_called_once()
     # The same again, with the rounding of another place: no change.
     first = server.current

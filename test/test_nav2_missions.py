@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from nav2_stack import places, processes
 from nav2_stack.measures import length, median_ratio, pairs, turning
 from nav2_stack.table import write_table
-from nav2_stack.world import ACCELERATION, ROBOT_RADIUS, World
+from nav2_stack.world import ACCELERATION, PERIOD, ROBOT_RADIUS, SWING, World
 
 FOLDER = Path(__file__).parent
 BOX = (3.0, 2.0, 0.5, 1.0)
@@ -128,6 +128,19 @@ def test_missions_are_the_same_for_the_same_seed(name):
     world = World(grid_map)
     assert all(world.clearance(*mission.goal[:2]) > 0.5 for mission in first)
     assert all(places.connected(world, mission.start, mission.goal) for mission in first)
+
+
+def test_boxes_that_move_swing_about_their_places_and_wait_for_the_robot():
+    world = World(places.depot())
+    boxes = [(3.0, 3.0, 0.5, 0.5), (9.0, 3.0, 0.5, 0.5)]
+    world.robot.pose = Pose2D(9.25 + SWING, 3.25, 0.0)
+    for seconds in np.linspace(0.0, PERIOD, 9):
+        world.swing('boxes', boxes, seconds)
+        (x, y, *_), (other, *_) = world.boxes['boxes']
+        assert x == 3.0
+        assert y == pytest.approx(3.0 + SWING * math.sin(2.0 * math.pi * seconds / PERIOD))
+        assert world.clearance(*world.robot.pose[:2]) > 0.0
+        assert other < 9.0 + SWING
 
 
 def test_boxes_and_a_shut_door_leave_a_way():

@@ -518,7 +518,7 @@ class LateAnswerer:
     def __init__(self, goal):
         self.goal = goal
 
-    def answer(self, _, token, on_better):
+    def answer(self, _, token):
         assert token.stop[0]
         Timer(0.05, setattr, (self.goal, 'is_cancel_requested', True)).start()
         return response(ResultCode.NONE, points=[(1.0, 1.0)])
@@ -527,7 +527,7 @@ class LateAnswerer:
 def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(monkeypatch):
     monkeypatch.setattr(goals, 'ActionServer', Mock())
     goal = Goal()
-    kind = SimpleNamespace(Result=ToPose, Feedback=object)
+    kind = SimpleNamespace(Result=ToPose)
     goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal))
     goal.action.on_cancel(goal)
     goal.action.on_accepted(goal)

@@ -16,7 +16,7 @@ from nav2_stack.table import write_table
 # Domains, one for each planner, away from a robot's usual ones and from those of the tests, and
 # others for each process: two drives at a time must not meet.
 DOMAINS = 102, 120
-SCENARIOS = ('plain=30', 'boxes=10', 'door=5', 'goal=5', 'kill=3')
+SCENARIOS = ('plain=30', 'boxes=10', 'moving=10', 'door=5', 'goal=5', 'kill=3')
 # Those that are driven on the first map alone, the door on the map that has one.
 ONCE = ('door', 'goal', 'kill')
 

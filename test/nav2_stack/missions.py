@@ -99,6 +99,7 @@ class Driver:
     def drive(self, mission):
         """Drive a mission from its start to its end; return what was measured."""
         stack, simulator, navigator = self._stack, self._simulator, self._navigator
+        simulator.moving = mission.boxes if mission.event == 'moving' else ()
         simulator.put('boxes', *mission.boxes)
         simulator.put('door')
         simulator.place(mission.start)

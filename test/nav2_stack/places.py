@@ -24,6 +24,7 @@ class Mission:
     """A start and a goal; boxes that only the laser sees, (x, y, width, height) in metres.
 
     `event` happens `after` seconds: 'door' shuts, 'goal' changes to `second`, 'kill' the planner.
+    'moving' is that the boxes move all the time.
     """
 
     start: Pose2D
@@ -99,6 +100,8 @@ def mission(grid_map, scenario, reachable, chance):
         return mission(grid_map, scenario, reachable, chance)
     if scenario == 'boxes':
         return Mission(start, goal, some_boxes(grid_map, start, goal, chance))
+    if scenario == 'moving':
+        return Mission(start, goal, some_boxes(grid_map, start, goal, chance, count=6), scenario)
     if scenario in ('goal', 'kill'):
         return Mission(start, goal, (), scenario, chance.uniform(2.0, 5.0), second)
     return Mission(start, goal)

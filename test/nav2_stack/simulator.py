@@ -21,6 +21,8 @@ from nav2_stack.world import BEAMS, NEAR, RANGE, SILENCE
 
 # Steps a second, and steps from scan to scan.
 HZ, SCAN_EVERY = 30, 3
+# Steps from one move of the boxes that move to the next.
+MOVE_EVERY = 6
 # What is left of an error of the localization after one step.
 KEPT = 0.98
 
@@ -38,7 +40,7 @@ class Simulator(Node):
         self._chance, self._error = random.Random(1), Pose2D(0.0, 0.0, 0.0)  # noqa: S311
         self._lock, self._steps = threading.Lock(), 0
         self._command, self._commanded = (0.0, 0.0), 0.0
-        self.track, self.near = [], 0.0
+        self.track, self.near, self.moving = [], 0.0, ()
         self._map = self.create_publisher(OccupancyGrid, 'map', LATCHED)
         self._tf = self.create_publisher(TFMessage, 'tf', 10)
         self._odom = self.create_publisher(Odometry, 'odom', 10)
@@ -73,6 +75,8 @@ class Simulator(Node):
         seconds, self._last = min(now - self._last, 0.2), now
         command = self._command if now - self._commanded < SILENCE else (0.0, 0.0)
         with self._lock:
+            if self.moving and self._steps % MOVE_EVERY == 0:
+                self.world.swing('boxes', self.moving, len(self.track) / HZ)
             self.world.step(*command, seconds)
             pose = self.world.robot.pose
             self.track.append(pose)

@@ -13,6 +13,7 @@ NAMES = {'ours': 'planner_node', 'navfn': 'NavFn', 'smac': 'Smac 2D'}
 SCENARIOS = {
     'plain': 'plain missions',
     'boxes': 'with 14 boxes that only the laser sees',
+    'moving': 'with 6 boxes that move, up to 0.6 m/s',
     'door': 'a door shuts in front of the robot',
     'goal': 'the goal changes on the way',
     'kill': 'the process that plans is killed (kill -9) on the way',

@@ -14,6 +14,9 @@ NEAR = 0.35
 # Limits of the robot: m/s2 and rad/s2, and seconds without a command after which it stops.
 ACCELERATION, TURN_ACCELERATION, SILENCE = 2.5, 3.2, 0.5
 BEAMS, RANGE = 360, 8.0
+# How boxes move: metres to both sides of their place, and seconds there and back; how far from
+# the robot's centre they stop.
+SWING, PERIOD, KEPT_OFF = 0.8, 8.0, 0.9
 OCCUPIED = 65
 
 
@@ -83,6 +86,21 @@ class World:
         """Put boxes there under a name, in the place of what that was before; none take away."""
         self.boxes[name] = boxes
         self._build()
+
+    def swing(self, name, places, seconds):
+        """Move boxes of a name about their `places`, to where they are after so many seconds.
+
+        They go along x and y in turn, each at another time; one that the robot is near to waits.
+        """
+        moved, before = [], self.boxes.get(name) or places
+        for number, (place, (x, y, width, height)) in enumerate(zip(places, before)):
+            away = SWING * math.sin(2.0 * math.pi * seconds / PERIOD + number)
+            dx, dy = (away, 0.0) if number % 2 else (0.0, away)
+            box = (place[0] + dx, place[1] + dy, width, height)
+            middle = box[0] + width / 2.0, box[1] + height / 2.0
+            is_near = math.dist(middle, self.robot.pose[:2]) < KEPT_OFF
+            moved.append((x, y, width, height) if is_near else box)
+        self.put(name, *moved)
 
     def _build(self):
         walls = self.grid_map.cells >= OCCUPIED

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from typing import Any, TextIO
 
 import numpy as np
@@ -370,8 +370,6 @@ class KernelCompiler:
             lambda: [compile_for(config, guided, graded, True) for graded in (True, False)],
             lambda: compile_map_kernels([config]),
             compile_why_kernels,
-            compile_instruction_kernels,
-            compile_kernels,
         )
         self._thread = threading.Thread(
             target=self.work, args=(steps,), name='compiler', daemon=True
@@ -398,7 +396,7 @@ class KernelCompiler:
         Where one fails, plans go on: each compiles on its own then, and says what is wrong.
         """
         with compilations(self.on_compile), suppress(CompilationStopped):
-            for step in steps:
+            for step in chain(steps, self.last_steps()):
                 try:
                     step()
                 except Exception as error:  # noqa: BLE001 - whatever numba raises
@@ -409,6 +407,15 @@ class KernelCompiler:
                     self.is_ready = True
                     self._report.finish('plans go on')
             self._report.finish('all of them')
+
+    def last_steps(self) -> Iterator[Callable[[], object]]:
+        """Yield what compiles the rest, where the cache had not even the first.
+
+        Else that is loaded when a request takes it, in a third of a second: it takes 32 MB.
+        """
+        if self._report.is_compiling:
+            yield compile_instruction_kernels
+            yield compile_kernels
 
     def on_compile(self, function: str) -> None:
         """Report that and how far it compiles. Raises CompilationStopped when closed."""

@@ -114,11 +114,11 @@ class Footprint:
         radii = f'{self.inscribed_radius:.2f} m inscribed, {self.circumscribed_radius:.2f} m'
         return f'{len(self.points)} points, radii {radii} circumscribed'
 
-    def is_close_to(self, other: Footprint, metres: float) -> bool:
-        """Tell whether each point lies within `metres` of the same point of another footprint."""
-        if len(self.points) != len(other.points):
+    def is_close_to(self, points: Float64s, metres: float) -> bool:
+        """Tell whether each point lies within `metres` of the same one of `points` [n, 2]."""
+        if self.array.shape != points.shape:
             return False
-        return all(math.dist(*pair) <= metres for pair in zip(self.points, other.points))
+        return bool(np.hypot(*(self.array - points).T).max() <= metres)
 
 
 def outline_problem(points: tuple[tuple[float, float], ...]) -> str | None:

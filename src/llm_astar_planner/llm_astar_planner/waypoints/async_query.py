@@ -62,17 +62,20 @@ class QueryTask:
     ask: Callable[[StopFlag], WaypointReply]
     time_limit: float
     on_reply: Callable[[WaypointReply], None]
-    queue: InitVar[QueryQueue]
+    queue: InitVar[QueryQueue | None]
 
-    def __post_init__(self, queue: QueryQueue) -> None:
-        """Put the query into the queue."""
+    def __post_init__(self, queue: QueryQueue | None) -> None:
+        """Put the query into the queue; without one, ask now."""
         self._begin = time.monotonic()
         self.deadline = self._begin + self.time_limit
         self._stop: StopFlag = np.zeros(1, dtype=np.uint8)
         self._lock = threading.Lock()
         self._done = threading.Event()
         self._answer: tuple[WaypointReply, float] | None = None
-        queue.put(self)
+        if queue is None:
+            self.run()
+        else:
+            queue.put(self)
 
     @property
     def reply(self) -> WaypointReply | None:
@@ -235,7 +238,8 @@ def start_query(
     def ask(stop: StopFlag) -> WaypointReply:
         return source.waypoints(replace(query, stop=stop))
 
-    return QueryTask(name_of(source), ask, query.time_limit, on_reply, queue)
+    asked_in = None if getattr(source, 'is_away', False) else queue
+    return QueryTask(name_of(source), ask, query.time_limit, on_reply, asked_in)
 
 
 def helps_on(source: sources.WaypointSource, costmap: Costmap) -> bool:

@@ -93,6 +93,16 @@ def test_a_closed_compiler_stops_before_the_next_function_and_releases_those_who
     assert not compiler.is_ready
 
 
+def test_what_the_cache_has_is_loaded_for_a_first_plan_alone(steps, monkeypatch):
+    for name in ('for', 'map_kernels'):
+        monkeypatch.setattr(kernel_compiler, f'compile_{name}', lambda *_, **__: None)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, str)
+    compiler._thread.join(30.0)
+    assert compiler.is_ready
+    assert compiler.done == 5
+    compiler.close()
+
+
 def test_plans_go_on_where_the_searches_do_not_compile(steps, monkeypatch):
     def fail(*_, **__):
         raise OSError('no space left on device')

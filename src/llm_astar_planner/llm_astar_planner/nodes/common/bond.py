@@ -14,11 +14,10 @@ import threading
 import time
 import uuid
 
-from builtin_interfaces.msg import Time
+from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from std_msgs.msg import Header
+from rclpy.serialization import deserialize_message, serialize_message
 
 from llm_astar_planner.nodes.common.entities import BOND, BOND_HEARTBEATS
 from llm_astar_planner.nodes.common.spin import RCLError, side_node
@@ -34,8 +33,8 @@ TOPIC = 'bond'
 HEARTBEAT_TIMEOUT_S = 4.0
 # How long to look for a manager: a node that activates itself may have none.
 CONNECT_TIMEOUT_S = 10.0
-# At the end: how often to say so, and how long to wait until the manager has heard it.
-DEAD_PUBLISH_PERIOD_S, FAREWELL_S = 0.05, 0.1
+# At the end: how long to wait until the manager has that.
+FAREWELL = Duration(seconds=0.1)
 
 
 class Bond:
@@ -55,8 +54,9 @@ class Bond:
         self._node = side_node(parent, 'bond')
         topic = parent.resolve_topic_name(TOPIC)
         self._publisher = self._node.create_publisher(Status, topic, BOND_HEARTBEATS)
-        # Read at each heartbeat, without an executor: the heartbeats of every other node of the
-        # stack come here as well, and to be woken for each of them costs four times as much.
+        self._heartbeat = self.status(is_active=True)
+        # Only until the manager is heard: the heartbeats of every other node of the stack come
+        # here as well, a hundred a second. Read without an executor, which each would wake.
         self._statuses = self._node.create_subscription(Status, topic, lambda _: None, BOND)
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self.run, name='bond', daemon=True)
@@ -71,67 +71,48 @@ class Bond:
     def run(self) -> None:
         """Publish heartbeats until `close`, or until the context is shut down."""
         try:
-            if self.keep_alive():
-                self.say_farewell()
+            if self.is_formed():
+                self._node.destroy_subscription(self._statuses)
+                while not self._closed.wait(self._period):
+                    self._publisher.publish(self._heartbeat)
+                self._publisher.publish(self.status(is_active=False))
+                self._publisher.wait_for_all_acked(FAREWELL)
         except (InvalidHandle, RCLError):
             if self._node.context.ok():
                 raise
 
-    def keep_alive(self) -> bool:
-        """Publish heartbeats until `close`; tell whether a manager is there to be told of it.
+    def is_formed(self) -> bool:
+        """Publish heartbeats until the manager's is heard, or `close`.
 
-        Without a manager after CONNECT_TIMEOUT_S, and after one that has ended the bond, there
-        are no more.
+        Return False where no manager is there after CONNECT_TIMEOUT_S: there are no more then.
         """
-        is_formed = False
         give_up = time.monotonic() + CONNECT_TIMEOUT_S
-        while is_formed or time.monotonic() < give_up:
-            self.publish(is_active=True)
-            closes = self._closed.wait(self._period)
-            heard = self.heard()
-            if heard is False:
-                self.publish(is_active=False)
-                self._logger.info('the lifecycle manager has ended the bond')
-                return False
-            is_formed = is_formed or heard is True
-            if closes:
+        while time.monotonic() < give_up:
+            self._publisher.publish(self._heartbeat)
+            if self._closed.wait(self._period) or self.is_heard():
                 return True
         return False
 
-    def say_farewell(self) -> None:
-        """Break the bond: publish it until the manager has heard it, for FAREWELL_S at most."""
-        end = time.monotonic() + FAREWELL_S
-        self.publish(is_active=False)
-        while self.heard() is not False and time.monotonic() < end:
-            time.sleep(DEAD_PUBLISH_PERIOD_S)
-            self.publish(is_active=False)
-
-    def heard(self) -> bool | None:
-        """Return what the manager has said since the last call.
-
-        True for a heartbeat, False for the end of the bond, None for nothing.
-        """
-        latest = None
+    def is_heard(self) -> bool:
+        """Tell whether a heartbeat of the manager has come since the last call."""
+        heard = False
         subscription = self._statuses.handle
         with subscription:
             while (taken := subscription.take_message(Status, True)) is not None:
                 # Those of other nodes are not worth making a message of.
-                if self._id.encode() not in taken[0]:
-                    continue
-                status = deserialize_message(taken[0], Status)
-                if status.id == self._id and status.instance_id != self._instance_id:
-                    latest = latest is not False and bool(status.active)
-        return latest
+                if self._id.encode() in taken[0]:
+                    status = deserialize_message(taken[0], Status)
+                    is_other = status.id == self._id and status.instance_id != self._instance_id
+                    heard |= is_other and status.active
+        return heard
 
-    def publish(self, *, is_active: bool) -> None:
-        """Publish a heartbeat, or the end of the bond."""
-        seconds, nanoseconds = divmod(time.monotonic_ns(), 1_000_000_000)
+    def status(self, *, is_active: bool) -> bytes:
+        """Return a heartbeat, or the end of the bond, serialized: it is the same each time."""
         status = Status(
-            header=Header(stamp=Time(sec=seconds, nanosec=nanoseconds)), id=self._id,
-            instance_id=self._instance_id, active=is_active,
+            id=self._id, instance_id=self._instance_id, active=is_active,
             heartbeat_timeout=HEARTBEAT_TIMEOUT_S, heartbeat_period=self._period,
         )  # fmt: skip
-        self._publisher.publish(status)
+        return serialize_message(status)
 
 
 def make_bond(node: Node, period: float) -> Bond | None:

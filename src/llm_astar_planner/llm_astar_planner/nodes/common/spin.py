@@ -49,7 +49,7 @@ class ArgumentError(LlmAstarError, ValueError):
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 # A signal that arrives between two steps interrupts neither, so no step waits for longer.
-LONGEST_WAIT = 0.5
+LONGEST_WAIT = 1.0
 # How long a thread that writes a long path may delay a cancel request, in seconds.
 SWITCH_SECONDS = 0.001
 # Seconds after which a process that cannot leave the graph is ended; `ros2 launch` kills it after
@@ -59,14 +59,16 @@ LONGEST_LEAVE = 8.0
 
 def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
     """Spin until the context is shut down or `stopped` is set, then return without an error."""
+    # What sets it ends the wait too.
+    timeout = None if stopped else LONGEST_WAIT
     while context.ok() and not (stopped and stopped.is_set()):
-        spin_once(executor, context)
+        spin_once(executor, context, timeout)
 
 
-def spin_once(executor: Executor, context: Context) -> None:
+def spin_once(executor: Executor, context: Context, timeout: float | None) -> None:
     """Handle one callback. Raises RCLError, but for what a shutdown causes."""
     try:
-        executor.spin_once(timeout_sec=LONGEST_WAIT)
+        executor.spin_once(timeout_sec=timeout)
     except ExternalShutdownException:
         pass
     except InvalidHandle:
@@ -96,7 +98,8 @@ class SpinThread:
     def close(self) -> None:
         """Stop; without this the process may abort at exit."""
         self._stopped.set()
-        self._executor.wake()
+        # Something to do: merely woken, the executor would go on waiting.
+        self._executor.create_task(int)
         self._thread.join()
         self._executor.shutdown()
 

@@ -34,8 +34,8 @@ else:
 
 # Seconds to wait for a transform: those of a robot arrive many times a second.
 PATIENCE = 0.2
-# Seconds from one take of transforms to the next; the queue of tf2's listener holds 100.
-TAKE_SECONDS = 0.1
+# Seconds from one take of transforms to the next, and how many the queue holds meanwhile.
+TAKE_SECONDS, QUEUED = 0.5, 500
 # Asks tf2 for the newest transform.
 NEWEST = Time()
 
@@ -140,7 +140,7 @@ def listen(entities: Entities) -> Frames:
     # Of the node only its clock and tf2's service are spun.
     not_spun = side_node(parent, 'tf', cli_args=['--ros-args', *remaps])
     entities.on_close(not_spun.destroy_node)
-    taker = TransformTaker(tf2_ros.TransformListener(buffer, not_spun))
+    taker = TransformTaker(tf2_ros.TransformListener(buffer, not_spun, qos=QUEUED))
     entities.on_close(taker.close)
     entities.on_close(SpinThread(node).close)
     return Frames(buffer, taker.take)

@@ -289,8 +289,7 @@ class PathAction:
     def execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
         """Plan for a goal and finish it."""
         goal, token = plan_goal(handle.request, self._name), self.token_of(handle)
-        feedback = self._kind.Feedback()
-        response = self._taker.answer(goal, token, lambda: handle.publish_feedback(feedback))
+        response = self._taker.answer(goal, token)
         if token.reason == CANCELED:
             wait_for_cancel(handle)
         if handle.is_cancel_requested:

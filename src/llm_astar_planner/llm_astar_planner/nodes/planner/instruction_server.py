@@ -19,6 +19,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
@@ -46,6 +47,8 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import state_file
 
 ASK_AGAIN_PERIOD = 1.0
+# Who publishes there may ask something soon.
+ASKED_ON = ('~/interpret', '~/instruction')
 
 # How often to look whether the node that is asked is still there, in seconds.
 POLL_SECONDS = 0.5
@@ -64,6 +67,7 @@ class InstructionServer:
     """
 
     entities: Entities
+    side: Node
     settings: Parameters
     places: Callable[[], Places]
     on_understood: Callable[[], None]
@@ -85,19 +89,18 @@ class InstructionServer:
         entities.on_close(self._reader.close)
         self.current = CurrentInstruction(self._reader, self.on_change)
         self._progress = Progress()
-        self._client_changed = False
+        self._client_changed = self._is_prepared = False
         self._prepared = NO_PLACES
 
     def start(self) -> None:
         """Serve the topics, and understand the instruction that the parameters have."""
         entities = self.entities
-        # The grammar's tables take a second, and the first question must not wait for them.
-        Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
         entities.subscription(Bool, '~/confirm', self.on_confirm, RELIABLE, group)
         QuestionServer(entities, self.interpret)
-        entities.timer(ASK_AGAIN_PERIOD, self.ask_again, group)
+        # On a thread where little else waits: each second it would wake the executor of the node.
+        Entities(self.side).timer(ASK_AGAIN_PERIOD, self.ask_again, group)
         self.refresh()
 
     def interpret(
@@ -145,6 +148,10 @@ class InstructionServer:
 
     def ask_again(self) -> None:
         """Ask what was not answered, and all once more where the client has changed."""
+        if not self._is_prepared and any(map(self._node.count_publishers, ASKED_ON)):
+            # The grammar's tables take a second, and 34 MB which a robot may never need.
+            self._is_prepared = True
+            Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         anew, self._client_changed = self._client_changed, False
         self.current.ask_again(anew=anew)
 

@@ -61,8 +61,10 @@ class PlannerServer:
         self._bond: Bond | None = None
         self._initial_pose: PoseStamped | None = None
         self._places = PlacesServer(entities, settings)
+        side = side_node(node, 'maps')
+        entities.on_close(side.destroy_node)
         self._instructions = InstructionServer(
-            entities, settings, lambda: self._places.places, self.on_understood,
+            entities, side, settings, lambda: self._places.places, self.on_understood,
             lambda text: self.handler.answer_question(text, self._places.places),
         )  # fmt: skip
         name = settings['llm_client']
@@ -72,8 +74,6 @@ class PlannerServer:
         self._maps = MapManager(
             node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner, compiler
         )
-        side = side_node(node, 'maps')
-        entities.on_close(side.destroy_node)
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
         again = 'the footprint has changed'
         self._footprint = RobotFootprint(
@@ -102,7 +102,7 @@ class PlannerServer:
         self.subscribe()
         newest = self._maps.newest_arrived
         PathValidityService(entities, settings, frames, newest, self._footprint)
-        self._footprint.subscribe()
+        self._footprint.subscribe(side)
         self.subscribe_to_maps(side)
 
     def activate(self) -> None:

@@ -286,7 +286,8 @@ class PlanPublisher:
             self._replans.cancel(NEWER_PATH)
         with self._lock:
             is_new, self._published = path is not self._published, path
-        if is_new:
+        # To write thousands of poses takes as long as to find them.
+        if is_new and self._plan.get_subscription_count():
             self._plan.publish(path)
 
     def publish_report(
@@ -433,7 +434,9 @@ class DiagnosticsPublisher:
         self._thread.join()
 
     def publish(self) -> None:
-        """Publish the state now."""
+        """Publish the state now, where anybody listens: a robot may have no monitor."""
+        if not self._publisher.get_subscription_count():
+            return
         is_well, message, values = self._state()
         level = DiagnosticStatus.OK if is_well else DiagnosticStatus.WARN
         name = f'{self._node.get_fully_qualified_name()[1:]}: planner'

@@ -261,14 +261,13 @@ class RequestHandler:
         self,
         goal: PlanGoal,
         token: CancellationToken | None = None,
-        on_better: Callable[[], None] | None = None,
         replan_reason: str = '',
     ) -> PlanResponse:
         """Plan, publish what came of it, and return it; never raises.
 
         `token` cancels it from another thread: its code is then TIMEOUT and only the report is
-        published. `on_better` is called for each better path on the way.
-        `replan_reason` says why the path monitor plans again, '' if a client requested it.
+        published. `replan_reason` says why the path monitor plans again, '' if a client requested
+        it.
         """
         token = token or CancellationToken()
         stamp = self.next_stamp()
@@ -284,7 +283,7 @@ class RequestHandler:
                     self.compiler.wait(job.goes_on)
                     self._ready_since = time.monotonic()
                     job = replace(job, begin=self._ready_since)
-                response = self.plan(job, on_better, replan_reason)
+                response = self.plan(job, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
             except Exception as error:  # noqa: BLE001 - a robot waits for its answer
@@ -330,9 +329,7 @@ class RequestHandler:
         seconds, nanoseconds = divmod(now + earlier, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
-    def plan(
-        self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
-    ) -> PlanResponse:
+    def plan(self, job: Job, replan_reason: str) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         job.goes_on(max(job.limit, self.settings.current['first_path_time_limit']))
         waited, maps = NOT_WAITED, self.maps
@@ -360,19 +357,15 @@ class RequestHandler:
         began = time.monotonic()
         # Who calls gets one path, and RViz shows that one; so where a way may be kept.
         shows_better = job.goal.client == GOAL_POSE and request.last_way is None
-        anytime = shows_better or on_better is not None
-        plans = planner.plans(request, job.token.stop, anytime=anytime)
+        plans = planner.plans(request, job.token.stop, anytime=shows_better)
         # Its time does not run while its searches are compiled.
         job = replace(job, begin=job.begin + time.monotonic() - began)
         deadline = job.begin + job.limit
         for plan in plans:
-            is_better = not (plan.is_final or job.token.reason)
-            if is_better and shows_better:
+            if not (plan.is_final or job.token.reason):
                 # Half of the time left is for the search and the final path.
                 path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
                 self.publisher.publish_path(path, is_replan=bool(replan_reason))
-            if is_better and on_better is not None:
-                on_better()
         job.goes_on()
         # A first path that came late is written whole all the same.
         deadline = max(deadline, time.monotonic() + min(FINISH_SECONDS, FINISH_SHARE * job.limit))

@@ -14,18 +14,22 @@ import numpy as np
 from geometry_msgs.msg import PolygonStamped, PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
 
 from llm_astar_planner.costmap.config import COSTMAP_THRESHOLD
 from llm_astar_planner.nodes.common.entities import RELIABLE, Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
+from llm_astar_planner.search.arrays import Float64s
 
 TOPIC = 'published_footprint'
 # Metres that the points of one footprint may differ by from message to message: rounding in the
 # global frame, and tf's interpolation.
 SAME_METRES = 0.005
 QUIET_SECONDS = 10.0
+# Seconds to wait for the transform of a footprint: maps wait meanwhile, and another one comes.
+LONGEST_WAIT = 0.05
 
 
 @dataclass(eq=False)
@@ -46,15 +50,16 @@ class RobotFootprint:
     def __post_init__(self) -> None:
         """Take the parameter; `subscribe` takes the topic. `on_change` is called after changes."""
         self.current: Footprint | None = Footprint.parse(self.settings['footprint'])
-        self._logger = self.entities.node.get_logger()
+        self._node = self.entities.node
+        self._logger = self._node.get_logger()
         self._received: Footprint | None = None
         self._loud_from = time.monotonic() + QUIET_SECONDS
         self.report()
 
-    def subscribe(self) -> None:
-        """Take footprints from the topic."""
-        group = MutuallyExclusiveCallbackGroup()
-        self.entities.subscription(PolygonStamped, TOPIC, self.on_message, RELIABLE, group)
+    def subscribe(self, side: Node) -> None:
+        """Take footprints from the topic, on the thread of the node `side`."""
+        group, name = MutuallyExclusiveCallbackGroup(), self._node.resolve_topic_name(TOPIC)
+        Entities(side).subscription(PolygonStamped, name, self.on_message, RELIABLE, group)
 
     def refresh(self) -> None:
         """Follow a changed parameter."""
@@ -67,8 +72,12 @@ class RobotFootprint:
         """Take the footprint of a message, or say in the log why not."""
         if self.settings.current['footprint']:
             return
+        before = self._received
         try:
-            received = self.in_base_frame(message)
+            points = self.in_base_frame(message)
+            if before is not None and before.is_close_to(points, SAME_METRES):
+                return
+            received = Footprint.of(points)
         except LlmAstarError as error:
             # At the start, the robot's frame may come later than its footprint.
             is_early = isinstance(error, FrameError) and time.monotonic() < self._loud_from
@@ -79,10 +88,8 @@ class RobotFootprint:
             else:
                 self._logger.error(text, throttle_duration_sec=QUIET_SECONDS)
             return
-        before = self._received
-        if before is None or not before.is_close_to(received, SAME_METRES):
-            self._received, self._loud_from = received, 0.0
-            self.refresh()
+        self._received, self._loud_from = received, 0.0
+        self.refresh()
 
     def is_planned_for(self, footprint: Footprint) -> bool:
         """Tell whether a footprint is a circle that the costmap keeps off obstacles already."""
@@ -90,8 +97,8 @@ class RobotFootprint:
         radius = self.settings['robot_radius']
         return footprint.is_round and (is_costmap or radius >= footprint.inscribed_radius)
 
-    def in_base_frame(self, message: PolygonStamped) -> Footprint:
-        """Return the footprint of a message in the robot's frame.
+    def in_base_frame(self, message: PolygonStamped) -> Float64s:
+        """Return the points [n, 2] of a message in the robot's frame.
 
         Raises FootprintError, GridMapError, and FrameError without a transform.
         """
@@ -103,8 +110,9 @@ class RobotFootprint:
             raise FootprintError('footprint: a point is not finite')
         base = self.settings['robot_base_frame']
         # Where the origin of the message's frame is in the robot's.
-        origin = self.frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
-        return Footprint.of(origin.transform(corners))
+        pose, deadline = PoseStamped(header=message.header), time.monotonic() + LONGEST_WAIT
+        origin = self.frames.locate(pose, base, TOPIC, lambda: time.monotonic() < deadline)
+        return origin.transform(corners)
 
     def use(self, footprint: Footprint | None) -> None:
         """Use a footprint from now on."""

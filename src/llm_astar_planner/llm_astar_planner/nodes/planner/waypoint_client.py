@@ -103,6 +103,11 @@ class WaypointClient:
         """Whether the client's service is there."""
         return bool(self._client.service_is_ready())
 
+    @property
+    def is_away(self) -> bool:
+        """Whether an answer comes at once: that the client is not there."""
+        return not self.ready
+
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the waypoints of the last plan to the goal if they hold, else ask the client."""
         return self.cache.find(query) or self.ask(query)
