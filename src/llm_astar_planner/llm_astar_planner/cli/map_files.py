@@ -137,7 +137,10 @@ def open_maps(
 
 
 def maps_of(path: Path, pairs: int | None = None) -> list[ProblemMap]:
-    """Return the maps of a file; see `open_maps`. Raises what reading them raises, which says what a map is."""
+    """Return the maps of a file, with pairs as `open_maps`.
+
+    Raises what reading them raises, which says what a map is.
+    """
     if path.suffix.lower() in BARE_MAP:
         return [GridProblem(0, load_map(path))]
     try:

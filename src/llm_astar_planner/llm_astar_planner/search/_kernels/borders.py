@@ -364,7 +364,7 @@ def route(
             # Entries of a border that was queued again for less are passed over.
             border = np.int64(pool[entry, 0]) if dues[pool[entry, 0]] == bucket else border
         if border < 0:
-            return best, last
+            return int(best), int(last)
         dues[border] = NO_WAY
         around(border, columns, count, found)
         leave(costs[border], rows[border], is_open[border], ways)
