@@ -27,6 +27,7 @@ from llm_astar_planner.instructions.grammar.selection import (
 )
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
+from llm_astar_planner.instructions.reader.relations import related
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 
 # What slots begin with.
@@ -44,6 +45,9 @@ SHORTEST_PART = 3
 # metres: 'a metre fifty'.
 TIMES = range(2, 21)
 HUNDREDTHS = range(5, 100, 5)
+# What a quarter and the decimal point are called in a spoken length.
+QUARTERS = ('quarter', 'viertel', 'quart', 'cuarto')
+DECIMAL_POINTS = ('komma', 'virgule', 'coma')
 # What a slot is called in the meaning, where it is not as it is shown.
 NAMED_AS = {'O': 'R', 'G': 'R', 'Y': 'R', 'N': 'K'}
 WORDS_OF_A_LETTER = frozenset('adeilmnostuy')
@@ -76,6 +80,17 @@ class Slot:
         return int(least), None if most is None else int(most)
 
     @property
+    def number(self) -> int | None:
+        """How many a K slot says by itself, of 'twice' too; None for limits, 'at most twice'."""
+        if isinstance(self.value, int):
+            return self.value
+        return int(self.value[0]) if self.value[0] == self.value[1] else None
+
+    def means(self, value: object) -> bool:
+        """Whether the slot stands for a value, a number for K."""
+        return (self.number if self.kind == 'K' else self.value) == value
+
+    @property
     def in_json(self) -> Any:  # noqa: ANN401 - JSON
         """The value in JSON."""
         return self.value.to_json() if isinstance(self.value, Region) else self.value
@@ -102,7 +117,7 @@ def lifted(text: str, places: Places) -> Lifted:
     tokens: list[str] = []
     slots: dict[str, Slot] = {}
     at = 0
-    for start, end, slot in sorted(slots_in(lexemes, places), key=lambda one: one[0]):
+    for start, end, slot in sorted(slots_in(lexemes, places, read), key=lambda one: one[0]):
         tokens += [word.text for word in read if at <= word.start < start]
         name = named(slot, slots)
         if name:
@@ -126,15 +141,19 @@ def named(slot: Slot, slots: Mapping[str, Slot]) -> str:
     return next(same, new)
 
 
-def slots_in(lexemes: Sequence[Lexeme], places: Places) -> Iterator[tuple[int, int, Slot]]:
+def slots_in(
+    lexemes: Sequence[Lexeme], places: Places, words: Sequence[Word]
+) -> Iterator[tuple[int, int, Slot]]:
     """Yield the slots of a sentence, each with where it stands."""
     at, before = 0, ''
     while at < len(lexemes):
-        count, slot = noun_phrase(lexemes[at:])
+        count, slot = told_by_another(lexemes[at : at + MOST_DESCRIBED], words)
+        if slot is None:
+            count, slot = noun_phrase(lexemes[at:])
         if slot is None:
             count, slot = 1, next_of_series(before, lexemes[at], places)
         if slot is None:
-            count, slot = metres_and_more(lexemes[max(0, at - 1) : at], lexemes[at : at + 2])
+            count, slot = metres_and_more(lexemes[max(0, at - 1) : at], lexemes[at : at + 3])
         if slot is None:
             count, slot = 1, simple_slot(lexemes[at], places)
         if slot is not None:
@@ -175,6 +194,31 @@ def described(lexemes: Sequence[Lexeme]) -> Slot | None:
     return None if found.is_walls else Slot('R', region, shown, found.regions, doubts)
 
 
+def told_by_another(lexemes: Sequence[Lexeme], words: Sequence[Word]) -> tuple[int, Slot | None]:
+    """Return how many lexemes 'room next to the kitchen' takes, and its slot; None for others."""
+    at = next((n for n, one in enumerate(lexemes) if one.kind == 'PLACE'), 0)
+    if lexemes[0].kind != 'NOUN' or not at:
+        return 0, None
+    noun, other = lexemes[0], lexemes[at]
+    said = ' '.join(one.text for one in words if noun.end <= one.start < other.start)
+    found = related(candidates(noun), said, other.value)[: regions.MAX_JOINED]
+    doubts = tuple(told for told, _ in other.doubts)
+    if len(found) < 2:
+        return at + 1, place_slot(found[0], doubts) if found else None
+    members = tuple(NamedPlace(one.name) for one in found)
+    return at + 1, Slot('R', regions.AnyOf(members), 'Y', members, (*doubts, said))
+
+
+def candidates(noun: Lexeme) -> Sequence[Place]:
+    """Return the places of a noun; of one that the map has not, 'room', all that may be rooms."""
+    group = noun.value
+    if group.own or nouns().generic.get(group.noun) != group.noun:
+        return noun.places
+    kinds = nouns().generic
+    rooms = (one for one in group.all_places if not one.is_object)
+    return [one for one in rooms if kinds.get(one.kind, group.noun) == group.noun]
+
+
 def any_of_group(noun: Lexeme) -> Slot | None:
     """Return the slot of a noun in singular that may mean several places: 'either bathroom'."""
     group = noun.value
@@ -190,16 +234,46 @@ def any_of_group(noun: Lexeme) -> Slot | None:
 def metres_and_more(
     before: Sequence[Lexeme], lexemes: Sequence[Lexeme]
 ) -> tuple[int, Slot | None]:
-    """Return how many lexemes 'a metre' or 'one metre fifty' takes, and its slot."""
-    first, *others = lexemes
+    """Return how many lexemes a length in several words takes, and its slot.
+
+    'A metre', 'one metre fifty', 'a metre and twenty', 'one point eight metres', 'seventy five
+    centimetres'.
+    """
+    first = lexemes[0]
+    if first.kind == 'NUMBER' and first.number >= 0:
+        return spoken_number(lexemes)
     is_told = any(one.kind in ('OF', 'HALFNOUN', 'AND', 'UNKNOWN') for one in before)
     if first.kind != 'LENGTH' and (first.kind != 'UNIT' or is_told):
         return 0, None
     if not float(first.value).is_integer():
         return 0, None
-    more = [one.number for one in others if one.kind == 'NUMBER' and one.number in HUNDREDTHS]
-    metres = float(first.value) + sum(more) / 100
-    return 1 + len(more), Slot('L', metres, doubts=tuple(said for said, _ in first.doubts))
+    others = lexemes[1:2] if [one.kind for one in lexemes[1:2]] != ['AND'] else lexemes[2:3]
+    parts = dict.fromkeys(QUARTERS, 0.25) | {str(n): n / 100 for n in HUNDREDTHS}
+    more = [parts[str(one.value)] for one in others if str(one.value) in parts]
+    count = 1 + lexemes.index(others[0]) if more else 1
+    return count, length_slot(float(first.value) + sum(more), first)
+
+
+def spoken_number(lexemes: Sequence[Lexeme]) -> tuple[int, Slot | None]:
+    """Return how many lexemes 'one point eight metres' or 'seventy five centimetres' takes."""
+    first = lexemes[0].number
+    kinds = [one.kind for one in lexemes]
+    is_decimal = kinds[1:] == ['POINTWORD', 'LENGTH'] or (
+        kinds[1:] == ['UNKNOWN', 'LENGTH'] and lexemes[1].value in DECIMAL_POINTS
+    )
+    if is_decimal and float(lexemes[2].value) in range(10):
+        return 3, length_slot(first + float(lexemes[2].value) / 10, lexemes[2])
+    if kinds[1:2] == ['LENGTH'] and first in range(20, 100, 10):
+        value = float(lexemes[1].value)
+        metres = first + value if value >= 1 else first / 100 + value
+        is_one = round(value if value >= 1 else 100 * value, 6) in range(1, 10)
+        return (2, length_slot(metres, lexemes[1])) if is_one else (0, None)
+    return 0, None
+
+
+def length_slot(metres: float, lexeme: Lexeme) -> Slot:
+    """Return the slot of metres, rounded so that 70 cm are 0.7."""
+    return Slot('L', round(metres, 6), doubts=tuple(said for said, _ in lexeme.doubts))
 
 
 def next_of_series(name: str, lexeme: Lexeme, places: Places) -> Slot | None:
@@ -223,7 +297,7 @@ def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
     if lexeme.kind == 'PLACE':
         return place_slot(value, doubts)
     if lexeme.kind == 'LENGTH':
-        return Slot('L', float(value), doubts=doubts)
+        return length_slot(float(value), lexeme)
     if lexeme.kind == 'SIDE':
         return Slot('S', str(value), doubts=doubts)
     if lexeme.kind == 'POINT':

@@ -208,12 +208,14 @@ def as_list(value: Any) -> list[Any]:  # noqa: ANN401 - JSON
 
 def entries(kind: str, times: Any) -> dict[str, Any]:  # noqa: ANN401 - a number or limits
     """Return the least and the most entries. Raises Unreadable for 'not twice' as a wish."""
-    if isinstance(times, int) == (kind in ('C', 'CN')):
-        raise Unreadable('how often, or how many')
-    if isinstance(times, int):
-        least, most = 0 if kind == 'CL' else times, None if kind == 'CG' else times
-    else:
-        if times[2] != (kind == 'CN'):
+    slot = Slot('K', times)
+    if kind in ('C', 'CN'):
+        if isinstance(times, int) or times[2] != (kind == 'CN'):
             raise Unreadable('not so often, or how often')
-        least, most = Slot('K', times).entries
+        least, most = slot.entries
+    elif slot.number is None:
+        raise Unreadable('how often, or how many')
+    else:
+        least = 0 if kind == 'CL' else slot.number
+        most = None if kind == 'CG' else slot.number
     return {'at_least': least, 'at_most': most}

@@ -94,7 +94,7 @@ class Translation:
 
     def slot(self, kind: str, value: object, otherwise: str = '') -> str:
         """Return the name of a slot with a value. Raises Unreadable for none."""
-        found = (n for n, slot in self.slots.items() if n[0] == kind and slot.value == value)
+        found = (n for n, slot in self.slots.items() if n[0] == kind and slot.means(value))
         name = next(found, otherwise)
         if not name:
             raise Unreadable(f'{value} is not in the sentence')

@@ -2,6 +2,7 @@
 
 import pytest
 from instruction_places import HOSPITAL
+from language import free
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.regions import NamedPlace, Tagged
 
@@ -40,6 +41,12 @@ def test_names_numbers_sides_and_counts_become_slots(text, tokens):
         ('ein Meter zwanzig', 1.2),
         ('un mètre vingt', 1.2),
         ('metro veinte', 1.2),
+        ('a metre and twenty', 1.2),
+        ('a metre and a quarter', 1.25),
+        ('one point eight metres', 1.8),
+        ('zwei Komma fünf Meter', 2.5),
+        ('seventy-five centimetres', 0.75),
+        ('70 cm', 0.7),
     ],
 )
 def test_lengths_in_words_are_metres(text, metres):
@@ -67,3 +74,30 @@ def test_an_identifier_is_a_whole_word():
 def test_there_are_no_more_slots_than_the_network_knows():
     one = lifted('1 m, ' * 3 + '2 m, 3 m, 4 m, 5 m, 6 m', HOSPITAL)
     assert sorted(one.slots) == ['L1', 'L2', 'L3', 'L4']
+
+
+@pytest.mark.parametrize(
+    ('text', 'name'),
+    [
+        ('the room next to the pharmacy', 'ward 3'),
+        ('das Zimmer neben der Apotheke', 'ward 3'),
+        ('la salle à côté de la pharmacie', 'ward 3'),
+        ('la sala al lado de la farmacia', 'ward 3'),
+        ('the room opposite the pharmacy', 'reception'),
+        ('the ward furthest from the pharmacy', 'ward 1'),
+    ],
+)
+def test_a_room_is_told_by_another_one(text, name):
+    places = free.worlds()['hospital'].places
+    one = lifted(text, places)
+    assert one.slots['R1'].value == NamedPlace(name)
+    assert one.slots['R1'].doubts == ()
+    assert len(one.tokens) == 2
+
+
+def test_of_two_rooms_next_to_one_either_is_meant_with_a_doubt():
+    places = free.worlds()['hospital'].places
+    slot = lifted('the ward next to ward 2', places).slots['R1']
+    assert slot.shown == 'Y'
+    assert slot.members == (NamedPlace('ward 1'), NamedPlace('ward 3'))
+    assert slot.doubts == ('next to',)
