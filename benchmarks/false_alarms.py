@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from llm_astar_lab.analysis.run_comparison import METRICS, PairedRows, RunComparison, judge
+from llm_astar_lab.report.comparison import METRICS, RunComparison, judge, variant_change
 from llm_astar_lab.report.table import markdown_table
 from llm_astar_lab.results.row import Variant
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ def simulate(
         for run in (0, 1):
             failed = random.random(len(maps)) < 0.01
             columns[f'code_{run}'] = np.where(failed, 'NO_VALID_PATH', 'NONE')
-        changes.append(PairedRows(Variant('guided', f'{number}'), columns).change())
+        changes.append(variant_change(Variant('guided', f'{number}'), columns))
     compared = RunComparison(Path('run'), [], changes, [], [], [])
     return judge([compared], 'operation', 0.0)[0]
 

@@ -26,12 +26,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.named import GRID_CONFIG, SETS
-from llm_astar_lab.runner.map_costs import held_bytes
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import Scenario, load_map, load_scenarios
@@ -53,6 +53,8 @@ BUCKETS = (1.0, 1.01, 1.05, 1.1, 1.5)
 PEER_S = 3600.0
 PATIENCE_S = 120.0
 Answer = tuple[float, float]
+# What a planner shares with everything else, and what leads there.
+SHARED = (type, ModuleType, FunctionType, str, bytes)
 
 
 class Prepared(NamedTuple):
@@ -174,6 +176,24 @@ def measure_map(
                     totals[name].add(scenario, cost, 0.0)
         for name in methods:
             totals[name].queries[-1] = least[name]
+
+
+def held_bytes(root: object) -> int:
+    """Return the bytes of all arrays that an object leads to, each counted once."""
+    seen: set[int] = set()
+    left, total = [root], 0
+    while left:
+        item = left.pop()
+        if id(item) in seen or isinstance(item, SHARED):
+            continue
+        seen.add(id(item))
+        if isinstance(item, np.ndarray):
+            # A view holds all of the array that it is of.
+            left += [] if item.base is None else [item.base]
+            total += item.nbytes if item.base is None else 0
+        else:
+            left += gc.get_referents(item)
+    return total
 
 
 def measure_peer(

@@ -30,13 +30,17 @@ from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.storage import Channel
 from llm_astar_lab.bags.types import Decoder, barrier_map_text, define
-from llm_astar_lab.evaluation.requests import RequestReader, load_requests
-from llm_astar_lab.evaluation.topics import TopicSelection, describe
+from llm_astar_lab.commands.transcript import check_transcript
+from llm_astar_lab.evaluation.requests import (
+    RequestReader,
+    TopicSelection,
+    describe,
+    load_requests,
+)
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import Row
-from llm_astar_lab.runner.transcript_check import check_transcript
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,

@@ -2,8 +2,11 @@
 
 import json
 import sys
+import tracemalloc
 
+import numpy as np
 import pytest
+from llm_astar_lab.datasets.generate import generate_family
 
 from benchmarks import gppc
 
@@ -75,3 +78,27 @@ def test_a_program_that_answers_too_little_is_named(sets):
 def test_a_folder_without_the_set_is_named(tmp_path):
     with pytest.raises(SystemExit, match='has no scenarios of dao'):
         run(tmp_path)
+
+
+def test_arrays_are_counted_once_with_what_their_views_hold():
+    class Holder:
+        def __init__(self):
+            self.whole = np.zeros(1000, dtype=np.int32)
+            self.parts = {'a': self.whole[:10], 'again': [self]}
+            self.other = np.zeros((10, 10))[::2]
+
+    assert gppc.held_bytes(Holder()) == 4000 + 800
+    assert gppc.held_bytes(lambda: Holder) == 0
+
+
+def test_the_memory_of_a_planner_is_about_what_python_says_it_takes():
+    (problem,) = generate_family('rooms', 0, 1, 1, side=401)
+    start, goal, _ = problem.samples[0]
+    gppc.prepare_planner(problem.grid_map, 1.0).plan(start, goal)  # what the first of all loads
+    tracemalloc.start()
+    prepared = gppc.prepare_planner(problem.grid_map, 1.0)
+    prepared.plan(start, goal)
+    held, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    counted = gppc.held_bytes(prepared.holder) - problem.grid_map.cells.nbytes
+    assert 0.8 * held < counted < 1.2 * held

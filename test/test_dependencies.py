@@ -18,7 +18,6 @@ DISTRIBUTIONS = {'PIL': 'pillow', 'lark': 'lark-parser', 'yaml': 'pyyaml'}
 # What another library depends on or is a part of: numba compiles by llvmlite.
 PARTS = {
     'llvmlite': 'numba', 'markupsafe': 'jinja2', 'mpl_toolkits': 'matplotlib', 'pydantic': 'mcp',
-    'distributed': 'dask[distributed]',
 }  # fmt: skip
 # Distributions with the key of rosdep, where that is not python3-NAME.
 KEYS = {'pillow': 'python3-pil', 'pyyaml': 'python3-yaml'}

@@ -11,8 +11,8 @@ import pytest
 from graph_tools import ALONE, process, wait_for
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.writing import ros_distro
+from llm_astar_lab.commands.dataset import write_sample_bag
 from llm_astar_lab.datasets.named import load_samples
-from llm_astar_lab.evaluation.writing import write_sample_bag
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ADDED_COLUMNS
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
@@ -32,7 +32,7 @@ import llm_astar_planner
 OLD = Path(__file__).parent / 'data' / 'version_0_1_0'
 
 
-# --- bags: `dataset to-bag` (samples), `evaluate --results-bag` (results), `record` (recorded) ---
+# --- bags: of `dataset to-bag` (samples), of an evaluation (results), of `record` (recorded) ---
 
 # What `evaluate samples --methods guided --source straight` said then: the topic of the method,
 # and code, operation, storage, length and number of waypoints of its two plans.

@@ -77,7 +77,6 @@ SLOW = {
     r'llm-astar run .*demo.yaml|llm-astar call .*(19$|7.0 3.0|--interpret)': 'README.md calls',
     r'llm-astar evaluate .*(guided |out/drive|methods llm_astar)': 'test_evaluate.py',
     r'llm-astar instruct-bench': 'test_instruct_bench.py',
-    r'python examples/dask_cluster': 'test_cluster.py',
 }
 # What asks a running planner; a page that starts none takes one for granted.
 ASKS = re.compile(r'llm-astar (call|param|watch)')
@@ -235,11 +234,9 @@ def outcomes(tmp_path_factory):
 def outcomes_in_a_clone(tmp_path_factory):
     clone = tmp_path_factory.mktemp('clone') / 'llm-astar'
     environment = {name: value for name, value in os.environ.items() if name != 'PYTHONPATH'}
-    extras = ['dask[distributed]']  # which docs/large-runs.md says to install
     for command in (
         ['git', 'clone', '--quiet', ROOT, clone],
         ['make', '-C', clone, 'install'],
-        [clone / '.venv' / 'bin' / 'pip', 'install', '--quiet', *extras],
     ):
         subprocess.run(command, check=True, env=environment)
     return run_pages(tmp_path_factory, clone / '.venv' / 'bin', slow=True)

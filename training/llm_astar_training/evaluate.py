@@ -124,7 +124,7 @@ def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
     rows = []
     tasks = make_tasks(samples, variants, sources, SearchSettings())
     for task in tqdm(tasks, desc=name, leave=False):
-        rows += [replace(outcome.row, scale=1) for outcome in run_task(task)]
+        rows += [replace(row, scale=1) for row in run_task(task)]
     summaries = summarise(rows)
 
     def of(method: str) -> Summaries:

@@ -8,12 +8,12 @@ from llm_astar_lab.bags.types import (
     bag_types,
     define,
     get_plan_request,
+    make_message,
     occupancy_grid,
-    path,
-    status,
 )
 from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 TYPES = {
     '/map': 'nav_msgs/msg/OccupancyGrid',
@@ -31,6 +31,7 @@ TYPES = {
     '/llm_astar/barrier_map': 'std_msgs/msg/String',
 }
 EVENT = '/planner_node/get_plan/_service_event'
+SQLITE3 = StoragePlugin.SQLITE3
 
 
 def make(msgtype, **fields):
@@ -50,10 +51,13 @@ def at(seconds):
     return int(seconds * NANOSECONDS)
 
 
-def write_bag(folder, messages, storage='mcap', **options):
+def write_bag(folder, messages, storage='mcap'):
     """Write (topic, seconds, message) in this order; a message may be serialized."""
-    with BagWriter(folder, storage, **options) as bag:
-        for topic in dict.fromkeys(topic for topic, _, _ in messages):
+    topics = dict.fromkeys(topic for topic, _, _ in messages)
+    if storage == 'sqlite3':
+        return write_sqlite3(folder, messages, topics)
+    with BagWriter(folder) as bag:
+        for topic in topics:
             bag.add_topic(OfferedTopic(topic, define(TYPES[topic])))
         for topic, seconds, message in messages:
             if isinstance(message, bytes):
@@ -61,6 +65,61 @@ def write_bag(folder, messages, storage='mcap', **options):
             else:
                 bag.write_message(topic, at(seconds), message)
     return folder
+
+
+def write_split(folder, messages):
+    """Write a bag with a file for each message, as a recorder does that splits it."""
+    folder.mkdir()
+    names = [f'{folder.name}_{number}.mcap' for number in range(len(messages))]
+    for name, message in zip(names, messages):
+        part = write_bag(folder / 'part', [message])
+        (part / 'part_0.mcap').rename(folder / name)
+        (part / 'metadata.yaml').unlink()
+        part.rmdir()
+    described = {'rosbag2_bagfile_information': {'relative_file_paths': names}}
+    (folder / 'metadata.yaml').write_text(json.dumps(described))
+    return folder
+
+
+def as_sqlite3(bag, folder):
+    """Write a bag again as rosbags does, in sqlite3."""
+    with Reader(bag) as source, Writer(folder, version=9, storage_plugin=SQLITE3) as copy:
+        topics = {}
+        for one in source.connections:
+            defined = {'msgdef': one.msgdef.data, 'rihs01': one.digest}
+            topics[one.topic] = copy.add_connection(one.topic, one.msgtype, **defined)
+        for one, stamp, data in source.messages():
+            copy.write(topics[one.topic], stamp, data)
+    return folder
+
+
+def write_sqlite3(folder, messages, topics):
+    with Writer(folder, version=9, storage_plugin=SQLITE3) as bag:
+        for topic in topics:
+            _, text, _, digest = define(TYPES[topic])
+            topics[topic] = bag.add_connection(topic, TYPES[topic], msgdef=text, rihs01=digest)
+        for topic, seconds, message in messages:
+            is_raw = isinstance(message, bytes)
+            data = message if is_raw else bag_types().serialize_cdr(message, TYPES[topic])
+            bag.write(topics[topic], at(seconds), data)
+    return folder
+
+
+def path(points, frame, stamp):
+    head = {'stamp': {'sec': stamp // NANOSECONDS, 'nanosec': stamp % NANOSECONDS}}
+    head['frame_id'] = frame
+    places = ({'x': float(x), 'y': float(y)} for x, y in points)
+    poses = [{'position': place, 'orientation': {'w': 1.0}} for place in places]
+    poses = [{'header': head, 'pose': pose} for pose in poses]
+    return make_message('nav_msgs/msg/Path', header=head, poses=poses)
+
+
+def status(name, level, message, values, stamp):
+    """Return one diagnostic status with JSON values, like the planner node's report."""
+    pairs = [{'key': key, 'value': json.dumps(value)} for key, value in values.items()]
+    one = {'level': level, 'name': name, 'message': message, 'values': pairs}
+    head = {'stamp': {'sec': stamp // NANOSECONDS, 'nanosec': stamp % NANOSECONDS}}
+    return make_message('diagnostic_msgs/msg/DiagnosticArray', header=head, status=[one])
 
 
 def map_at(seconds, grid_map):

@@ -14,7 +14,6 @@ from llm_astar_lab.runner.engine import (
     SearchSettings,
     list_variants,
     make_tasks,
-    run_task,
 )
 from llm_astar_lab.runner.sources import SourceSpec
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
@@ -33,10 +32,6 @@ def tasks_of(samples, sources=WITH_ORACLE, methods=ALL_METHODS, scale=1):
 
 def config_of(dataset, sources=WITH_ORACLE, methods=('llm_astar',), **values):
     return BenchmarkConfig(load_samples(dataset), methods, sources, SearchSettings(), **values)
-
-
-def rows_of(task):
-    return [outcome.row for outcome in run_task(task)]
 
 
 def untimed(row):

@@ -157,11 +157,11 @@ class RunSummary(NamedTuple):
     recorded: Mapping[str, int] = MappingProxyType({})
 
 
-def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[SampleId, Row]]:
-    """Return the rows of a scale by variant and sample, variants in order of appearance."""
+def by_variant(rows: Iterable[Row]) -> dict[Variant, dict[SampleId, Row]]:
+    """Return the rows of scale 1 by variant and sample, variants in order of appearance."""
     variants: dict[Variant, dict[SampleId, Row]] = defaultdict(dict)
     for row in rows:
-        if row.scale == scale:
+        if row.scale == 1:
             variants[row.variant][row.map, row.pair] = row
     return dict(variants)
 

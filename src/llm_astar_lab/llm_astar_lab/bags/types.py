@@ -14,7 +14,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -25,8 +25,6 @@ import zstandard
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.fields import headings_along
-from numpy.typing import ArrayLike
 from rosbags import typesys
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
@@ -308,26 +306,11 @@ MAP = '/map'
 BARRIER_MAP = '/llm_astar/barrier_map'
 # Service introspection publishes the requests and responses of GetPlan here.
 GET_PLAN_EVENT = '/planner_node/get_plan/_service_event'
-EVALUATION = '/evaluation'
-
 NANOSECONDS = 1_000_000_000
 # The last second that a Time can hold; the clock of a damaged bag may be later.
 LAST_SECOND = 2**31 - 1
-# Constants of service_msgs/ServiceEventInfo and visualization_msgs/Marker.
+# Of service_msgs/ServiceEventInfo.
 REQUEST_RECEIVED = 1
-SPHERE_LIST, ADD, DELETE = 7, 0, 2
-ACCEPTED = {'r': 0.16, 'g': 0.63, 'b': 0.17, 'a': 1.0}
-REJECTED = {'r': 0.84, 'g': 0.15, 'b': 0.16, 'a': 1.0}
-
-
-def evaluation_topic(method: str, source: str, kind: str) -> str:
-    """Return a topic of an evaluation's results: `kind` is plan, report or markers.
-
-    Characters that a ROS name cannot have become underscores.
-    """
-    named = method if source in ('', 'none') else f'{method} {source}'
-    words = ''.join(c if c.isascii() and c.isalnum() else ' ' for c in named).split()
-    return f'{EVALUATION}/{"_".join(words)}/{kind}'
 
 
 def occupancy_grid(grid_map: GridMap, stamp: int) -> object:
@@ -360,42 +343,6 @@ def get_plan_request(
     request = {name: {'header': head, 'pose': pose_of(pose)} for name, pose in ends.items()}
     info = {'event_type': REQUEST_RECEIVED, 'stamp': time_of(stamp), 'sequence_number': number}
     return make_message(GET_PLAN_EVENT_TYPE, info=info, request=[request])
-
-
-def path(points: ArrayLike, frame_id: str, stamp: int) -> object:
-    """Return points [n, 2] in metres as a path, each pose oriented towards the next."""
-    points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-    head = header(frame_id, stamp)
-    poses = [
-        {'header': head, 'pose': pose_of(Pose2D(x, y, yaw))}
-        for (x, y), yaw in zip(points.tolist(), headings_along(points))
-    ]
-    return make_message('nav_msgs/msg/Path', header=head, poses=poses)
-
-
-def status(name: str, level: int, message: str, values: Mapping[str, Any], stamp: int) -> object:
-    """Return one diagnostic status with JSON values, like the planner node's report."""
-    pairs = [{'key': key, 'value': json.dumps(value)} for key, value in values.items()]
-    one = {'level': level, 'name': name, 'message': message, 'values': pairs}
-    array = 'diagnostic_msgs/msg/DiagnosticArray'
-    return make_message(array, header=header('', stamp), status=[one])
-
-
-def waypoint_markers(
-    waypoints: Sequence[tuple[float, float, str]], size: float, frame_id: str, stamp: int
-) -> object:
-    """Return waypoints (x, y in metres, status) as spheres of `size` metres.
-
-    Green where accepted, red where not. They replace the spheres before; no waypoints delete them.
-    """
-    marker = {
-        'header': header(frame_id, stamp), 'ns': 'waypoints', 'type': SPHERE_LIST,
-        'action': ADD if waypoints else DELETE, 'pose': pose_of(Pose2D(0.0, 0.0)),
-        'scale': {'x': size, 'y': size, 'z': size}, 'color': ACCEPTED,
-        'points': [{'x': float(x), 'y': float(y)} for x, y, _ in waypoints],
-        'colors': [ACCEPTED if found == 'accepted' else REJECTED for *_, found in waypoints],
-    }  # fmt: skip
-    return make_message('visualization_msgs/msg/MarkerArray', markers=[marker])
 
 
 def make_message(msgtype: str, **given: Any) -> object:  # noqa: ANN401 - of the message's own types

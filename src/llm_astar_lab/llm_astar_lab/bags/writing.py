@@ -1,22 +1,18 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Writes bags as rosbag2 does: a folder of files split by size, with one metadata.yaml.
+"""Writes bags as rosbag2 does: a folder of an mcap file and metadata.yaml.
 
-Each file is complete up to the last chunk or second even if the process dies.
+The file is complete up to the last chunk even if the process dies.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import sqlite3
-import sys
-import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import indent
 from typing import Any, NamedTuple
@@ -24,14 +20,12 @@ from typing import Any, NamedTuple
 import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from llm_astar_lab.bags.types import TypeDefinition, bag_types
 from llm_astar_lab.templates import render
 
-# How much a power cut may lose: bytes before compression, and seconds.
+# How much a power cut may lose: bytes before compression.
 CHUNK_BYTES = 64 * 1024
-COMMIT_SECONDS = 1.0
 # The start (ns) of a file without messages, as rosbag2 writes it.
 NEVER = 2**63 - 1
 
@@ -68,191 +62,75 @@ class OfferedTopic(NamedTuple):
         return text.strip()
 
 
-@dataclass
-class Written:
-    """What was written: the number of messages by topic, their first and last times (ns)."""
-
-    counts: Counter[str] = field(default_factory=Counter)
-    first: int = NEVER
-    last: int = 0
-
-    def add(self, topic: str, stamp: int) -> None:
-        """Count a message."""
-        self.counts[topic] += 1
-        self.first, self.last = min(self.first, stamp), max(self.last, stamp)
-
-    @property
-    def duration(self) -> int:
-        """The time from the first message to the last (ns)."""
-        return max(0, self.last - self.first)
-
-
-class McapPart:
-    """Writes an mcap file: zstd chunks, indices, checksums."""
-
-    suffix = '.mcap'
-
-    def __init__(self, path: Path) -> None:
-        """Create the file."""
-        self._stream = path.open('xb')
-        self._file = McapWriter(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
-        self._file.start(profile='ros2')
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self._written: Counter[str] = Counter()
-
-    def add_topic(self, topic: OfferedTopic) -> None:
-        """Write a topic with the QoS that its publishers offer, and its type where it is new."""
-        msgtype, text, encoding, digest = topic.definition
-        if msgtype not in self._schemas:
-            schema = self._file.register_schema(msgtype, encoding, text.encode())
-            self._schemas[msgtype] = schema
-        metadata = {'offered_qos_profiles': topic.profiles, 'topic_type_hash': digest}
-        facts = topic.name, 'cdr', self._schemas[msgtype], metadata
-        self._channels[topic.name] = self._file.register_channel(*facts)
-
-    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
-        """Write a message at its time in nanoseconds."""
-        self._written[topic] += 1
-        channel, number = self._channels[topic], self._written[topic]
-        self._file.add_message(channel, stamp, bytes(data), stamp, number)
-        self._stream.flush()
-
-    def close(self, metadata: str) -> None:
-        """Write the metadata of the bag into the file and finish it."""
-        self._file.add_metadata('rosbag2', {'serialized_metadata': metadata})
-        self._file.finish()  # type: ignore[no-untyped-call]
-        self._stream.close()
-
-    def abort(self) -> None:
-        """Close the file unfinished."""
-        self._stream.close()
-
-
-class SqlitePart:
-    """Writes a database and commits every second into a write-ahead log.
-
-    With neither, a power cut would leave a file that cannot be read.
-    """
-
-    suffix = '.db3'
-
-    def __init__(self, path: Path) -> None:
-        """Create the file."""
-        self._database = sqlite3.connect(path)
-        self._database.executescript(f'PRAGMA journal_mode=WAL; {Sqlite3Writer.SQLITE_SCHEMA}')
-        self._database.execute('UPDATE schema SET ros_distro = ?', (ros_distro(),))
-        self._topics: dict[str, int] = {}
-        self._types: set[str] = set()
-        self._committed = time.monotonic()
-
-    def add_topic(self, topic: OfferedTopic) -> None:
-        """Write a topic with the QoS that its publishers offer, and its type where it is new."""
-        msgtype, text, encoding, digest = topic.definition
-        if msgtype not in self._types:
-            self._types.add(msgtype)
-            columns = 'topic_type, encoding, encoded_message_definition, type_description_hash'
-            self._insert(f'message_definitions ({columns})', msgtype, encoding, text, digest)
-        number = self._topics[topic.name] = len(self._topics) + 1
-        self._insert('topics', number, topic.name, msgtype, 'cdr', topic.profiles, digest)
-
-    def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
-        """Write a message at its time in nanoseconds."""
-        self._insert('messages (topic_id, timestamp, data)', self._topics[topic], stamp, data)
-        if time.monotonic() > self._committed + COMMIT_SECONDS:
-            self._database.commit()
-            self._committed = time.monotonic()
-
-    def close(self, metadata: str) -> None:
-        """Finish the file and merge its log: with a log it could not be opened read-only."""
-        self._database.commit()
-        self._database.execute('PRAGMA journal_mode=DELETE')
-        self._insert('metadata (metadata_version, metadata)', 9, metadata)
-        self._database.commit()
-        self._database.execute('PRAGMA optimize')
-        self._database.close()
-
-    def _insert(self, columns: str, *values: object) -> None:
-        """Add a row to a table, all of whose columns or some are named."""
-        marks = ', '.join('?' * len(values))
-        self._database.execute(f'INSERT INTO {columns} VALUES ({marks})', values)  # noqa: S608
-
-    def abort(self) -> None:
-        """Close the file without what was not committed."""
-        self._database.close()
-
-
-Part = McapPart | SqlitePart
-STORAGES: dict[str, type[Part]] = {'mcap': McapPart, 'sqlite3': SqlitePart}
-
-
 class BagWriter:
-    """Writes messages into a new bag as they come; a context manager.
+    """Writes messages as they come into a new bag of one mcap file; a context manager.
 
     `counts` are the messages written, by topic. The bag is closed also where the block ends with
     an error, and what was written until then can be read. Raises BagWriteError where the disk is
     full or fails.
     """
 
-    def __init__(self, folder: str | Path, storage: str = 'mcap', max_bytes: int = 0) -> None:
-        """Prepare a bag in `folder`, `mcap` or `sqlite3`.
-
-        After `max_bytes` of messages a file is closed and the next one begun; 0 means one file.
-        Raises BagWriteError where the folder exists.
-        """
+    def __init__(self, folder: str | Path) -> None:
+        """Prepare a bag in `folder`. Raises BagWriteError where it exists."""
         self.folder = Path(folder)
         if self.folder.exists():
             raise BagWriteError(f'{folder}: exists already; name a new folder, or remove this one')
-        self._storage = storage
-        self._max_bytes = max_bytes or sys.maxsize
+        self.counts: Counter[str] = Counter()
         self._topics: dict[str, OfferedTopic] = {}
-        self._files: list[tuple[str, Written]] = []
-        self._written = Written()
+        # Numbers of types and of topics in the file, and the times (ns) of its messages.
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._first, self._last = NEVER, 0
 
     def __enter__(self) -> BagWriter:
-        """Make the folder. Raises OSError where that fails."""
+        """Make the folder and the file. Raises OSError where that fails."""
         self.folder.mkdir(parents=True)
-        self._open_part()
+        self._stream = (self.folder / self._name).open('xb')
+        self._file = McapWriter(self._stream, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
+        self._file.start(profile='ros2')
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         try:
             with self._disk_errors():
-                self._close_part()
+                self._finish()
         except Exception:
             if error is None:
                 raise
             # The error that ended the block is reported.
             with suppress(Exception):
-                self._part.abort()
-
-    @property
-    def counts(self) -> Counter[str]:
-        """The number of messages written, by topic."""
-        return self._written.counts
+                self._stream.close()
 
     @property
     def total(self) -> int:
         """The number of messages written."""
         return self.counts.total()
 
+    @property
+    def _name(self) -> str:
+        return f'{self.folder.name}_0.mcap'
+
     def add_topic(self, topic: OfferedTopic) -> None:
-        """Add a topic, once, before its first message."""
+        """Add a topic, once, before its first message, and its type where it is new."""
         self._topics[topic.name] = topic
-        self._written.counts[topic.name] = 0
+        self.counts[topic.name] = 0
+        msgtype, text, encoding, digest = topic.definition
+        metadata = {'offered_qos_profiles': topic.profiles, 'topic_type_hash': digest}
         with self._disk_errors():
-            self._part.add_topic(topic)
+            if msgtype not in self._schemas:
+                schema = self._file.register_schema(msgtype, encoding, text.encode())
+                self._schemas[msgtype] = schema
+            facts = topic.name, 'cdr', self._schemas[msgtype], metadata
+            self._channels[topic.name] = self._file.register_channel(*facts)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a serialized message of an added topic at its time in nanoseconds."""
+        channel, number = self._channels[topic], self.counts[topic] + 1
         with self._disk_errors():
-            if self._part_bytes >= self._max_bytes:
-                self._close_part()
-                self._open_part()
-            self._part.write(topic, stamp, data)
-        self._part_bytes += len(data)
-        self._in_part.add(topic, stamp)
-        self._written.add(topic, stamp)
+            self._file.add_message(channel, stamp, bytes(data), stamp, number)
+            self._stream.flush()
+        self.counts[topic] = number
+        self._first, self._last = min(self._first, stamp), max(self._last, stamp)
 
     def write_message(self, topic: str, stamp: int, message: Any) -> None:  # noqa: ANN401 - of rosbags
         """Write a message whose type is one of `bag_types()`."""
@@ -263,35 +141,24 @@ class BagWriter:
         """Raise BagWriteError for what the disk raises in the block."""
         try:
             yield
-        except (OSError, sqlite3.Error) as error:
-            why = getattr(error, 'strerror', None) or error
+        except OSError as error:
+            why = error.strerror or error
             raise BagWriteError(f'{self.folder}: {why}; what was written before is kept') from None
 
-    def _open_part(self) -> None:
-        make = STORAGES[self._storage]
-        self._path = self.folder / f'{self.folder.name}_{len(self._files)}{make.suffix}'
-        self._part: Part = make(self._path)
-        self._part_bytes = 0
-        self._in_part = Written()
-        for topic in self._topics.values():
-            self._part.add_topic(topic)
-
-    def _close_part(self) -> None:
-        """Finish a file and list it with the others in metadata.yaml."""
-        file = self._path.name, self._in_part
-        self._part.close(self._metadata([file], self._in_part))
-        self._files.append(file)
-        text = indent(self._metadata(self._files, self._written), '  ')
+    def _finish(self) -> None:
+        """Finish the file; the metadata, in the format of Jazzy, are in it and beside it."""
+        duration = max(0, self._last - self._first)
+        times: dict[str, Any] = {'first': self._first, 'duration': duration}
+        names: dict[str, Any] = {'name': self._name, 'distro': ros_distro()}
+        topics = {'topics': self._topics.values(), 'counts': self.counts}
+        metadata = render('bags/metadata.yaml.j2', **names, **times, **topics) + '\n'
+        self._file.add_metadata('rosbag2', {'serialized_metadata': metadata})
+        self._file.finish()  # type: ignore[no-untyped-call]
+        self._stream.close()
         draft = self.folder / 'metadata.yaml.tmp'
+        text = indent(metadata, '  ')
         draft.write_text(f'rosbag2_bagfile_information:\n{text}', encoding='utf-8')
         draft.replace(self.folder / 'metadata.yaml')
-
-    def _metadata(self, files: list[tuple[str, Written]], written: Written) -> str:
-        """Return the metadata of a bag of these files, in the format of Jazzy."""
-        template, topics = 'bags/metadata.yaml.j2', self._topics.values()
-        facts: dict[str, Any] = {'storage': self._storage, 'distro': ros_distro()}
-        text = render(template, topics=topics, files=files, written=written, **facts)
-        return f'{text}\n'
 
 
 def ros_distro() -> str:

@@ -51,17 +51,8 @@ from llm_astar_lab.datasets.llm_benchmarks import READERS
 from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
-from llm_astar_lab.runner import sources
+from llm_astar_lab.runner import protocol, sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
-from llm_astar_lab.runner.map_costs import map_costs
-from llm_astar_lab.runner.protocol import (
-    FIELDS,
-    NEEDED,
-    PROTOCOLS,
-    apply_protocol,
-    sentence,
-    write_protocol,
-)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,8 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_instruction(parser.add_argument_group('an instruction for every sample'))
     option(
         parser, '--protocol FILE',
-        f'yaml file with {", ".join(NEEDED)} and perhaps {", ".join(FIELDS[len(NEEDED):])}: runs '
-        f'{" or ".join(sorted(PROTOCOLS))} with this model, and writes protocol.json',
+        f'yaml file with {", ".join(protocol.NEEDED)} and perhaps '
+        f'{", ".join(protocol.OPTIONAL)}: runs {" or ".join(sorted(protocol.PROTOCOLS))} with '
+        'this model, and writes protocol.json',
     )  # fmt: skip
     common.add_running(parser.add_argument_group('running'), 'out/bench')
 
@@ -118,7 +110,7 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
-    card = apply_protocol(args)
+    card = protocol.apply_protocol(args)
     common.settle_variants(args)
     dataset = open_dataset(args)
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
@@ -132,19 +124,15 @@ def run(args: argparse.Namespace) -> int:
         common.complain(args, message, common.OK)
     run = common.Run(args, folder, run_metadata(args, config, dataset))
     if card is not None:
-        run.metadata.setdefault('notes', []).append(sentence(card, len(config.samples)))
+        run.metadata.setdefault('notes', []).append(protocol.sentence(card, len(config.samples)))
     try:
-        with run.pool(config.sources):
-            tasks = config.tasks(run.open(config.row_count))
-            kept = keep_maps(args, folder, config, dataset.maps)
-            if dataset.map_names:
-                grids = [item for item in kept if isinstance(item, GridProblem)]
-                run.metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
-            run.execute(tasks)
+        tasks = config.tasks(run.open(config.row_count))
+        keep_maps(args, folder, config, dataset.maps)
+        run.execute(tasks, config.sources, 'sample')
         # Free the memory of the run: the reports of a million rows take much themselves.
-        del dataset, config, tasks, kept
+        del dataset, config, tasks
         if card is not None:
-            write_protocol(folder, card, run.metadata)
+            protocol.write_protocol(folder, card, run.metadata)
         return run.close()
     except ResultsError as error:
         return run.failed(error)
@@ -155,8 +143,8 @@ def keep_maps(
     folder: ResultsFolder,
     config: BenchmarkConfig,
     maps: Sequence[ProblemMap],
-) -> list[ProblemMap]:
-    """Write the maps and places of a run into its folder; return the maps. Raises ResultsError."""
+) -> None:
+    """Write the maps and places of a run into its folder. Raises ResultsError."""
     ids = {sample.barrier_map.id for sample in config.samples}
     kept = [item for item in maps if item.id in ids]
     if args.resume and (folder.path / MAPS_FILE).exists():
@@ -164,7 +152,6 @@ def keep_maps(
     folder.write_text(MAPS_FILE, format_kept_maps(kept))
     if config.settings.instruction is not None:
         folder.write_places(config.settings.instruction.places)
-    return kept
 
 
 def open_dataset(args: argparse.Namespace) -> named.Dataset:

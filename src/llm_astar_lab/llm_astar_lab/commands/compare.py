@@ -29,14 +29,11 @@ from __future__ import annotations
 import argparse
 import json
 
-from llm_astar_msgs_adapter.files import naming
 from llm_astar_planner.cli.flags import at_least, option
 
-from llm_astar_lab.analysis import run_comparison as runs
-from llm_astar_lab.analysis.run_comparison import MAX_SAMPLES, METRICS, load_run
-from llm_astar_lab.report.comparison import Judgement
-from llm_astar_lab.report.table import csv_table, write_tables
-from llm_astar_lab.results.folder import ResultsFolder, without_nan
+from llm_astar_lab.report import comparison as runs
+from llm_astar_lab.report.comparison import MAX_SAMPLES, METRICS, Judgement, load_run
+from llm_astar_lab.results.folder import ResultsFolder, format_csv, without_nan
 
 OK, REGRESSION, UNJUDGED = 0, 1, 3
 # Percent by which a metric may grow where nothing else is asked for. Counts repeat exactly; the
@@ -60,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, '--json', 'print one JSON object')
     option(
         parser, '--out DIR',
-        'write comparison.md, .json and .png, changes.csv with all changed samples (at most '
-        f'{MAX_SAMPLES} of a variant), and tables/ as LaTeX and CSV',
+        'write comparison.md and .json, and changes.csv with all changed samples (at most '
+        f'{MAX_SAMPLES} of a variant)',
     )  # fmt: skip
 
 
@@ -88,17 +85,12 @@ def run(args: argparse.Namespace) -> int:
 
 def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
     """Write everything about a comparison into a folder. Raises ResultsError."""
-    # Importing matplotlib takes most of a second.
-    from llm_astar_lab.report.figures import change_figure  # noqa: PLC0415
-
     folder.write_json('comparison.json', judgement.as_json())
-    folder.write_text('comparison.md', judgement.as_markdown('comparison.png'))
-    write_tables(folder, judgement.tables(), as_latex=True, as_csv=True)
+    folder.write_text('comparison.md', judgement.as_markdown())
     for number, comparison in enumerate(judgement.comparisons, start=1):
         end = f'_{number}' if len(judgement.comparisons) > 1 else ''
         table = judgement.changed_samples(comparison)
         if table.rows:
-            folder.write_text(f'changes{end}.csv', csv_table(table))
-    figure = change_figure(judgement.comparisons, judgement.metric)
-    with naming(folder.path / 'comparison.png'):
-        figure.savefig(folder.path / 'comparison.png', dpi=140)
+            heads = [column.head for column in table.columns]
+            lines = format_csv(without_nan([heads, *table.rows]))
+            folder.write_text(f'changes{end}.csv', lines)

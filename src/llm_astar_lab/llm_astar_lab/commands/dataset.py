@@ -4,7 +4,7 @@
 """Generate datasets of samples, check them, or convert them to bags.
 
 examples:
-  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset generate --seed 7 --maps 20 --out maps.json
   llm-astar dataset generate --family floors --scale 2 --out floors.json
   llm-astar dataset check maps.json
   llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
@@ -16,22 +16,33 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterable
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, save_maps
 from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import MAP_KINDS
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
-from llm_astar_lab.bags.types import GET_PLAN_EVENT, MAP
+from llm_astar_lab.bags import types as bag_messages
+from llm_astar_lab.bags.types import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS, define
+from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, validate_file
-from llm_astar_lab.datasets.named import load_samples
+from llm_astar_lab.datasets.named import BenchmarkSample, load_samples
 
 OK, BAD_INPUT = 0, 2
+GRID = 'nav_msgs/msg/OccupancyGrid'
+# The time of a bag's first map; it is fixed, so that the same samples give the same bag.
+FIRST_STAMP = 1_700_000_000 * NANOSECONDS
+# The time from each map or request of the bag to the next, and how long barriers come before
+# their map.
+STEP, LEAD = NANOSECONDS, NANOSECONDS // 1000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'cells a unit of the maps, as --scales of bench makes them (1)'
     option(make, '--scale K', text, default=1)
     option(make, '--out FILE', 'the JSON file to write', required=True)
-    option(make, '--pictures DIR', 'also draw every map into this folder')
     check = actions.add_parser('check', help='validate a dataset file')
     check.add_argument('file', metavar='FILE')
     option(check, '--json', 'print the problems found as JSON')
@@ -59,8 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map_option(bag)
     add_map_ids_option(bag)
     option(bag, '--out DIR', 'the folder of the new bag', required=True)
-    text = 'format of the bag (default: %(default)s)'
-    option(bag, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -85,11 +93,6 @@ def generate_dataset(args: argparse.Namespace) -> int:
     maps = drawn_maps(args)
     save_maps(maps, args.out)
     print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
-    if args.pictures:
-        # Only drawing needs matplotlib.
-        from llm_astar_lab.report.figures import save_map_pictures  # noqa: PLC0415
-
-        print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
     return OK
 
 
@@ -108,31 +111,59 @@ def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
 
 def check_dataset(args: argparse.Namespace) -> int:
     """Print the problems of a dataset; return 2 where it has errors."""
-    summary, problems = validate_file(args.file)
+    maps, problems = validate_file(args.file)
+    samples = sum(len(item.samples) for item in maps)
     errors = sum(problem.error for problem in problems)
     if args.json:
-        found = [problem._asdict() for problem in problems]
-        print(json.dumps({**summary._asdict(), 'errors': errors, 'findings': found}))
-        return BAD_INPUT if errors else OK
-    for problem in problems:
-        print(problem)
-    counts = f'{summary.maps} maps, {summary.samples} samples, {errors} errors'
-    print(f'{Path(args.file)}: {counts}, {len(problems) - errors} notes')
-    if summary.detours:
-        low, middle, high = np.percentile(summary.detours, (0, 50, 100))
-        print(f'mean detour of a map: {low:.2f} to {high:.2f}, median {middle:.2f}')
+        counts = {'maps': len(maps), 'samples': samples, 'errors': errors}
+        print(json.dumps(counts | {'findings': [problem._asdict() for problem in problems]}))
+    else:
+        notes = len(problems) - errors
+        said = f'{len(maps)} maps, {samples} samples, {errors} errors, {notes} notes'
+        print(*problems, f'{args.file}: {said}', sep='\n')
     return BAD_INPUT if errors else OK
 
 
 def write_bag(args: argparse.Namespace) -> int:
     """Write a dataset as a bag."""
-    # Only this needs the library that writes bags.
-    from llm_astar_lab.evaluation.writing import write_sample_bag  # noqa: PLC0415
-
     samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
-    counts = write_sample_bag(samples, args.out, args.storage)
+    counts = write_sample_bag(samples, args.out)
     print(f'{args.out}: {counts[MAP]} maps, {counts[GET_PLAN_EVENT]} requests')
     return OK
+
+
+def write_sample_bag(samples: Iterable[BenchmarkSample], folder: str | Path) -> dict[str, int]:
+    """Write samples, in their order, as a bag; return the number of messages by topic.
+
+    Each map is an OccupancyGrid, with its barriers as JSON just before it if it has any; each
+    sample is a request of GetPlan, a second after the one before. The same samples give the same
+    bag. Raises BagWriteError where the folder exists or the disk is full, OSError where the folder
+    cannot be made.
+    """
+    with BagWriter(folder) as bag:
+        bag.add_topic(OfferedTopic(BARRIER_MAP, define('std_msgs/msg/String'), (LATCHED,)))
+        bag.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
+        event = define(bag_messages.GET_PLAN_EVENT_TYPE)
+        bag.add_topic(OfferedTopic(GET_PLAN_EVENT, event, (qos(),)))
+        stamp, number = FIRST_STAMP, 0
+        for _, of_map in groupby(samples, key=lambda sample: sample.barrier_map.id):
+            group = list(of_map)
+            problem = group[0].barrier_map
+            if isinstance(problem, BarrierMap):
+                whole = replace(problem, samples=tuple(sample.sample for sample in group))
+                text = bag_messages.barrier_map_text(whole)
+                bag.write_message(BARRIER_MAP, stamp - LEAD, text)
+            grid_map = problem.to_grid()
+            bag.write_message(MAP, stamp, bag_messages.occupancy_grid(grid_map, stamp))
+            for sample in group:
+                stamp, number = stamp + STEP, number + 1
+                cells = [problem.to_cell(sample.sample.start), problem.to_cell(sample.sample.goal)]
+                start, goal = (Pose2D(*point) for point in grid_map.grid_to_world(cells).tolist())
+                facts = grid_map.frame_id, stamp, number
+                request = bag_messages.get_plan_request(start, goal, *facts)
+                bag.write_message(GET_PLAN_EVENT, stamp, request)
+            stamp += STEP
+    return bag.counts
 
 
 ACTIONS = {'generate': generate_dataset, 'check': check_dataset, 'to-bag': write_bag}

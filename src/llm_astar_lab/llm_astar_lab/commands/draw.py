@@ -95,14 +95,15 @@ def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
     planner, is_animated = asked.planner, path.lower().endswith(ANIMATIONS)
     pictures, searches = [], []
     for request, plan in drawn:
-        order = retrace(planner, request, plan) if is_animated else None
-        picture, search = animation.drawn_search(
-            plan, planner.costmap, asked.coordinates.offset, figures.describe_plan(plan), order
-        )
+        name, costmap = figures.describe_plan(plan), planner.costmap
+        picture = figures.picture_of_one(plan, costmap, asked.coordinates.offset, name)
         pictures.append(picture)
-        if search is not None:
-            searches.append(search)
-        elif is_animated:
+        if not is_animated:
+            continue
+        if order := retrace(planner, request, plan):
+            outcome = figures.describe_length(plan, costmap.grid_map.resolution)
+            searches.append(animation.AnimatedSearch(picture, order, name, outcome))
+        else:
             why = 'for it is a plug-in, or its search depended on time'
             fix = 'draw a .png, or give it a higher --time-limit'
             what = f'in which order {plan.method} expanded the cells is not known, {why}'

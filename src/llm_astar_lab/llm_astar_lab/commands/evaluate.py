@@ -28,41 +28,30 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
 from llm_astar_planner.cli import flags
 from llm_astar_planner.cli.map_files import open_places
-from llm_astar_planner.planning.parameters import (
-    COSTMAP,
-    REQUESTS,
-    costmap_config,
-    defaults,
-    read_parameter_files,
-)
-from llm_astar_planner.planning.types import plan_report
+from llm_astar_planner.planning import parameters
+from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS
 
 from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.types import BARRIER_MAP
-from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
+from llm_astar_lab.evaluation import requests as of_bags
+from llm_astar_lab.evaluation.requests import REQUEST_KINDS, ListedRequest, TopicSelection
 from llm_astar_lab.evaluation.tasks import Evaluation
-from llm_astar_lab.evaluation.topics import REQUEST_KINDS, TopicSelection, describe, describe_text
-from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder
-from llm_astar_lab.runner.engine import Outcome, Task
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
-OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
-RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
+OF_REQUESTS = flags.named(REQUESTS, 'tolerance', 'start_tolerance', 'robot_base_frame')
+RULES = (*COSTMAP, *(item.for_bench() for item in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
 
@@ -94,12 +83,11 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         group, '--requests WHAT',
         "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
-        'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+        'FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
         default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
     flags.option(group, '--plan-window SECONDS', text, default=10.0, type=flags.at_least(0))
-    flags.option(group, '--results-bag DIR', 'also write the plans and reports into this new bag')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -108,11 +96,10 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return list_contents(args, selection)
     paths = args.params_file
-    file = read_parameter_files(paths)['planner_node'] if paths else None
+    file = parameters.read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | flags.given_values(args, RULES)
-    results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
     run = common.Run(args, folder, {})
     try:
@@ -123,22 +110,18 @@ def run(args: argparse.Namespace) -> int:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             common.check_thresholds(args, config.sources)
-            with run.pool(config.sources):
-                files = [*args.bags, *([args.requests] if listed else [])]
-                parameters = run_parameters(args, config)
-                run.metadata |= describe_run(files, parameters, common.deciding_files(args))
-                names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
-                run.metadata['bags'] = list(names)
-                left = config.tasks(run.open())
-                keep = [partial(write_outcomes, results_bag)] if results_bag else []
-                with results_bag or nullcontext():
-                    run.execute(left, 'request', *keep)
+            files = [*args.bags, *([args.requests] if listed else [])]
+            kept = run_parameters(args, config)
+            run.metadata |= describe_run(files, kept, common.deciding_files(args))
+            names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
+            run.metadata['bags'] = list(names)
+            run.execute(config.tasks(run.open()), config.sources, 'request')
             problems = [unopened, *(bag.problems for bag in bags)]
         report_problems(run, problems)
         folder.write_text(MAPS_FILE, format_kept_maps(config.kept_maps()))
         folder.write_places(config.places)
         return run.close()
-    except (ResultsError, BagWriteError) as error:
+    except ResultsError as error:
         return run.failed(error)
 
 
@@ -158,7 +141,7 @@ def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[L
     listed: Sequence[ListedRequest] = ()
     requests = args.requests
     if requests not in REQUEST_KINDS:
-        listed, requests = load_requests(requests), 'list'
+        listed, requests = of_bags.load_requests(requests), 'list'
     namespace = args.namespace.strip('/')
     topics = (args.map_topic, args.plan_topic, args.odom_topic)
     return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed
@@ -168,12 +151,12 @@ def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
     """Show what bags contain; return 3 where one cannot be read or evaluated."""
     code = common.OK
     with open_bags(args.bags) as (bags, unopened):
-        contents = [describe(bag, selection) for bag in bags]
+        contents = [of_bags.describe(bag, selection) for bag in bags]
     for line in unopened.lines():
         code = common.complain(args, line, common.INCOMPLETE)
     if any(item['missing'] or item['left_out'] for item in contents):
         code = common.INCOMPLETE
-    print(json.dumps(contents) if args.json else '\n'.join(map(describe_text, contents)))
+    print(json.dumps(contents) if args.json else '\n'.join(map(of_bags.describe_text, contents)))
     return code
 
 
@@ -190,7 +173,7 @@ def save_exchanges(
         return transcript
     if not (args.resume or args.overwrite):
         folder.require_new()
-    if not write_exchanges(bags, selection, transcript):
+    if not of_bags.write_exchanges(bags, selection, transcript):
         raise ValueError(
             '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
             'llm_client_node); name a --transcript'
@@ -211,10 +194,10 @@ def make_config(
 
     All baselines are added only where the barriers of every map are known.
     """
-    values = defaults(RULES, cli=True) | rules
+    values = parameters.defaults(RULES, cli=True) | rules
     places = open_places(args.places_file or '', None)
     settings = common.search_settings(
-        args, places, costmap=costmap_config(rules), tolerance=values['tolerance'],
+        args, places, costmap=parameters.costmap_config(rules), tolerance=values['tolerance'],
         start_tolerance=values['start_tolerance'],
         paper_corners='corner_cutting' not in rules and not args.params_file,
     )  # fmt: skip
@@ -234,16 +217,3 @@ def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, An
         'tolerance': settings.tolerance, 'start_tolerance': settings.start_tolerance,
         'paper_corners': settings.paper_corners, 'topics': list(asdict(config.selection).values()),
     }  # fmt: skip
-
-
-def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
-    """Write the plans of all methods for one request into a bag."""
-    grid_map = task.sample.barrier_map.to_grid()
-    for row, plan in outcomes:
-        if plan is not None and task.recorded_plan is not None:
-            source = '/'.join(filter(None, row.variant[1:]))
-            results_bag.add(
-                row.method, source, grid_map, task.recorded_plan.time,
-                points=grid_map.grid_to_world(plan.path),
-                report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
-            )  # fmt: skip

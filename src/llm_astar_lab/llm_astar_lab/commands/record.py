@@ -5,7 +5,7 @@
 
 examples:
   llm-astar record --out run1                                   until Ctrl-C
-  llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
+  llm-astar record --out run2 --duration 600                    ten minutes
   llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
 
 Records maps and their updates, requests of GetPlan, goals and initial poses, plans, the planner's
@@ -23,8 +23,6 @@ from llm_astar_planner.cli.flags import at_least, option
 
 from llm_astar_lab.bags.writing import BagWriter
 
-MEGABYTE = 1_000_000
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
@@ -33,10 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, '--topics NAME', 'further topics to record', nargs='+', default=[])
     text = 'stop after this time (default: at Ctrl-C)'
     option(parser, '--duration SECONDS', text, default=math.inf, type=at_least(0.001))
-    text = 'begin a new file after this size (default: one file)'
-    option(parser, '--max-size MB', text, default=0.0, type=at_least(0.0))
-    text = 'format of the bag (default: %(default)s)'
-    option(parser, '--storage', text, choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -44,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     # Not at the top, so that `--help` works without ROS.
     from llm_astar_lab.nodes.recorder import TOPICS, record  # noqa: PLC0415
 
-    bag = BagWriter(arguments.out, arguments.storage, round(arguments.max_size * MEGABYTE))
+    bag = BagWriter(arguments.out)
     topics = (*TOPICS, *arguments.topics)
     report = partial(print, flush=True)
     record(bag, topics, arguments.namespace, arguments.duration, report)

@@ -3,7 +3,7 @@
 
 """Rewrite summary, figures and reports of a results folder from its rows.
 
-With --latex or --csv, only write its tables; with --readme, only replace the results section of a
+With --latex, only write its tables; with --readme, only replace the results section of a
 README.
 """
 
@@ -20,8 +20,7 @@ from llm_astar_planner.cli.flags import option
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.pages import replace_section, results_section
 from llm_astar_lab.report.sentences import headline
-from llm_astar_lab.report.table import write_tables
-from llm_astar_lab.report.tables import report_tables
+from llm_astar_lab.report.table import report_tables, write_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 
 
@@ -38,8 +37,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'write every table to DIR/tables/NAME.tex, for \\input with the packages booktabs '
         'and adjustbox',
     )  # fmt: skip
-    text = 'write every table to DIR/tables/NAME.csv, with the limits of its intervals'
-    option(parser, '--csv', text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     """
     folder = ResultsFolder(args.folder)
     metadata = folder.read_metadata()
-    if args.readme or args.latex or args.csv:
+    if args.readme or args.latex:
         return write_parts(args, folder, metadata)
     # Importing matplotlib takes most of a second, and a README section needs no figures.
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
@@ -67,7 +64,6 @@ def write_parts(
     if args.readme:
         replace_section(Path(args.readme), results_section(summary))
         print(args.readme)
-    tables = report_tables(summary)
-    for path in write_tables(folder, tables, as_latex=args.latex, as_csv=args.csv):
-        print(path)
+    if args.latex:
+        print(*write_tables(folder, report_tables(summary)), sep='\n')
     return 0

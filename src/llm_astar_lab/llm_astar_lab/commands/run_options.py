@@ -8,9 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -37,7 +35,6 @@ from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
-from llm_astar_lab.runner.map_costs import add_query_times
 from llm_astar_lab.runner.sources import GRID_BASELINES, RETRIEVED, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -58,7 +55,6 @@ DECIDING = (
 SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
 SEARCH_PARAMETERS = [item.for_bench() for item in named((*SEARCH, *REQUESTS), *SEARCH_NAMES)]
 Parsed = TypeVar('Parsed')
-Keep = Callable[[Task, list[engine.Outcome]], object]
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -172,7 +168,6 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         f'{config.LARGE_RUN:,} rows on; --resume keeps to the format of the folder)',
         choices=config.FORMATS,
     )  # fmt: skip
-    option(group, '--dask ADDRESS', 'scheduler of a Dask cluster to run on')
     option(
         group, '--fail-under --assert LIMIT',
         'VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
@@ -263,22 +258,6 @@ class Run:
         self.args, self.folder, self.metadata = args, folder, metadata
         self.code, self._failure = OK, BAD_INPUT
 
-    @contextmanager
-    def pool(self, sources: Sequence[SourceSpec]) -> Iterator[None]:
-        """Have an executor for the tasks; opened before a folder is touched, as that may fail."""
-        if self.args.dask:
-            with config.connect(self.args.dask, sources) as (self._executor, self._at_once):
-                yield
-            return
-        is_live = any(spec.name == 'endpoint' for spec in sources)
-        jobs = self.args.jobs or (LIVE_JOBS if is_live else 1)
-        self._executor, self._at_once = ThreadPoolExecutor(jobs), 2 * jobs
-        try:
-            yield
-        finally:
-            # Requests that are still in flight may take long, and nothing needs their answers now.
-            self._executor.shutdown(wait=False, cancel_futures=True)
-
     def open(self, rows: int = 0) -> Finished:
         """Start or resume the folder of a run of so many rows; return which of them it has.
 
@@ -288,27 +267,17 @@ class Run:
         again = {'resume': self.args.resume, 'overwrite': self.args.overwrite}
         return config.open_folder(self.folder, self.metadata, **again, parquet=parquet)
 
-    def execute(self, tasks: Iterable[Task], unit: str = 'sample', *keep: Keep) -> None:
-        """Run tasks in the pool into the folder, and call `keep` after each.
-
-        Raises ResultsError where the folder cannot be written to, and what `keep` raises.
-        """
+    def execute(self, tasks: Iterable[Task], sources: Sequence[SourceSpec], unit: str) -> None:
+        """Run tasks into the folder. Raises ResultsError where it cannot be written to."""
         total = len(tasks) if isinstance(tasks, list) else None
-        self.metadata['parameters']['jobs'] = self.args.dask or self._at_once // 2
-        # Tasks that are made one by one hold a map each, so fewer of them are queued.
-        queued = max(1, self._at_once // 2) if total is None else self._at_once
+        is_live = any(spec.name == 'endpoint' for spec in sources)
+        jobs = self.args.jobs or (LIVE_JOBS if is_live else 1)
+        self.metadata['parameters']['jobs'] = jobs
         engine.compile_once()
         self._failure = INCOMPLETE  # from here on there are rows
         try:
-            with config.progress(total, unit) as step:
-
-                def finish(task: Task, outcomes: list[engine.Outcome]) -> None:
-                    for call in keep:
-                        call(task, outcomes)
-                    step()
-
-                pool, metadata = (self._executor, queued), self.metadata
-                config.run_into_folder(self.folder, tasks, *pool, metadata=metadata, step=finish)
+            with config.progress(total, unit) as step, config.timing(self.metadata):
+                config.run_into_folder(self.folder, tasks, jobs, step)
         except KeyboardInterrupt:
             message = 'interrupted: the rows so far are kept; continue with --resume'
             self.complain(message, INTERRUPTED)
@@ -329,8 +298,6 @@ class Run:
         rows = folder.stored()
         maps = load_kept_maps(folder.path / MAPS_FILE)
         unanswered = [*config.describe_unanswered(rows)]
-        if 'map_costs' in metadata:
-            add_query_times(metadata['map_costs'], rows)
         folder.write_json('metadata.json', metadata)
         has_zones = 'zones' in metadata['parameters']
         lengths = {} if has_zones else thresholds.reference_lengths(maps)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -37,8 +37,6 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 # Random draws before a map is given up.
 TRIES = 2000
-# Samples of a map whose detour is measured, the first ones.
-MEASURED_SAMPLES = 20
 
 
 class GenerationError(LlmAstarError, ValueError):
@@ -195,33 +193,17 @@ class DatasetProblem(NamedTuple):
         return f'{"error" if self.error else "note"}: {self.where}: {self.message}'
 
 
-class DatasetSummary(NamedTuple):
-    """The number of maps and samples, and the mean detour that the barriers of each map cause."""
-
-    maps: int
-    samples: int
-    detours: tuple[float, ...]
-
-
-def validate_file(path: str | Path) -> tuple[DatasetSummary, list[DatasetProblem]]:
-    """Load a dataset file and validate every sample.
+def validate_file(path: str | Path) -> tuple[list[ProblemMap], list[DatasetProblem]]:
+    """Load a dataset file and validate every sample; return the maps and the problems.
 
     Raises BarrierMapError, GridProblemError or MovingAiError, which name the file, the map and
     the field, where it is malformed.
     """
     maps = load_maps(path)
-    return summarise_dataset(maps), list(validate_maps(maps))
+    return maps, list(validate_maps(maps))
 
 
-def summarise_dataset(maps: Sequence[ProblemMap]) -> DatasetSummary:
-    """Count maps and samples; measure the detours on maps without errors."""
-    samples = sum(len(m.samples) for m in maps)
-    solvable = [m for m in maps if m.samples and not any(p.error for p in validate_maps([m]))]
-    measured = [replace(m, samples=m.samples[:MEASURED_SAMPLES]) for m in solvable]
-    return DatasetSummary(len(maps), samples, tuple(detour(m) for m in measured))
-
-
-def validate_maps(maps: Sequence[ProblemMap]) -> Iterator[DatasetProblem]:
+def validate_maps(maps: Iterable[ProblemMap]) -> Iterator[DatasetProblem]:
     """Yield the problems of maps and of their samples."""
     for barrier_map in maps:
         where = f'map {barrier_map.id}'

@@ -14,8 +14,8 @@ import hashlib
 import json
 import os
 import random
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -174,13 +174,12 @@ class Dataset:
     """The maps of a run.
 
     `names` are the datasets, empty for a file of the user's. `file` is set where the maps are
-    those of one file. `map_names` are the names of MovingAI's maps by id.
+    those of one file.
     """
 
     names: tuple[str, ...]
     maps: list[ProblemMap]
     file: Path | None = None
-    map_names: Mapping[int, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         """Return the file or the names, for messages."""
@@ -217,32 +216,25 @@ def load_named(names: Sequence[str], path: Path | None, rules: DrawRules) -> Dat
     `path` is the file or folder of those that are read. Raises SelectionError, GenerationError,
     and what reading the files raises.
     """
-    maps: list[ProblemMap] = []
-    map_names: dict[int, str] = {}
-    for name in names:
-        for map_name, item in load_one(name, path, rules):
-            number = len(maps) if len(names) > 1 else item.id
-            map_names |= {number: map_name} if map_name else {}
-            maps.append(replace(item, id=number))
+    maps = [item for name in names for item in load_one(name, path, rules)]
+    if len(names) > 1:
+        maps = [replace(item, id=number) for number, item in enumerate(maps)]
     file = paper_file(path) if path is not None and tuple(names) == (PAPER,) else None
-    return Dataset(tuple(names), maps, file, map_names)
+    return Dataset(tuple(names), maps, file)
 
 
-def load_one(name: str, path: Path | None, rules: DrawRules) -> list[tuple[str, ProblemMap]]:
-    """Read or draw one dataset; return its maps, each with its name, '' where it has none.
-
-    Raises as `load_named` does.
-    """
+def load_one(name: str, path: Path | None, rules: DrawRules) -> Sequence[ProblemMap]:
+    """Return the maps of one dataset, read or drawn. Raises as `load_named` does."""
     if name in GENERATED:
-        return [('', item) for item in draw_family(name, rules)]
+        return draw_family(name, rules)
     if path is None:
         what = PAPER_FILE if name == PAPER else "the set's file, or its maps and scenarios"
         raise SelectionError(f'--dataset {name} needs --path, with {what}: nothing is downloaded')
     if name in READERS:
-        return [('', item) for item in load_llm_benchmark(name, path)]
+        return load_llm_benchmark(name, path)
     if name == PAPER:
         maps = load_barrier_maps(paper_file(path))
-        return [('', replace(item, family=PAPER)) for item in maps]
+        return [replace(item, family=PAPER) for item in maps]
     return list(load_set(name.removeprefix(PREFIX), path))
 
 
@@ -276,10 +268,11 @@ def check_size(name: str, rules: DrawRules, scale: int) -> None:
         raise GenerationError(f'--maps, --pairs: {what}')
 
 
-def load_set(name: str, folder: Path) -> Iterator[tuple[str, GridProblem]]:
-    """Yield the maps of a set by name, with ids from 0; their samples are their scenarios' rows.
+def load_set(name: str, folder: Path) -> Iterator[GridProblem]:
+    """Yield the maps of a set in the order of their names, with ids from 0.
 
-    Raises GridProblemError or MovingAiError, which name the folder or the file.
+    Their samples are the rows of their scenarios. Raises GridProblemError or MovingAiError, which
+    name the folder or the file.
     """
     files = sorted(files_of_set(name, folder), key=lambda path: path.name)
     maps = {key: list(named) for key, named in groupby(files, key=lambda path: path.name)}
@@ -295,7 +288,7 @@ def load_set(name: str, folder: Path) -> Iterator[tuple[str, GridProblem]]:
         cells += problem.grid_map.cells.size
         if cells > MAX_CELLS:
             raise GridProblemError(f'{folder}: the maps of {name} have over {MAX_CELLS} cells')
-        yield path.name.removesuffix(SCENARIO_END), problem
+        yield problem
 
 
 def files_of_set(name: str, folder: Path) -> list[Path]:

@@ -1,33 +1,159 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Requests of a bag, each on the map of its time; also requests listed in a CSV or JSON file.
+"""Requests of a bag, each on the map of its time, and exchanges with models as a transcript.
 
 Messages are read one by one. Only the current map, the newest poses and transforms, and the
-requests that wait for their recorded plan are kept.
+requests that wait for their recorded plan are kept. Requests may also be listed in a CSV file.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
-from llm_astar_msgs_adapter.files import parse_json, read_json, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.files import parse_json, read_text, read_yaml
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages import fields
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, pose_from_message, updated
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, parse_exchange
 
 from llm_astar_lab.bags.reading import JUMP, Bag, BagMessage
+from llm_astar_lab.bags.storage import BagError
+from llm_astar_lab.bags.types import MAP
 from llm_astar_lab.evaluation.recorded_plans import BagRequest, Call, PendingRequests
-from llm_astar_lab.evaluation.topics import TopicSelection, find_missing, topic_roles
+from llm_astar_lab.templates import render
+
+TOPICS = read_yaml(Path(__file__).with_name('topics.yaml'), BagError)
+GRID = TOPICS['by_name']['map'][0]
+# Where requests come from: the role of such topics, and a description for error messages.
+REQUEST_ROLES = {
+    'service': ('request', 'events of GetPlan (service introspection)'),
+    'goals': ('goal', 'goals on goal_pose'),
+    'plans': ('plan as request', "paths of the robot's own"),
+}
+REQUEST_KINDS = ('auto', *REQUEST_ROLES)
+
+
+@dataclass(frozen=True)
+class TopicSelection:
+    """Which topics to read, and which requests: a member of REQUEST_KINDS, or `list` for a file's.
+
+    `namespace` is the robot's where a bag has several, '' or beginning with a slash. A topic that
+    is '' is the default one in that namespace. `base_frame` is the robot's frame in tf. `plans`
+    makes each recorded path a request from its first pose to its last; `auto` does so where the
+    bag has neither calls nor goals.
+    """
+
+    namespace: str = ''
+    map_topic: str = ''
+    plan_topic: str = ''
+    odom_topic: str = ''
+    requests: str = 'auto'
+    base_frame: str = 'base_link'
+
+    @property
+    def map(self) -> str:
+        """The topic of the map."""
+        return self.map_topic or f'{self.namespace}{MAP}'
+
+    @property
+    def plan(self) -> str:
+        """The topic of the robot's own plans."""
+        return self.plan_topic or f'{self.namespace}/plan'
+
+    def named_topics(self) -> Iterable[tuple[str, str, str]]:
+        """Yield role, name and message type of each topic that is known by name."""
+        names = {'own': self.namespace, 'map': self.map, 'plan': self.plan}
+        names['odometry'] = self.odom_topic or f'{self.namespace}/odom'
+        for role, (msgtype, *topics) in TOPICS['by_name'].items():
+            if self.requests in ('auto', 'goals') or role not in ('goal', 'start'):
+                yield from ((role, topic.format(**names), msgtype) for topic in topics)
+
+
+def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
+    """Return the role of each topic that is used, by topic.
+
+    A topic that has the name but not the type of a role is named in the bag's problems.
+    """
+    roles: dict[str, str] = {}
+    for role, name, msgtype in selection.named_topics():
+        topic = bag.topics.get(name)
+        if topic is not None and topic.msgtype == msgtype:
+            roles[name] = role
+        elif topic is not None:
+            bag.problems.leave_out(f'{bag.path}: {name} is a {topic.msgtype}, not a {msgtype}')
+    for name, topic in bag.topics.items():
+        for role, (msgtype, ending) in TOPICS['by_ending'].items():
+            fits = topic.msgtype == msgtype and name.endswith(ending)
+            used = role != 'request' or selection.requests in ('auto', 'service')
+            if fits and used and name.startswith(f'{selection.namespace}/'):
+                roles[name] = role
+    neither = selection.requests == 'auto' and not recorded_roles(bag, roles) & {'request', 'goal'}
+    plan = selection.plan
+    if roles.get(plan) == 'plan' and (neither or selection.requests == 'plans'):
+        roles[plan] = 'plan as request'
+        if neither and bag.topics[plan].count:
+            why = 'it has neither calls nor goals, and the goals of actions are not recorded'
+            what = f'each path on {plan} is a request, from its first pose to its last'
+            bag.problems.note(f'{bag.path}: {why}: {what}')
+    return roles
+
+
+def recorded_roles(bag: Bag, roles: Mapping[str, str]) -> set[str]:
+    """Return the roles of the topics that have messages."""
+    return {role for name, role in roles.items() if bag.topics[name].count}
+
+
+def find_missing(bag: Bag, roles: Mapping[str, str], selection: TopicSelection) -> str | None:
+    """Say why a bag cannot be evaluated at all; None where it can."""
+    recorded = recorded_roles(bag, roles)
+    if 'map' not in recorded:
+        grids = [name for name, topic in bag.topics.items() if topic.msgtype == GRID]
+        hint = f'; name one with --map-topic: {", ".join(grids)}' if grids else ''
+        return f'{bag.path}: no map: there is no {GRID} on {selection.map}{hint}'
+    chosen = REQUEST_ROLES.get(selection.requests)
+    sources = [chosen] if chosen else list(REQUEST_ROLES.values())
+    if selection.requests != 'list' and not recorded & {role for role, _ in sources}:
+        none = ' and no '.join(name for _, name in sources)
+        return f'{bag.path}: no requests: it has no {none}; a file of them goes to --requests'
+    return None
+
+
+def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
+    """Return a bag's contents: times in seconds since 1970, topics, and the role of each."""
+    roles = topic_roles(bag, selection)
+    topics = [
+        {'name': name, 'type': topic.msgtype, 'count': topic.count, 'part': roles.get(name, '')}
+        for name, topic in sorted(bag.topics.items())
+    ]
+    return {
+        'bag': bag.name, 'path': str(bag.path), 'start': bag.start / 1e9,
+        'seconds': bag.seconds(bag.end),
+        'messages': sum(topic.count for topic in bag.topics.values()), 'topics': topics,
+        'missing': find_missing(bag, roles, selection) or '', 'notes': bag.problems.notes,
+        'left_out': bag.problems.lines(),
+    }  # fmt: skip
+
+
+def describe_text(contents: Mapping[str, Any]) -> str:
+    """Return what `describe` found as lines for a person."""
+    topics = contents['topics']
+    widths = [max((len(one[name]) for one in topics), default=0) for name in ('name', 'type')]
+    return render('evaluation/contents.txt.j2', **contents, widths=widths).rstrip('\n')
+
 
 # The event types of service_msgs/ServiceEventInfo with a response: sent and received.
 RESPONSES = (2, 3)
@@ -297,20 +423,17 @@ def are_barriers_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
 
 
 def load_requests(path: str | Path) -> list[ListedRequest]:
-    """Read a list of requests, in metres in the map's frame.
+    """Read a CSV list of requests, in metres in the map's frame.
 
-    A `.json` file holds a list of `{"start": [x, y], "goal": [x, y], "time": t}`. Any other is CSV
-    with a first line that names `start_x, start_y, goal_x, goal_y` and optionally `time`. A
-    request without a time is made on the last map. Raises RequestListError.
+    Its first line names `start_x, start_y, goal_x, goal_y` and optionally `time`. A request
+    without a time is made on the last map. Raises RequestListError.
     """
-    path = Path(path)
-    entries = json_entries(path) if path.suffix == '.json' else csv_entries(path)
     requests = []
-    for number, entry in enumerate(entries, 1):
+    for number, entry in enumerate(csv_entries(Path(path)), 1):
         where = f'{path}: entry {number}'
         ends = [read_number(entry[name], f'{where}: {name}') for name in COLUMNS]
         given = entry.get('time')
-        time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
+        time = read_number(given, f'{where}: time') if given else math.inf
         requests.append(ListedRequest(number, time, Pose2D(*ends[:2]), Pose2D(*ends[2:])))
         if number > MAX_REQUESTS:
             raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
@@ -319,7 +442,7 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     return requests
 
 
-def csv_entries(path: Path) -> Iterable[Mapping[str, Any]]:
+def csv_entries(path: Path) -> Iterable[Mapping[str, str | None]]:
     """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
     text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
     reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
@@ -329,28 +452,54 @@ def csv_entries(path: Path) -> Iterable[Mapping[str, Any]]:
     return reader
 
 
-def json_entries(path: Path) -> Iterable[Mapping[str, Any]]:
-    """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
-    entries = read_json(path, RequestListError, MAX_LIST_BYTES)
-    expect(entries, list, str(path), 'a JSON list of requests', RequestListError)
-    for number, entry in enumerate(entries, 1):
-        where = f'{path}: entry {number}'
-        expect(entry, dict, where, 'an object with start and goal', RequestListError)
-        values = {'time': entry.get('time')}
-        for name in ('start', 'goal'):
-            point = entry.get(name)
-            if not isinstance(point, list) or len(point) != 2:
-                raise RequestListError(f'{where}: {name}: [x, y] in metres is expected')
-            values[f'{name}_x'], values[f'{name}_y'] = point
-        yield values
-
-
-def read_number(value: Any, where: str) -> float:  # noqa: ANN401 - as the file has it
+def read_number(value: str | None, where: str) -> float:
     """Return a finite number. Raises RequestListError, which begins with `where`."""
     try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
+        number = float(value or '')
+    except ValueError:
         number = math.nan
-    if isinstance(value, bool) or not math.isfinite(number):
+    if not math.isfinite(number):
         raise RequestListError(f'{where}: a number is expected, not {short_repr(value)}')
     return number
+
+
+def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: Path) -> int:
+    """Write every exchange in bags to a new transcript, in their order; return their number.
+
+    Raises TranscriptError or OSError where the file cannot be written.
+    """
+    transcript.unlink(missing_ok=True)
+    writer = TranscriptWriter(transcript)
+    count = 0
+    for bag in bags:
+        roles = topic_roles(bag, selection)
+        for message in bag.messages([name for name, role in roles.items() if role == 'exchange']):
+            exchange = exchange_from_values(fields.values_of_report(message.value))
+            if exchange is not None:
+                writer.write(exchange)
+                count += 1
+    return count
+
+
+def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
+    """Make an exchange of a message's values; None where they are not those of an exchange."""
+    try:
+        response, unit = response_of(values)
+        messages = [{'role': role, 'content': text} for role, text in values['messages']]
+        own = {'response': response, 'unit': unit, 'messages': messages}
+        return parse_exchange({**values, 'map': values['map_digest'], 'scale': 1, **own})
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return None
+
+
+def response_of(values: Mapping[str, Any]) -> tuple[str, int]:
+    """Return the reply's text, and how many cells one step of its coordinates is.
+
+    The message has the waypoints too. Where the text does not give the same ones, since it was
+    cut, is in other units, or the source has no text, the response is their list in cells.
+    """
+    text, unit = str(values['text']), int(values['unit'])
+    points = tuple((float(x), float(y)) for x, y in values['waypoints'])
+    if not points or (unit == 1 and read_answer(text).waypoints == points):
+        return text, unit
+    return json.dumps(points), 1

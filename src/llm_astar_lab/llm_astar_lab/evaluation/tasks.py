@@ -18,8 +18,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.evaluation.recorded_plans import BagRequest
-from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
-from llm_astar_lab.evaluation.topics import TopicSelection
+from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader, TopicSelection
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.engine import SearchSettings, Task, list_variants, make_tasks
 from llm_astar_lab.runner.sources import SourceSpec

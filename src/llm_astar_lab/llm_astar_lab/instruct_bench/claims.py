@@ -18,10 +18,14 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
 from llm_astar_planner.instructions.reader.check import doubt_about
 
+from llm_astar_lab.report.table import markdown_table
+
 RIGHT, WRONG, ALL = 'right', 'all wrong ones', 'all'
 Counts = Counter[tuple[str, str, bool]]
 Json = dict[str, Any]
 Clauses = list[Json]
+# Yields what may stand in the place of a clause; the names are those of places to exchange.
+Change = Callable[[Json, Sequence[str]], Iterator[Clauses]]
 # A clause of one region taken for another, and of two.
 VERBS = {
     'avoid': 'stay_in', 'stay_in': 'end_at', 'end_at': 'stay_in', 'keep_distance': 'avoid',
@@ -47,24 +51,17 @@ def measured(cases: Iterable[CheckCase]) -> Counts:
     for case in cases:
         for kind, clauses in readings(case):
             passes = not doubt_about(case.text, case.places, clauses)
-            found[case.language, kind, passes] += 1
+            sums = (kind,) if kind == RIGHT else (kind, WRONG)
+            found.update((word, sum_, passes) for word in (case.language, ALL) for sum_ in sums)
     return found
 
 
 def table(found: Counts) -> str:
     """Return the counts in Markdown: a row for each kind of change, a column for each language."""
-    languages = [*sorted({language for language, _, _ in found}), ALL]
-    for (language, kind, passes), count in list(found.items()):
-        found[ALL, kind, passes] += count
-        if kind != RIGHT:
-            found[language, WRONG, passes] += count
-            found[ALL, WRONG, passes] += count
-    lines = [['reading', *languages], ['---'] * (len(languages) + 1)]
-    lines += [
-        [kind, *(cell(found, language, kind) for language in languages)]
-        for kind in (RIGHT, *CHANGES, WRONG)
-    ]
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+    languages = [*sorted({language for language, _, _ in found} - {ALL}), ALL]
+    kinds = (RIGHT, *CHANGES, WRONG)
+    rows = [(kind, *(cell(found, language, kind) for language in languages)) for kind in kinds]
+    return markdown_table(('reading', *languages), rows)
 
 
 def cell(found: Counts, language: str, kind: str) -> str:
@@ -76,53 +73,46 @@ def cell(found: Counts, language: str, kind: str) -> str:
 
 def readings(case: CheckCase) -> Iterator[tuple[str, Clauses]]:
     """Yield the right readings of a sentence, and wrong ones with what was changed."""
-    for truth in case.truths:
-        yield RIGHT, [*truth]
+    truths = [[*truth] for truth in case.truths]
+    yield from ((RIGHT, truth) for truth in truths)
     for kind, change in CHANGES.items():
-        for clauses in change([*case.truths[0]], case.places) if case.truths else ():
-            if clauses and clauses not in [[*truth] for truth in case.truths]:
+        for clauses in changed(truths[0], case.places, change) if truths else ():
+            if clauses and clauses not in truths:
                 yield kind, clauses
 
 
-def each(clauses: Clauses, change: Callable[[Json], Json | None]) -> Iterator[Clauses]:
-    """Yield clauses with one of them changed, for each that can be."""
+def changed(clauses: Clauses, places: Places, change: Change) -> Iterator[Clauses]:
+    """Yield clauses with one of them changed, for each way, and as a whole in another order."""
+    names = [*named(clauses), *(place.name for place in places)]
     for at, clause in enumerate(clauses):
-        other = change(clause)
-        if other is not None:
-            yield [*clauses[:at], other, *clauses[at + 1 :]]
+        for others in change(clause, names):
+            yield [*clauses[:at], *others, *clauses[at + 1 :]]
+    if change is orders:
+        yield from reordered(clauses)
 
 
-def verbs(clauses: Clauses, _: Places) -> Iterator[Clauses]:
-    """Yield clauses with one taken for another kind."""
-
-    def other(clause: Json) -> Json | None:
-        kind = VERBS.get(clause['kind'])
-        if clause['kind'] == 'visit' and len(clause['regions']) == 1:
-            return {'kind': 'end_at', 'region': clause['regions'][0]}
-        if kind is None or clause.get('from') == 'walls':
-            return None
-        if 'first' in clause:
-            return {**clause, 'kind': kind}
-        return {'kind': kind, 'region': clause.get('region', clause.get('from'))}
-
-    return each(clauses, other)
+def verbs(clause: Json, _: Sequence[str]) -> Iterator[Clauses]:
+    """Yield another kind of clause."""
+    kind = VERBS.get(clause['kind'])
+    if clause['kind'] == 'visit' and len(clause['regions']) == 1:
+        yield [{'kind': 'end_at', 'region': clause['regions'][0]}]
+    elif kind is not None and 'first' in clause:
+        yield [{**clause, 'kind': kind}]
+    elif kind is not None and clause.get('from') != 'walls':
+        yield [{'kind': kind, 'region': clause.get('region', clause.get('from'))}]
 
 
-def exchanged(clauses: Clauses, places: Places) -> Iterator[Clauses]:
-    """Yield clauses with another place in one: another of the sentence, else of the map."""
-    names = list(dict.fromkeys([*named(clauses), *(place.name for place in places)]))
-
-    def other(clause: Json) -> Json | None:
-        used = named([clause])
-        new = next(({'place': name} for name in names if name not in used), None)
-        if not used or new is None:
-            return None
-        if clause['kind'] == 'visit':
-            return {**clause, 'regions': [new, *clause['regions'][1:]]}
+def exchanged(clause: Json, names: Sequence[str]) -> Iterator[Clauses]:
+    """Yield a clause with another place: another of the sentence, else of the map."""
+    used = named([clause])
+    new = next(({'place': name} for name in names if name not in used), None)
+    if not used or new is None:
+        return
+    if clause['kind'] == 'visit':
+        yield [{**clause, 'regions': [new, *clause['regions'][1:]]}]
+    else:
         field = next(name for name in REGIONS if isinstance(clause.get(name), dict))
-        return {**clause, field: new}
-
-    return each(clauses, other)
+        yield [{**clause, field: new}]
 
 
 def named(clauses: Sequence[Json]) -> list[str]:
@@ -132,76 +122,61 @@ def named(clauses: Sequence[Json]) -> list[str]:
     return [one['place'] for one in regions if isinstance(one, dict) and 'place' in one]
 
 
-def orders(clauses: Clauses, _: Places) -> Iterator[Clauses]:
-    """Yield clauses in another order."""
+def orders(clause: Json, _: Sequence[str]) -> Iterator[Clauses]:
+    """Yield a clause of two regions the other way round."""
+    if 'first' in clause:
+        yield [{**clause, 'first': clause.get('second'), 'second': clause.get('first')}]
 
-    def other(clause: Json) -> Json | None:
-        ends = {'first': clause.get('second'), 'second': clause.get('first')}
-        return {**clause, **ends} if 'first' in clause else None
 
-    yield from each(clauses, other)
+def reordered(clauses: Clauses) -> Iterator[Clauses]:
+    """Yield clauses with their visits in another order, and joined or apart."""
     visits = [clause for clause in clauses if clause['kind'] == 'visit']
     rest = [clause for clause in clauses if clause['kind'] != 'visit']
     if len(visits) > 1:
         yield [*visits[::-1], *rest]
     regions = [region for one in visits for region in one['regions']]
     if len(regions) > 1:
-        together, apart = [regions], [[region] for region in regions]
-        some = together if len(visits) > 1 else apart
+        some = [regions] if len(visits) > 1 else [[region] for region in regions]
         yield [*({**visits[0], 'regions': one} for one in some), *rest]
 
 
-def sides(clauses: Clauses, _: Places) -> Iterator[Clauses]:
-    """Yield clauses with the other side in one."""
-
-    def other(clause: Json) -> Json | None:
-        region = clause.get('region') or {}
-        if 'side' in clause:
-            return {**clause, 'side': OPPOSITE[clause['side']]}
-        turned = {**region, 'half': OPPOSITE[region['half']]} if 'half' in region else None
-        return turned and {**clause, 'region': turned}
-
-    return each(clauses, other)
+def sides(clause: Json, _: Sequence[str]) -> Iterator[Clauses]:
+    """Yield a clause with the other side."""
+    region = clause.get('region') or {}
+    if 'side' in clause:
+        yield [{**clause, 'side': OPPOSITE[clause['side']]}]
+    elif 'half' in region:
+        yield [{**clause, 'region': {**region, 'half': OPPOSITE[region['half']]}}]
 
 
-def numbers(clauses: Clauses, _: Places) -> Iterator[Clauses]:
-    """Yield clauses with another number in one."""
-    for at, clause in enumerate(clauses):
-        for name in ('metres', 'at_least', 'at_most'):
-            if clause.get(name):
-                yield [*clauses[:at], {**clause, name: clause[name] + 1}, *clauses[at + 1 :]]
+def numbers(clause: Json, _: Sequence[str]) -> Iterator[Clauses]:
+    """Yield a clause with another number."""
+    for name in ('metres', 'at_least', 'at_most'):
+        if clause.get(name):
+            yield [{**clause, name: clause[name] + 1}]
 
 
-def negations(clauses: Clauses, _: Places) -> Iterator[Clauses]:
-    """Yield clauses with a visit in place of what is refused, or the other way round."""
-    for at, clause in enumerate(clauses):
-        kept = {'strength': clause['strength']} if 'strength' in clause else {}
-        others: Clauses = []
-        if clause['kind'] in ('avoid', 'never_after'):
-            region = clause.get('region', clause.get('second'))
-            others = [{**kept, 'kind': 'visit', 'regions': [region]}]
-        elif clause['kind'] == 'visit':
-            others = [{**kept, 'kind': 'avoid', 'region': one} for one in clause['regions']]
-        if others:
-            yield [*clauses[:at], *others, *clauses[at + 1 :]]
+def negations(clause: Json, _: Sequence[str]) -> Iterator[Clauses]:
+    """Yield a visit in place of what is refused, or the other way round."""
+    kept = {'strength': clause['strength']} if 'strength' in clause else {}
+    if clause['kind'] in ('avoid', 'never_after'):
+        yield [{**kept, 'kind': 'visit', 'regions': [clause.get('region', clause.get('second'))]}]
+    elif clause['kind'] == 'visit':
+        yield [{**kept, 'kind': 'avoid', 'region': one} for one in clause['regions']]
 
 
-def scopes(clauses: Clauses, _: Places) -> Iterator[Clauses]:
-    """Yield clauses without one, with a wish for a demand or the other way, or 'or' for 'and'."""
-    for at, clause in enumerate(clauses):
-        rest = [one for one in clauses if one is not clause]
-        if rest:
-            yield rest
-        plain = {key: value for key, value in clause.items() if key != 'strength'}
-        is_wish = clause.get('strength') == 'should'
-        others = [plain if is_wish else {**plain, 'strength': 'should'}]
-        if len(clause.get('regions', ())) > 1:
-            others.append({**clause, 'regions': [{'any_of': clause['regions']}]})
-        for other in others if clause['kind'] != 'unsupported' else ():
-            yield [*clauses[:at], other, *clauses[at + 1 :]]
+def scopes(clause: Json, _: Sequence[str]) -> Iterator[Clauses]:
+    """Yield no clause, a wish for a demand or the other way round, and 'or' for 'and'."""
+    yield []
+    if clause['kind'] == 'unsupported':
+        return
+    plain = {key: value for key, value in clause.items() if key != 'strength'}
+    yield [plain if clause.get('strength') == 'should' else {**plain, 'strength': 'should'}]
+    if len(clause.get('regions', ())) > 1:
+        yield [{**clause, 'regions': [{'any_of': clause['regions']}]}]
 
 
-CHANGES: dict[str, Callable[[Clauses, Places], Iterator[Clauses]]] = {
+CHANGES: dict[str, Change] = {
     'verb': verbs, 'place': exchanged, 'side': sides, 'order': orders, 'number': numbers,
     'negation': negations, 'scope': scopes,
 }  # fmt: skip

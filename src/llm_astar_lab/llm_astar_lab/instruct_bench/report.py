@@ -21,6 +21,7 @@ from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
+from llm_astar_lab.analysis.thresholds import split_limit
 from llm_astar_lab.instruct_bench.maps import SuiteError
 from llm_astar_lab.instruct_bench.runner import NO_INSTRUCTION, InstructionResult
 from llm_astar_lab.instruct_bench.suite import OK, STYLES
@@ -160,16 +161,11 @@ class SuiteThreshold(NamedTuple):
 
 def parse_suite_threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
     """Parse [SOURCE[/STYLE]:]METRIC=LIMIT. Raises ValueError."""
-    name, equals, limit = text.rpartition('=')
-    group, _, metric = name.rpartition(':')
+    group, metric, limit = split_limit(text, METRICS, '[SOURCE[/STYLE]:]METRIC=LIMIT')
     source, _, style = group.partition('/')
-    if not equals or metric not in METRICS or style not in ('', *STYLES):
-        known = f'METRIC one of {", ".join(METRICS)}, STYLE one of {", ".join(STYLES)}'
-        raise ValueError(f'{text!r}: [SOURCE[/STYLE]:]METRIC=LIMIT is expected, {known}')
-    try:
-        return SuiteThreshold(source, style, metric, float(limit), is_upper)
-    except ValueError:
-        raise ValueError(f'{text!r}: {limit!r} is not a number') from None
+    if style not in ('', *STYLES):
+        raise ValueError(f'{text!r}: STYLE is one of {", ".join(STYLES)}')
+    return SuiteThreshold(source, style, metric, limit, is_upper)
 
 
 def missed_suite_thresholds(

@@ -13,17 +13,14 @@ from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.files import naming
-from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.types import Plan, describe_expansions
+from llm_astar_planner.planning.types import describe_expansions
 from llm_astar_planner.search.expansion_order import ExpansionOrder
-from llm_astar_planner.search.result import Cell
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from llm_astar_lab.pictures import figures, raster, style
-from llm_astar_lab.pictures.figures import Picture, describe_length, draw, picture_of
+from llm_astar_lab.pictures.figures import Picture, draw
 
 # Dots per inch of a figure of 8 inches: 880 pixels, what a README shows.
 DPI = 110
@@ -48,25 +45,6 @@ class AnimatedSearch:
     order: ExpansionOrder
     name: str
     outcome: str
-
-
-def drawn_search(
-    plan: Plan,
-    costmap: Costmap,
-    offset: Cell,
-    name: str,
-    order: ExpansionOrder | None,
-    *,
-    recorded: NDArray[np.float64] | None = None,
-) -> tuple[Picture, AnimatedSearch | None]:
-    """Return the picture of one of several plans on a map, and its animation if it has an order.
-
-    `recorded` [n, 2] is the path that a bag holds.
-    """
-    outcome = describe_length(plan, costmap.grid_map.resolution)
-    title = f'{name}\n{outcome}, {describe_expansions(plan.expansions)}'
-    picture = replace(picture_of(plan, costmap, offset), title=title, recorded=recorded)
-    return picture, None if order is None else AnimatedSearch(picture, order, name, outcome)
 
 
 def save_animation(path: str | Path, searches: Sequence[AnimatedSearch]) -> None:

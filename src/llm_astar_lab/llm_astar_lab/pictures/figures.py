@@ -170,6 +170,13 @@ def picture_of(
     )  # fmt: skip
 
 
+def picture_of_one(plan: Plan, costmap: Costmap, offset: Cell, name: str) -> Picture:
+    """Return the picture of one of several plans on a map, under its name and what came out."""
+    outcome = describe_length(plan, costmap.grid_map.resolution)
+    title = f'{name}\n{outcome}, {describe_expansions(plan.expansions)}'
+    return replace(picture_of(plan, costmap, offset), title=title)
+
+
 def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
     """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
     threshold = (costmap or CostmapConfig()).occupied_threshold

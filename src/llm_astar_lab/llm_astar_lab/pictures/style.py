@@ -59,8 +59,8 @@ AREA, OBJECT = '#00838f', '#8c6d46'
 
 # Of pages and charts: text, less important text, lines, background of tables.
 INK, SOFT, LINE, WASH = '#1f2430', '#5b6270', '#d9dce3', '#f4f5f8'
-# Bars and curves: what is shown, what it is compared with, and what is worse.
-CHART, BASELINE, WORSE = '#0050b5', '#9aa0ac', '#d55e00'
+# Bars and curves: what is shown, and what it is compared with.
+CHART, BASELINE = '#0050b5', '#9aa0ac'
 
 
 def page_colours() -> dict[str, object]:

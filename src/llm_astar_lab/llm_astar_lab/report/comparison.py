@@ -1,22 +1,325 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a comparison of runs found, as text, Markdown, JSON and tables."""
+"""Compares results folders of one dataset: ratios with intervals, and the samples that changed.
+
+What was found is told as text, Markdown, JSON and tables.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.errors import printable
+import numpy as np
+from llm_astar_msgs_adapter.errors import nearest_name, printable, shortened
+from numpy.typing import NDArray
 
-from llm_astar_lab.analysis.run_comparison import SMALL, Run, RunComparison
+from llm_astar_lab.analysis import statistics as stats
+from llm_astar_lab.analysis.statistics import LENGTH_TOLERANCE, Estimate, Floats, Interval
+from llm_astar_lab.analysis.thresholds import variants_of
 from llm_astar_lab.report.pages import markdown_page
 from llm_astar_lab.report.sentences import counted, say
 from llm_astar_lab.report.table import Table, json_of, text_table, texts_of
-from llm_astar_lab.results.row import WAYPOINTS_ONLY
+from llm_astar_lab.results.folder import ResultsFolder
+from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError, Variant
+from llm_astar_lab.results.stored_rows import StoredRows
+
+# The columns of a row that are compared; of each, less is better.
+METRICS = ('operation', 'storage', 'length', 'seconds_search')
+# Changed samples that are kept of each variant, the largest changes first.
+MAX_SAMPLES = 10_000
+# The probability that equal runs have any regression, over all variants of all runs.
+LEVEL = 0.05
+# The growth of a metric whose probability to be found is said.
+SMALL = 0.02
+# Parameters of a run that do not change its rows.
+IRRELEVANT = ('jobs', 'price')
+Arrays = Mapping[str, NDArray[Any]]
+
+
+class Run(NamedTuple):
+    """A results folder that was read: its path, metadata and rows."""
+
+    path: Path
+    metadata: Mapping[str, Any]
+    rows: StoredRows
+
+
+@dataclass(frozen=True)
+class MetricChange:
+    """The ratios second / first of a metric over the `samples` that both runs solved.
+
+    `mean` is the geometric mean, `error` the standard error of its logarithm and `degrees` one
+    less than the maps; `less`, `equal` and `more` count the samples, `p5` and `p95` are
+    percentiles of their ratios.
+    """
+
+    samples: int
+    mean: Interval
+    less: int
+    equal: int
+    more: int
+    p5: float
+    p95: float
+    error: float = math.nan
+    degrees: int = 0
+
+    @property
+    def estimate(self) -> Estimate:
+        """The mean logarithm of the ratios, and how exact it is."""
+        return Estimate(math.log(self.mean.value), self.error, self.degrees)
+
+
+@dataclass(frozen=True)
+class VariantChange:
+    """How one variant differs between two runs, over the `samples` that both have.
+
+    `only_first` and `only_second` count the samples that only one run has. `valid` is the change
+    of the share of valid paths, second - first; `lost` and `gained` count the samples whose path
+    only the first or only the second run found. `lost_p` is the p-value of no lower share, NaN
+    where no path was lost. `judge` fills in the rest: the p-value among all variants, the
+    `power` to find a growth by SMALL, and a sentence for a `regression`.
+    """
+
+    variant: Variant
+    samples: int
+    maps: int
+    only_first: int
+    only_second: int
+    valid: Interval
+    lost: int
+    gained: int
+    metrics: Mapping[str, MetricChange]
+    lost_p: float
+    p_value: float = math.nan
+    power: float = math.nan
+    regression: str | None = None
+
+    def problem(self, metric: str, grown: float, lost: float) -> str | None:
+        """Say how the second run is worse by two adjusted p-values, or return None."""
+        if grown < LEVEL:
+            mean, low, high = (100.0 * end for end in self.metrics[metric].mean)
+            return f'{metric} is {mean:.2f} % ({low:.2f} to {high:.2f}), p = {grown:.2g}'
+        if lost < LEVEL:
+            return f'valid paths changed by {100 * self.valid.value:.2f} points, p = {lost:.2g}'
+        return None
+
+
+class SampleChange(NamedTuple):
+    """A sample whose result differs: codes, and the metric and lengths of both runs.
+
+    The `size` of a change is |log ratio| of the metric or the length, whichever is larger, and
+    infinite where the codes differ.
+    """
+
+    variant: Variant
+    map: int
+    pair: int
+    scale: int
+    codes: tuple[str, str]
+    metric: tuple[float, float]
+    length: tuple[float, float]
+    size: float
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """A run compared with the base: what differs in how they were run, and in their results.
+
+    `unpaired` are the variants that only one of them has or that share no sample, `missing` those
+    of them that the base has.
+    """
+
+    path: Path
+    differences: Sequence[str]
+    changes: Sequence[VariantChange]
+    unpaired: Sequence[Variant]
+    missing: Sequence[Variant]
+    samples: Sequence[SampleChange]
+
+
+def variant_change(
+    variant: Variant, columns: Arrays, only_first: int = 0, only_second: int = 0
+) -> VariantChange:
+    """Return how a variant differs, with 95 % intervals of Student's t over maps.
+
+    `columns` are those of the samples that two runs share: `*_0` of the first run, `*_1` of the
+    second, and by the names of METRICS the ratios second / first. On a single map each of its
+    pairs takes the place of a map.
+    """
+    maps = columns['map']
+    groups = maps if len(np.unique(maps)) > 1 else columns['pair']
+    first, second = (columns[f'code_{run}'] == 'NONE' for run in (0, 1))
+    valid = stats.estimate(second.astype(float) - first, groups)
+    lost, gained = int((first & ~second).sum()), int((second & ~first).sum())
+    # Of k maps with a change all have lost paths by chance with a probability of 1 / 2^k, which
+    # Student's t does not know of.
+    changed = len(np.unique(groups[first != second]))
+    p_fewer = max(Estimate(-valid.value, *valid[1:]).p_above(0.0), 0.5**changed)
+    metrics = {name: metric_change(solved_ratios(columns, name), groups) for name in METRICS}
+    return VariantChange(
+        variant, len(maps), len(np.unique(maps)), only_first, only_second, valid.interval(), lost,
+        gained, metrics, p_fewer if lost else math.nan,
+    )  # fmt: skip
+
+
+def solved_ratios(columns: Arrays, metric: str) -> Floats:
+    """Return second / first of a metric; NaN where either found no path or has none."""
+    solved = (columns['code_0'] == 'NONE') & (columns['code_1'] == 'NONE')
+    return np.where(solved, columns[metric], np.nan)
+
+
+def metric_change(every: Floats, every_group: NDArray[Any]) -> MetricChange:
+    """Return the change of a metric by its ratios and the map of each."""
+    ratios, groups = stats.known(every, every_group)
+    found = stats.estimate(np.log(ratios), groups)
+    p5, p95 = np.percentile(ratios, (5, 95)) if len(ratios) else (np.nan, np.nan)
+    less = int((ratios < 1.0 - LENGTH_TOLERANCE).sum())
+    more = int((ratios > 1.0 + LENGTH_TOLERANCE).sum())
+    return MetricChange(
+        len(ratios), Interval(*map(float, np.exp(found.interval()))),
+        less, len(ratios) - less - more, more, float(p5), float(p95), *found[1:],
+    )  # fmt: skip
+
+
+def sample_changes(variant: Variant, columns: Arrays, metric: str) -> Iterator[SampleChange]:
+    """Yield the samples that changed most, at most MAX_SAMPLES, the largest changes first."""
+    logs = [np.abs(np.log(solved_ratios(columns, name))) for name in {metric, 'length'}]
+    sizes = np.fmax.reduce([*logs, np.zeros(len(columns['map']))])
+    sizes[columns['code_0'] != columns['code_1']] = np.inf
+    order = np.argsort(-sizes, kind='stable')[:MAX_SAMPLES]
+    for at in order[sizes[order] > LENGTH_TOLERANCE].tolist():
+        found = {name: column[at] for name, column in columns.items()}
+        place = int(found['map']), int(found['pair']), int(found['scale'])
+        values, lengths = (
+            (float(found[f'{name}_0']), float(found[f'{name}_1'])) for name in (metric, 'length')
+        )
+        codes = found['code_0'], found['code_1']
+        yield SampleChange(variant, *place, codes, values, lengths, float(sizes[at]))
+
+
+def load_run(path: str, base: Run | None = None) -> Run:
+    """Read a results folder, to be compared with a base if that is given.
+
+    Raises ResultsError where it is none or has no rows.
+    """
+    folder = ResultsFolder(path)
+    metadata = folder.read_metadata()
+    rows = folder.stored(None if base is None else base.rows)
+    if not len(rows):
+        raise ResultsError(f'{folder.results}: has no rows; run the benchmark to its end first')
+    return Run(folder.path, metadata, rows)
+
+
+def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) -> RunComparison:
+    """Compare a run with the base, all variants or those called `name`, largest changes by metric.
+
+    Raises ResultsError where they have different datasets or share no samples.
+    """
+    check_datasets(base, other)
+    of_base = base.rows.variants()
+    every = sorted({*of_base, *other.rows.variants()}, key=lambda variant: variant.report_order)
+    changes: list[VariantChange] = []
+    samples: list[SampleChange] = []
+    unpaired = []
+    for variant in chosen_variants(every, name):
+        columns = base.rows.arrays('paired', *variant, *variant, schema=other.rows.schema)
+        count = len(columns['map'])
+        if not count:
+            unpaired.append(variant)
+            continue
+        lone = (len(run.rows.arrays('samples', *variant)['map']) - count for run in (base, other))
+        changes.append(variant_change(variant, columns, *lone))
+        samples += sample_changes(variant, columns, metric)
+    if not changes:
+        message = f'{base.path} and {other.path} share no sample of {name or "any variant"}'
+        raise ResultsError(message)
+    return RunComparison(
+        other.path, list(differences(base.metadata, other.metadata)), changes, unpaired,
+        [variant for variant in of_base if variant in unpaired],
+        sorted(samples, key=lambda sample: -sample.size),
+    )  # fmt: skip
+
+
+def judge(
+    comparisons: Sequence[RunComparison], metric: str, threshold: float
+) -> list[RunComparison]:
+    """Return comparisons with p-values, power and regressions of all their variants.
+
+    A regression is a growth of the metric by more than `threshold`, or fewer valid paths
+    whatever the threshold, with a p-value below LEVEL after Holm's adjustment over everything
+    that is tested.
+    """
+    changes = [change for item in comparisons for change in item.changes]
+    estimates = [change.metrics[metric].estimate for change in changes]
+    limit = math.log1p(threshold) + LENGTH_TOLERANCE
+    p_values = [*(one.p_above(limit) for one in estimates), *(one.lost_p for one in changes)]
+    adjusted = stats.holm(p_values)
+    tests = max(1, sum(not math.isnan(p) for p in adjusted))
+    judged = iter([
+        replace(
+            change, p_value=float(np.fmin(grown, lost)),
+            power=estimate.power(math.log1p(SMALL), LEVEL / tests),
+            regression=change.problem(metric, grown, lost),
+        )
+        for change, estimate, grown, lost in zip(
+            changes, estimates, adjusted, adjusted[len(changes):]
+        )
+    ])  # fmt: skip
+    return [replace(item, changes=[next(judged) for _ in item.changes]) for item in comparisons]
+
+
+def chosen_variants(every: Sequence[Variant], name: str | None) -> list[Variant]:
+    """Return the variants that a name or its beginning means. Raises ResultsError for none."""
+    names = [str(variant) for variant in every]
+    found = variants_of(name or '', names)
+    if not found:
+        near = nearest_name(name or '', names)
+        message = f'--variant {name}: no such variant{near or ";"} there are {", ".join(names)}'
+        raise ResultsError(message)
+    return [variant for variant in every if str(variant) in found]
+
+
+def check_datasets(base: Run, other: Run) -> None:
+    """Raise ResultsError where two runs are of different datasets or grids."""
+    facts = [
+        (run.metadata['dataset'].get('sha256'), run.metadata['parameters'].get('grid'))
+        for run in (base, other)
+    ]
+    if facts[0] != facts[1]:
+        first, second = (describe_dataset(run.metadata) for run in (base, other))
+        message = (
+            f'{base.path} and {other.path} cannot be compared: the first is of {first}, '
+            f'the second of {second}'
+        )
+        raise ResultsError(message)
+
+
+def describe_dataset(metadata: Mapping[str, Any]) -> str:
+    """Return the name of a run's dataset with the beginning of its digest, and of its grid's."""
+    dataset, grid = metadata['dataset'], metadata['parameters'].get('grid')
+    text = f'{shortened(dataset.get("file", "?"))} (sha256 {str(dataset.get("sha256", "?"))[:12]}'
+    return f'{text}, grid {str(grid)[:12]})' if grid else f'{text})'
+
+
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what differs in how two runs were made: version, parameters, inputs, machine."""
+    if before['version'] != now['version']:
+        yield f'version: {before["version"]}, now {now["version"]}'
+    for part in ('parameters', 'files', 'packages', 'machine'):
+        first, second = before.get(part) or {}, now.get(part) or {}
+        for name in dict.fromkeys((*first, *second)):
+            values = first.get(name), second.get(name)
+            if name not in IRRELEVANT and values[0] != values[1]:
+                old, new = ('none' if value is None else shortened(str(value)) for value in values)
+                if part == 'files':
+                    old, new = old[:12], new[:12]
+                yield f'{part}: {name}: {old}, now {new}'
+
 
 LABELS = {
     'operation': 'Operation', 'storage': 'Storage', 'length': 'Length',
@@ -75,31 +378,20 @@ class Judgement:
             lines.append(say('power', self, SMALL, percent, least.variant))
         return lines
 
-    def tables(self) -> list[Table]:
-        """Return the tables of all runs: variants, and the samples that changed most."""
-        several = len(self.comparisons) > 1
-        return [
-            table
-            for number, comparison in enumerate(self.comparisons, start=1)
-            for table in self.tables_of(comparison, f'_{number}' if several else '')
-        ]
-
-    def tables_of(self, comparison: RunComparison, end: str = '') -> list[Table]:
-        """Return the tables of one run that have rows; `end` makes their names distinct."""
+    def tables_of(self, comparison: RunComparison) -> list[Table]:
+        """Return the tables of one run that have rows: variants, and what changed most."""
         label = LABELS[self.metric].lower()
         words = {'title': f'Ratios of {comparison.path}', 'label': label, 'metric': self.metric}
-        compared = Table.of('compared', comparison.changes, file=f'compared{end}', **words)
-        changed = self.changed_samples(comparison, SHOWN_SAMPLES, f'changed{end}')
+        compared = Table.of('compared', comparison.changes, **words)
+        changed = self.changed_samples(comparison, SHOWN_SAMPLES)
         return [table for table in (compared, changed) if table.rows]
 
-    def changed_samples(
-        self, comparison: RunComparison, limit: int | None = None, file: str = 'changed'
-    ) -> Table:
+    def changed_samples(self, comparison: RunComparison, limit: int | None = None) -> Table:
         """Return the samples that changed most: lost and gained paths, then large ratios."""
         title = f'Samples that changed most in {comparison.path}'
         unit = 'seconds' if self.metric == 'seconds_search' else 'number'
-        label, samples = LABELS[self.metric], comparison.samples[:limit]
-        return Table.of('changed', samples, [label], file=file, title=title, unit=unit)
+        samples = comparison.samples[:limit]
+        return Table.of('changed', samples, [LABELS[self.metric]], title=title, unit=unit)
 
     def as_text(self) -> str:
         """Return the comparison for a terminal."""
@@ -114,11 +406,9 @@ class Judgement:
         lines = [*self.findings(), self.verdict()]
         return '\n\n'.join([*parts, '\n'.join(lines)])
 
-    def as_markdown(self, picture: str) -> str:
-        """Return the comparison as a page that shows `picture`, a file beside it."""
-        return markdown_page(
-            'report/comparison.md.j2', judgement=self, remarks=remarks, picture=picture
-        )
+    def as_markdown(self) -> str:
+        """Return the comparison as a page."""
+        return markdown_page('report/comparison.md.j2', judgement=self, remarks=remarks)
 
     def as_json(self) -> dict[str, Any]:
         """Return the comparison as JSON values."""

@@ -21,8 +21,14 @@ from llm_astar_lab.analysis.summary import RunSummary, VariantSummary
 from llm_astar_lab.pictures import style
 from llm_astar_lab.report import sentences
 from llm_astar_lab.report.sentences import headline, provenance
-from llm_astar_lab.report.table import Table, markdown, text_table, texts_of
-from llm_astar_lab.report.tables import main_table, report_tables
+from llm_astar_lab.report.table import (
+    Table,
+    main_table,
+    markdown,
+    report_tables,
+    text_table,
+    texts_of,
+)
 from llm_astar_lab.templates import render
 
 # The lines of a README between which `replace_section` writes.

@@ -13,6 +13,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,9 +29,7 @@ from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.analysis.summary import SampleId, by_variant
 from llm_astar_lab.pictures import raster
-from llm_astar_lab.pictures.animation import AnimatedSearch, drawn_search
-from llm_astar_lab.pictures.figures import Picture, drawable_map
-from llm_astar_lab.pictures.retrace import retrace
+from llm_astar_lab.pictures.figures import Picture, drawable_map, picture_of_one
 from llm_astar_lab.report.pages import data_url
 from llm_astar_lab.report.sentences import variant_label
 from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant, parse_points
@@ -47,40 +46,29 @@ MAX_KEPT = 32_000_000
 MAX_PIXELS = 1000
 
 
-class DrawnSample(NamedTuple):
-    """One sample planned by several methods: their pictures, and their animations if known."""
-
-    where: str
-    pictures: list[Picture]
-    searches: list[AnimatedSearch]
-
-
 def draw_median(
     rows: Sequence[Row], maps: Sequence[ProblemMap], settings: SearchSettings
-) -> DrawnSample | None:
-    """Plan a sample of about median saving again: no extreme one. None where there is none.
+) -> tuple[str, list[Picture]]:
+    """Plan a sample of about median saving again: no extreme one.
 
-    A plan is drawn by planning again, without an instruction.
+    Return which sample it is, and its pictures; a plan is drawn by planning again, without an
+    instruction. There are no pictures where no such sample is known.
     """
     problems = {item.id: item for item in maps}
     chosen = median_rows([row for row in rows if not row.instruction])
     if not chosen:
-        return None
+        return '', []
     problem, pair = problems[chosen[0].map], chosen[0].pair
-    pictures, searches = zip(*(drawn_row(problem, row, settings) for row in chosen))
     where = f'Map {problem.id}, pair {pair}, the largest sample of about median saving'
-    return DrawnSample(where, [*pictures], [*searches] if all(searches) else [])
+    return where, [drawn_row(problem, row, settings) for row in chosen]
 
 
-def drawn_row(
-    problem: ProblemMap, row: Row, settings: SearchSettings
-) -> tuple[Picture, AnimatedSearch | None]:
-    """Plan a row again; return its picture, and its animation if the order is known."""
+def drawn_row(problem: ProblemMap, row: Row, settings: SearchSettings) -> Picture:
+    """Plan a row again and return its picture."""
     planner, request = request_again(problem, problem.samples[row.pair], row, settings)
-    plan = planner.plan(request)
+    plan, label = planner.plan(request), variant_label(row.variant)
     recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
-    order, label = retrace(planner, request, plan), variant_label(row.variant)
-    return drawn_search(plan, planner.costmap, problem.offset, label, order, recorded=recorded)
+    return replace(picture_of_one(plan, planner.costmap, problem.offset, label), recorded=recorded)
 
 
 def median_rows(rows: Sequence[Row]) -> list[Row]:

@@ -1,18 +1,15 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A table as data, columns and rows of cells, and as Markdown, LaTeX, CSV and text.
+"""A table as data, columns and rows of cells, and as Markdown, LaTeX and text.
 
-Markdown, LaTeX and text show numbers as they are read, CSV has all their digits. `tables.yaml`
-says which columns the tables have.
+`tables.yaml` says which columns the tables have.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from itertools import compress
@@ -23,7 +20,9 @@ import yaml
 from jinja2 import ChainableUndefined, Environment, Undefined
 from llm_astar_msgs_adapter.errors import printable, shortened
 
+from llm_astar_lab.analysis.replies import reply_shares
 from llm_astar_lab.analysis.statistics import UNKNOWN, Interval, Ratio
+from llm_astar_lab.analysis.summary import Growth, RunSummary, VariantSummary
 from llm_astar_lab.report import sentences
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.templates import render
@@ -35,11 +34,11 @@ TextRows = list[tuple[str, ...]]
 UNITS = {
     'text': (1.0, 2), 'number': (1.0, 2), 'count': (1.0, 0), 'tenth': (1.0, 1), 'p': (1.0, 3),
     'price': (1.0, 4), 'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
-    'whole percent': (100.0, 0), 'ms': (1e3, 3), 'megabyte': (1e-6, 2),
+    'whole percent': (100.0, 0), 'ms': (1e3, 3),
 }  # fmt: skip
 # The end of the unit of a column that is left out where nothing in it is known.
 IF_KNOWN = ' if known'
-# Characters of a text in a table; CSV has all.
+# Characters of a text in a table.
 MAX_CELL = 300
 # What has a meaning in LaTeX, or no glyph in its usual fonts.
 LATEX = str.maketrans({
@@ -81,8 +80,8 @@ class Table:
         """Return the table that `tables.yaml` describes by this name, with a row for each item.
 
         `each` are the names of columns that are there several times. `words` are known to the
-        expressions, fill the note and the names of units, and may be another `title` and `file`
-        and `more` of the note.
+        expressions, fill the note and the names of units, and may be another `title` and `more`
+        of the note.
         """
         found = descriptions()[name]
         described = [
@@ -102,7 +101,7 @@ class Table:
         title = words.get('title') or found['title']
         note = found.get('note', '').format(**words) + words.get('more', '')
         shown = [tuple(compress(row, is_kept)) for row in rows]
-        return cls(words.get('file', name), title, [*compress(columns, is_kept)], shown, note)
+        return cls(name, title, [*compress(columns, is_kept)], shown, note)
 
     def without_constants(self) -> tuple[Table, str]:
         """Return it without the columns that say the same in every row, and what they say.
@@ -217,34 +216,6 @@ def latex_text(words: str) -> str:
     return f'{{}}{quoted}' if quoted.startswith(('[', '*')) else quoted
 
 
-def csv_table(table: Table) -> str:
-    """Return a table as CSV, with its columns' units and all digits.
-
-    A column with intervals becomes three, the value and the limits of its interval; what is
-    unknown is an empty cell.
-    """
-    found: list[list[str]] = []
-    for (head, unit), cells in zip(table.columns, zip(*table.rows)):
-        found.append([head, *(exact(cell, unit) for cell in cells)])
-        if any(isinstance(cell, Interval) for cell in cells):
-            for name in ('low', 'high'):
-                limits = (getattr(cell, name, math.nan) for cell in cells)
-                found.append([f'{head}, {name}', *(exact(end, unit) for end in limits)])
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator='\n').writerows(zip(*found))
-    return buffer.getvalue()
-
-
-def exact(cell: Cell, unit: str) -> str:
-    """Return the value of a cell with all its digits, in its unit."""
-    if isinstance(cell, str):
-        return '' if cell == '-' else cell
-    value = cell.value if isinstance(cell, Interval) else cell
-    if math.isnan(value):
-        return ''
-    return str(value) if isinstance(value, int) else repr(round(UNITS[unit][0] * value, 9))
-
-
 def json_of(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """Return figures as JSON values: dataclasses and named tuples become objects."""
     if isinstance(value, Ratio):
@@ -258,16 +229,77 @@ def json_of(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     return value
 
 
-def write_tables(
-    folder: ResultsFolder, tables: Sequence[Table], *, as_latex: bool, as_csv: bool
-) -> list[Path]:
-    """Write each table to tables/NAME.tex and tables/NAME.csv of a folder; return the files.
+def write_tables(folder: ResultsFolder, tables: Sequence[Table]) -> list[Path]:
+    """Write each table to tables/NAME.tex of a folder; return the files. Raises ResultsError."""
+    return [folder.write_text(f'tables/{table.name}.tex', latex(table)) for table in tables]
 
-    Raises ResultsError.
-    """
-    renderers = [('tex', latex)] * as_latex + [('csv', csv_table)] * as_csv
-    return [
-        folder.write_text(f'tables/{table.name}.{ending}', render(table))
-        for table in tables
-        for ending, render in renderers
+
+# Families that the tables show; summary.json has all.
+MAX_FAMILIES = 12
+
+
+def report_tables(run: RunSummary) -> list[Table]:
+    """Return the tables of a report that have rows, in its order."""
+    guided = [item for item in run.variants if item.variant.source != 'none']
+    every = [
+        main_table(run.variants),
+        Table.of('over_none', [item for item in run.comparisons if item.samples]),
+        Table.of('spread', run.variants), Table.of('waypoints', guided), reply_table(run.variants),
+        Table.of('paths', run.variants), *family_tables(run.variants),
+        growth_table(run.growths),
+        Table.of('paper', () if run.metadata.get('bags') else descriptions()['paper']['items']),
+    ]  # fmt: skip
+    return [table for table in every if table.rows]
+
+
+def main_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table in the paper's layout."""
+    return Table.of('main', summaries)
+
+
+def reply_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table of what was wrong with each model's replies, once for all methods."""
+    of_model = {item.variant[1:]: item for item in reversed(summaries) if item.replies}
+    chosen = reversed(of_model.values())
+    return Table.of(
+        'replies', [vars(item) | {'reply_shares': reply_shares(item.replies)} for item in chosen]
+    )
+
+
+def family_tables(summaries: Sequence[VariantSummary]) -> Iterator[Table]:
+    """Yield the tables by family of maps; without rows where there are no two families."""
+    every = list(dict.fromkeys(name for item in summaries for name in item.families))
+    names = every[:MAX_FAMILIES]
+    note = f' The first {len(names)} of {len(every)} families.' if names != every else ''
+    complete = [
+        vars(item) | {'families': [item.families[name] for name in names]}
+        for item in summaries
+        if names and all(name in item.families for name in names)
     ]
+    left_out = [
+        vars(item) | {'without': [means.without[name] for name in names]}
+        for item in summaries
+        if (means := item.family_means).without
+    ]
+    shown = {
+        'families': [
+            item for item in complete if any(f.operation.value > 0 for f in item['families'])
+        ],
+        'families_valid': [
+            item for item in complete if any(f.valid.value < 1.0 for f in item['families'])
+        ],
+        'families_left_out': left_out,
+    }
+    for name, items in shown.items():
+        yield Table.of(name, items, [label or 'unknown' for label in names], more=note)
+
+
+def growth_table(growths: Sequence[Growth]) -> Table:
+    """Return the table of growth factors, with a column for each scale."""
+    scales = sorted({scale for growth in growths for scale in growth.scales})
+    items = []
+    for growth in growths:
+        factors = dict(zip(growth.scales, growth.factors))
+        known = [factors.get(scale, math.nan) for scale in scales]
+        items.append(vars(growth) | {'factors': known})
+    return Table.of('growth', items, [str(scale) for scale in scales])

@@ -11,6 +11,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.files import naming
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
@@ -18,13 +19,12 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from matplotlib.figure import Figure
 
 from llm_astar_lab.analysis.replies import reply_shares
-from llm_astar_lab.analysis.summary import RunSummary, VariantSummary, summarise_run
-from llm_astar_lab.pictures.animation import save_animation
+from llm_astar_lab.analysis.summary import Growth, RunSummary, VariantSummary, summarise_run
+from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, panel_figure
-from llm_astar_lab.report.figures import growth_figure, ratio_figure
 from llm_astar_lab.report.pages import html_report, markdown_report
 from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples
-from llm_astar_lab.report.sentences import headline, sentence
+from llm_astar_lab.report.sentences import headline, sentence, variant_label
 from llm_astar_lab.report.table import json_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Row
@@ -108,24 +108,43 @@ def draw_all(
             figure.savefig(folder / name, dpi=dpi, bbox_inches=box, pad_inches=pad)
         pictures.append((folder / name, caption))
 
-    if run.variants:
-        caption = 'Expansions and length against A*: blue with waypoints, the rest grey.'
-        save('ratios.png', ratio_figure(run.variants), caption, PAD)
     if run.growths:
         caption = 'Growth of work and storage with the scale of the map.'
         save('growth.png', growth_figure(run.growths), caption)
     # Neither the best nor the worst sample.
-    if sample := draw_median(rows, maps, search_settings(run.metadata)):
-        caption = f'{sample.where}: what each method expanded.'
-        save('compare.png', comparison_figure(sample.pictures), caption, PAD)
-        for number, picture in enumerate(on_one_window(sample.pictures), start=1):
+    where, drawn = draw_median(rows, maps, search_settings(run.metadata))
+    if drawn:
+        caption = f'{where}: what each method expanded.'
+        save('compare.png', comparison_figure(drawn), caption, PAD)
+        for number, picture in enumerate(on_one_window(drawn), start=1):
             file, caption = f'panel_{number}.png', picture.title
             save(file, panel_figure(picture), caption, PANEL_PAD, PANEL_DPI)
-        if sample.searches:
-            save_animation(folder / 'search.gif', sample.searches)
-            frames = 'all searches with the same number of expansions in a frame.'
-            pictures.append((folder / 'search.gif', f'{sample.where}: {frames}'))
     return pictures
+
+
+def growth_figure(growths: Sequence[Growth]) -> Figure:
+    """Draw growth over scale on log axes for operation and storage, as the paper's Figure 3.
+
+    Dotted lines show growth proportional to the scale and to its square, the map's area.
+    """
+    figure = Figure(figsize=(11.0, 4.8), layout='constrained')
+    for axes, quantity in zip(figure.subplots(1, 2), ('operation', 'storage')):
+        chosen = [growth for growth in growths if growth.quantity == quantity]
+        scales = np.array(sorted({scale for growth in chosen for scale in growth.scales}))
+        for power, name in ((1, 'scale'), (2, 'scale²')):
+            axes.plot(scales, scales**power, ':', color=style.BASELINE, linewidth=1)
+            axes.annotate(name, (scales[-1], scales[-1] ** power), color=style.SOFT, fontsize=8)
+        for index, growth in enumerate(chosen):
+            axes.plot(
+                growth.scales, growth.factors, marker='osD^vP*X'[index % 8], markersize=4,
+                linewidth=1.4, label=f'{variant_label(growth.variant)} (slope {growth.slope:.2f})',
+            )  # fmt: skip
+        axes.set(xscale='log', yscale='log', xlabel='scale of the map', ylabel='growth factor')
+        axes.set_xticks(scales, [str(scale) for scale in scales])
+        axes.minorticks_off()
+        axes.set_title(quantity)
+        axes.legend(fontsize=7, frameon=False)
+    return figure
 
 
 def search_settings(metadata: Mapping[str, Any]) -> SearchSettings:

@@ -20,7 +20,7 @@ import platform
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,7 @@ PART_ROWS = 16_384
 NUMBER = 'int or float'
 SHAPE = {
     'version': 'str', 'machine': {}, 'seconds': NUMBER, 'bags': ['str'], 'left_out': ['str'],
-    'notes': ['str'], 'map_costs': ['dict'], 'files': {}, 'packages': {},
+    'notes': ['str'], 'files': {}, 'packages': {},
     'dataset': {'file': 'str', 'sha256': 'str'},
     'parameters': {
         'seed': 'int', 'rules': 'dict or null', 'price': 'list or null', 'heuristic': 'str',
@@ -363,9 +363,7 @@ def describe_run(
         },
         'files': {names[file]: digest_files(file) for file in names},
         'machine': describe_machine(),
-        'packages': {
-            name: package_version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')
-        },
+        'packages': {name: version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')},
     }
 
 
@@ -418,11 +416,3 @@ def digest_files(*paths: str | Path) -> str:
                     while block := stream.read(1 << 20):
                         digest.update(block)
     return digest.hexdigest()
-
-
-def package_version(package: str) -> str:
-    """Return the installed version of a package, or `missing`."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return 'missing'

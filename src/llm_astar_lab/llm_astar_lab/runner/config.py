@@ -1,15 +1,14 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What one run covers, and how it is started, resumed, spread, shown and written to its folder."""
+"""What one run covers, and how it is started, resumed, shown and written to its folder."""
 
 from __future__ import annotations
 
-import pickle
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
@@ -23,7 +22,7 @@ from llm_astar_lab.results.folder import ResultsFolder, run_differences
 from llm_astar_lab.results.row import ResultsError, Row
 from llm_astar_lab.results.stored_rows import UNANSWERED, Finished, StoredRows
 from llm_astar_lab.runner import engine
-from llm_astar_lab.runner.engine import Outcome, Task
+from llm_astar_lab.runner.engine import Task
 from llm_astar_lab.runner.sources import Coverage, SourceSpec
 
 # How rows are stored; a run of at least so many is large.
@@ -31,7 +30,6 @@ FORMATS = CSV, PARQUET = 'csv', 'parquet'
 LARGE_RUN = 200_000
 # What the report says of a file that changed before a run was resumed.
 ANOTHER_INPUT = ': was another file when earlier rows were made'
-CONNECT_TIMEOUT_S = 10
 # Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
@@ -154,25 +152,22 @@ def timing(metadata: dict[str, Any]) -> Iterator[None]:
 
 
 def run_into_folder(
-    folder: ResultsFolder,
-    tasks: Iterable[Task],
-    executor: Executor,
-    max_pending: int,
-    *,
-    metadata: dict[str, Any],
-    step: Callable[[Task, list[Outcome]], object],
+    folder: ResultsFolder, tasks: Iterable[Task], jobs: int, step: Callable[[], object]
 ) -> None:
-    """Run tasks and append their rows; call `step` after each.
+    """Run tasks, so many at a time, and append their rows; call `step` after each."""
 
-    The elapsed time is added to `metadata` even when the run is interrupted.
-    """
+    def keep(rows: list[Row]) -> None:
+        folder.append(rows)
+        step()
 
-    def keep(task: Task, outcomes: list[Outcome]) -> None:
-        folder.append(outcome.row for outcome in outcomes)
-        step(task, outcomes)
-
-    with timing(metadata):
-        engine.run_tasks(tasks, executor, max_pending, keep)
+    executor = ThreadPoolExecutor(jobs)
+    # Tasks that are made one by one hold a map each, so fewer of them are queued.
+    queued = 2 * jobs if isinstance(tasks, list) else jobs
+    try:
+        engine.run_tasks(tasks, executor, queued, keep)
+    finally:
+        # Requests that are still in flight may take long, and nothing needs their answers now.
+        executor.shutdown(wait=False, cancel_futures=True)
 
 
 def describe_unanswered(rows: Iterable[Row] | StoredRows) -> Iterator[str]:
@@ -185,38 +180,6 @@ def describe_unanswered(rows: Iterable[Row] | StoredRows) -> Iterator[str]:
             f'{variant}: {found["times"].sum()} samples without an answer ({counts}), '
             f'the first {found["place"][0]}'
         )
-
-
-@contextmanager
-def connect(address: str, sources: Sequence[SourceSpec]) -> Iterator[tuple[Executor, int]]:
-    """Yield an executor on the Dask scheduler at `address`, and how many tasks to submit at once.
-
-    Workers need this package in the same version. Sources are sent with the tasks, so it must be
-    possible to pickle them: baselines and replays can be, live endpoints cannot. Raises
-    ValueError.
-    """
-    try:
-        pickle.dumps(sources)
-    except (TypeError, AttributeError, pickle.PicklingError):
-        names = ', '.join(spec.name for spec in sources)
-        raise ValueError(
-            f'--dask: some of the sources {names} cannot be sent to another machine; '
-            'record a transcript and replay it'
-        ) from None
-    try:
-        from distributed import Client  # noqa: PLC0415 - an extra
-
-        client = Client(address, timeout=CONNECT_TIMEOUT_S)
-    except ImportError:
-        raise ValueError("--dask needs Dask: pip install 'dask[distributed]'") from None
-    except (OSError, ValueError) as error:
-        raise ValueError(f'--dask {address}: {error}') from None
-    with client:
-        threads = sum(client.nthreads().values())
-        if not threads:
-            raise ValueError(f'--dask {address}: the cluster has no workers')
-        with client.get_executor(pure=False) as executor:
-            yield executor, 4 * threads
 
 
 @contextmanager

@@ -5,8 +5,7 @@
 
 A task is one sample at one scale with all its variants. Each source is asked once per task and
 its answer is given to every method, so a run costs one request per sample, prompt and model.
-Tasks can be pickled and `run_task` is a plain function, so that any concurrent.futures executor
-can run them.
+Any concurrent.futures executor can run them.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
@@ -28,8 +27,8 @@ from llm_astar_planner.costmap.zone_layer import with_zones
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, uses_waypoints
+from llm_astar_planner.planning.types import NOT_ASKED, PlanRequest, ResultCode
+from llm_astar_planner.search.methods import METHODS, uses_waypoints
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import (
@@ -54,7 +53,6 @@ OF_REQUEST = (
 )  # fmt: skip
 # Variants, each with the index of its source.
 Variants = tuple[tuple[Variant, int], ...]
-NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
 # Bounds of the planner cache. A cell of a planner takes about 40 bytes with its landmarks.
 MAX_CACHED_CELLS = 2_000_000
 MAX_CACHED_PLANNERS = 16
@@ -116,13 +114,6 @@ class Task:
     settings: SearchSettings = field(default_factory=SearchSettings)
     recorded_plan: RecordedPlan | None = None
     is_sample: bool = True
-
-
-class Outcome(NamedTuple):
-    """The result of one variant of a task: its row, and the plan if a planner was called."""
-
-    row: Row
-    plan: Plan | None = None
 
 
 @dataclass(frozen=True)
@@ -189,36 +180,34 @@ def run_tasks(
     tasks: Iterable[Task],
     executor: Executor,
     max_pending: int,
-    keep: Callable[[Task, list[Outcome]], None],
+    keep: Callable[[list[Row]], None],
 ) -> None:
-    """Run tasks with at most `max_pending` submitted at a time; call `keep` as each finishes.
+    """Run tasks, at most `max_pending` of them submitted; give `keep` the rows of each.
 
     An exception, KeyboardInterrupt included, cancels the tasks that have not started and
     propagates.
     """
-    pending: dict[Future[list[Outcome]], Task] = {}
+    pending: list[Future[list[Row]]] = []
     left = iter(tasks)
     try:
         while True:
-            for task in islice(left, max_pending - len(pending)):
-                pending[executor.submit(run_task, task)] = task
+            free = max_pending - len(pending)
+            pending += [executor.submit(run_task, task) for task in islice(left, free)]
             if not pending:
                 return
-            done, _ = wait(pending, return_when=FIRST_COMPLETED)
-            # `done` is a set; rows are kept in the order of the tasks.
+            done, running = wait(pending, return_when=FIRST_COMPLETED)
+            # These are sets; rows are kept in the order of the tasks.
             for future in [future for future in pending if future in done]:
-                keep(pending.pop(future), future.result())
+                keep(future.result())
+            pending = [future for future in pending if future in running]
     finally:
         for future in pending:
             future.cancel()
 
 
-def run_task(task: Task) -> list[Outcome]:
-    """Ask each source of the task once and plan every variant."""
+def run_task(task: Task) -> list[Row]:
+    """Ask each source of the task once and plan every variant; return the rows."""
     compile_once()
-    for variant, _ in task.variants:
-        # In another process than the command's.
-        SEARCH_METHODS.admit(variant.method)
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
     planner = planner_of(scaled, task.settings)
     sample, key = scaled.samples[0], SampleKey(*task.sample.key, task.scale)
@@ -227,23 +216,23 @@ def run_task(task: Task) -> list[Outcome]:
     query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, known)
     recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
     replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
-    outcomes = []
+    found = []
     for variant, index in task.variants:
         if index not in replies:
             replies[index] = ask(task.sources[index].source, query)
-        (reply, of_reply), plan = replies[index], None
+        reply, of_reply = replies[index]
         if variant.method == WAYPOINTS_ONLY:
             columns = waypoints_only_columns(planner, ends, reply)
         else:
             source = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
             request = make_request(ends, variant.method, source, task.settings)
             request = replace(request, want_expanded=False, sample=key)
-            plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
+            plan = planner.plan(request)
             statuses = [point.status.value for point in plan.checked_waypoints]
             columns = rows.plan_columns(plan.to_dict(), statuses, plan.path)
         columns |= of_reply | recorded | {'family': task.sample.barrier_map.family}
-        outcomes.append(Outcome(Row(*task.sample.key, task.scale, *variant, **columns), plan))
-    return outcomes
+        found.append(Row(*task.sample.key, task.scale, *variant, **columns))
+    return found
 
 
 def ask(

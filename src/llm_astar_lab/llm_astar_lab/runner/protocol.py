@@ -27,7 +27,8 @@ PROTOCOLS = {
     if path.name.endswith('.yaml')
 }
 NEEDED = ('protocol', 'model', 'quantisation', 'server')
-FIELDS = (*NEEDED, 'base_url', 'api_key_env', 'notes')
+OPTIONAL = ('base_url', 'api_key_env', 'notes')
+FIELDS = (*NEEDED, *OPTIONAL)
 # What a file says of the endpoint, besides the model.
 OF_ENDPOINT = ('base_url', 'api_key_env')
 PROTOCOL_FILE = 'protocol.json'

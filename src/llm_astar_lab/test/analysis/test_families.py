@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
 from llm_astar_lab.analysis.summary import FamilySummary, family_means, summarise
-from llm_astar_lab.report.table import markdown
-from llm_astar_lab.report.tables import family_tables
+from llm_astar_lab.report.table import family_tables, markdown
 from llm_astar_lab.results.row import Row
 
 # Operation of llm_astar over that of A*, by family and map.

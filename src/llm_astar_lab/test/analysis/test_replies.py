@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from benchmark_samples import row, rows_of, tasks_of
+from benchmark_samples import row, tasks_of
 from llm_astar_lab.analysis.replies import (
     example_routes,
     problems_column,
@@ -12,9 +12,10 @@ from llm_astar_lab.analysis.replies import (
 from llm_astar_lab.analysis.statistics import wilson_interval
 from llm_astar_lab.analysis.summary import summarise
 from llm_astar_lab.datasets.named import BenchmarkSample
-from llm_astar_lab.report.tables import main_table, reply_table
+from llm_astar_lab.report.table import main_table, reply_table
 from llm_astar_lab.report.write import to_json
 from llm_astar_lab.results.row import Variant
+from llm_astar_lab.runner.engine import run_task
 from llm_astar_lab.runner.sources import SourceSpec
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.costmap.costmap import Costmap
@@ -114,7 +115,7 @@ def test_a_row_tells_what_is_wrong_once_per_method_and_the_reply_counts_once():
 
     sample = BenchmarkSample(MAP, 0, MAP.samples[0])
     sources = [SourceSpec(), SourceSpec(Model(), 'model', 'p', 'm')]
-    rows = rows_of(tasks_of([sample], sources, ['llm_astar', 'waypoints_only'])[0])
+    rows = run_task(tasks_of([sample], sources, ['llm_astar', 'waypoints_only'])[0])
     assert [(row.method, row.reply_problems, row.seconds_reply) for row in rows[2:]] == [
         ('llm_astar', 'cut', 2.5), ('waypoints_only', 'cut', 2.5),
     ]  # fmt: skip

@@ -12,7 +12,7 @@ from llm_astar_lab.analysis.summary import (
     summarise,
 )
 from llm_astar_lab.report.sentences import growth_sentence
-from llm_astar_lab.report.tables import main_table
+from llm_astar_lab.report.table import main_table
 from llm_astar_lab.results.row import Variant
 
 

@@ -1,16 +1,16 @@
 """The traced search expands exactly what the compiled one does."""
 
 import numpy as np
-from benchmark_samples import rows_of, tasks_of
+from benchmark_samples import tasks_of
 from llm_astar_lab.datasets.named import load_samples
-from llm_astar_lab.runner.engine import SearchSettings, request_again
+from llm_astar_lab.runner.engine import SearchSettings, request_again, run_task
 from llm_astar_planner.planning.segment import KEPT_BY_PAPER
 from reference_trace import trace
 
 
 def test_the_traced_search_equals_the_compiled_one(dataset):
     for sample in load_samples(dataset)[::4]:
-        for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
+        for row in run_task(tasks_of([sample], methods=['llm_astar'])[0]):
             planner, request = request_again(
                 sample.barrier_map, sample.sample, row, SearchSettings()
             )

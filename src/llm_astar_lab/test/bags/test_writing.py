@@ -1,16 +1,14 @@
-"""Writing bags: split by size, described by metadata.yaml, closed after errors too."""
+"""Writing bags: described by metadata.yaml, closed after errors too."""
 
 import io
 import os
 import resource
 import shutil
-import sqlite3
 
 import pytest
 import yaml
-from llm_astar_lab.bags import writing
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.bags.types import BagTypeError, bag_types, define, evaluation_topic
+from llm_astar_lab.bags.types import BagTypeError, bag_types, define
 from llm_astar_lab.bags.writing import BagWriteError, BagWriter, OfferedTopic, qos
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
@@ -36,16 +34,15 @@ def information(folder):
     return yaml.safe_load((folder / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
 
 
-@pytest.mark.parametrize(('storage', 'suffix'), [('mcap', '.mcap'), ('sqlite3', '.db3')])
-def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path, storage, suffix):
-    with BagWriter(tmp_path / 'bag', storage, max_bytes=1000) as bag:
+def test_a_bag_is_a_file_that_its_metadata_describes(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
         write(bag, 25)
     found = information(tmp_path / 'bag')
-    names = [f'bag_{number}{suffix}' for number in range(3)]
-    assert found['relative_file_paths'] == names
-    assert sorted(file.name for file in (tmp_path / 'bag').iterdir()) == [*names, 'metadata.yaml']
-    assert [file['message_count'] for file in found['files']] == [10, 10, 5]
+    assert found['relative_file_paths'] == ['bag_0.mcap']
+    files = sorted(file.name for file in (tmp_path / 'bag').iterdir())
+    assert files == ['bag_0.mcap', 'metadata.yaml']
+    assert [file['message_count'] for file in found['files']] == [25]
     assert found['message_count'] == 25
     assert found['starting_time']['nanoseconds_since_epoch'] == 1000
     assert found['duration']['nanoseconds'] == 24
@@ -56,7 +53,7 @@ def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path, sto
 
 
 def test_a_topic_added_later_is_in_the_metadata_too(tmp_path):
-    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
         write(bag, 15)
         bag.add_topic(CHATTER._replace(name='/late'))
@@ -69,7 +66,7 @@ def test_a_topic_added_later_is_in_the_metadata_too(tmp_path):
 
 def test_an_error_between_messages_still_leaves_a_complete_bag(tmp_path):
     def break_off():
-        with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
+        with BagWriter(tmp_path / 'bag') as bag:
             bag.add_topic(CHATTER)
             write(bag, 3)
             raise OSError('the disk is full')
@@ -92,29 +89,27 @@ def test_an_unfinished_mcap_file_holds_all_but_the_last_chunk(tmp_path):
     assert sum(isinstance(record, Message) for record in found) >= 90
 
 
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path, monkeypatch, storage):
-    monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
-    with BagWriter(tmp_path / 'bag', storage, max_bytes=300_000) as bag:
+def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
-        write(bag, 50, size=10_000)
-        shutil.copytree(tmp_path / 'bag', tmp_path / 'left')
-    with Bag(tmp_path / 'left') as left:
-        assert 40 <= left.topics['/chatter'].count <= 50
-        (note,) = left.problems.notes
+        write(bag, 20, size=10_000)
+    left = shutil.copytree(tmp_path / 'bag', tmp_path / 'left')
+    with BagWriter(tmp_path / 'more') as bag:
+        bag.add_topic(CHATTER)
+        write(bag, 30, size=10_000)
+        shutil.copy(tmp_path / 'more' / 'more_0.mcap', left / 'bag_1.mcap')
+    with Bag(left) as found:
+        assert 40 <= found.topics['/chatter'].count <= 50
+        (note,) = found.problems.notes
     assert 'bag_1' in note
     assert 'does not name it yet' in note
 
 
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_a_full_disk_is_reported_and_the_messages_before_can_be_read(
-    tmp_path, monkeypatch, storage
-):
-    monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
+def test_a_full_disk_is_reported_and_the_messages_before_can_be_read(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def fill():
-        with BagWriter(tmp_path / 'bag', storage) as bag:
+        with BagWriter(tmp_path / 'bag') as bag:
             bag.add_topic(CHATTER)
             for stamp in range(1000):
                 bag.write('/chatter', stamp, text(os.urandom(5_000).hex()))
@@ -143,38 +138,23 @@ def test_an_existing_folder_is_not_overwritten(tmp_path):
         BagWriter(tmp_path)
 
 
-def test_sqlite3_files_hold_definitions_and_distro_as_rosbag2_writes_them(tmp_path, monkeypatch):
-    monkeypatch.delenv('ROS_DISTRO', raising=False)
-    with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
-        bag.add_topic(CHATTER)
-    with sqlite3.connect(tmp_path / 'bag' / 'bag_0.db3') as database:
-        rows = database.execute('SELECT topic_type, encoding FROM message_definitions').fetchall()
-        (schema,) = database.execute('SELECT schema_version, ros_distro FROM schema')
-        (inside,) = database.execute('SELECT metadata FROM metadata').fetchone()
-    database.close()
-    assert rows == [(STRING, 'ros2msg')]
-    assert schema == (4, 'jazzy')
-    assert yaml.safe_load(inside)['ros_distro'] == 'jazzy'
-
-
 @pytest.mark.parametrize(('sourced', 'distro'), [('', 'jazzy'), ('kilted', 'kilted')])
 def test_mcap_files_hold_distro_and_type_hashes_as_rosbag2_writes_them(
     tmp_path, monkeypatch, sourced, distro
 ):
     monkeypatch.setenv('ROS_DISTRO', sourced)
-    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
+    with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
         write(bag, 15)
     assert information(tmp_path / 'bag')['ros_distro'] == distro
-    for number in range(2):
-        with (tmp_path / 'bag' / f'bag_{number}.mcap').open('rb') as stream:
-            reader = make_reader(stream)
-            (channel,) = reader.get_summary().channels.values()
-            (metadata,) = (found.metadata for found in reader.iter_metadata())
-        assert channel.metadata['topic_type_hash'] == define(STRING).digest
-        inside = yaml.safe_load(metadata['serialized_metadata'])
-        assert inside['ros_distro'] == distro
-        assert inside['relative_file_paths'] == [f'bag_{number}.mcap']
+    with (tmp_path / 'bag' / 'bag_0.mcap').open('rb') as stream:
+        reader = make_reader(stream)
+        (channel,) = reader.get_summary().channels.values()
+        (metadata,) = (found.metadata for found in reader.iter_metadata())
+    assert channel.metadata['topic_type_hash'] == define(STRING).digest
+    inside = yaml.safe_load(metadata['serialized_metadata'])
+    assert inside['ros_distro'] == distro
+    assert inside['relative_file_paths'] == ['bag_0.mcap']
     with Reader(tmp_path / 'bag') as reader:
         assert [connection.digest for connection in reader.connections] == [define(STRING).digest]
 
@@ -203,9 +183,3 @@ def test_types_of_other_packages_are_read_from_their_installation(tmp_path, monk
     assert 'IDL: robot_msgs/srv/Turn_Request\n' in define('robot_msgs/srv/Turn_Event').text
     with pytest.raises(BagTypeError, match=r'robot_msgs/msg/Arm: .* no installed package'):
         define('robot_msgs/msg/Arm')
-
-
-def test_topics_of_an_evaluation_have_names_that_ros_allows():
-    assert evaluation_topic('astar', 'none', 'plan') == '/evaluation/astar/plan'
-    name = evaluation_topic('llm_astar', 'replay:hand-written example', 'report')
-    assert name == '/evaluation/llm_astar_replay_hand_written_example/report'

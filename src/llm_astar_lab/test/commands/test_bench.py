@@ -9,12 +9,10 @@ import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from llm_astar_lab.commands import bench as cli_bench
-from llm_astar_lab.commands import run_options
 from llm_astar_lab.datasets.generate import generate
 from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.row import ResultsError, parse_points
@@ -82,7 +80,7 @@ def test_the_whole_table_needs_no_key(dataset, out, capsys):
     metadata = json.loads((out / 'metadata.json').read_text())
     assert metadata['parameters']['jobs'] == 1
     assert metadata['seconds'] > 0
-    for name in ('summary.json', 'report.md', 'report.html', 'growth.png', 'search.gif'):
+    for name in ('summary.json', 'report.md', 'report.html', 'growth.png', 'compare.png'):
         assert (out / name).is_file()
 
 
@@ -244,17 +242,18 @@ def test_a_run_resumed_with_other_maps_keeps_the_maps_of_its_rows(undrawn, datas
     assert [item['id'] for item in json.loads((out / 'maps.json').read_text())] == [2, 0]
 
 
-def test_results_are_replaced_only_when_the_run_can_begin(undrawn, dataset, out, monkeypatch):
-    words = ('bench', '--map', dataset, '--out', out, '--methods', 'guided', '--limit', '1')
-    assert llm_astar(*words) == 0
-    before = (out / 'results.csv').read_bytes()
-    monkeypatch.setattr(
-        run_options.config, 'connect', Mock(side_effect=ValueError('no scheduler'))
-    )
-    with pytest.raises(ValueError, match='no scheduler'):
-        llm_astar(*words, '--overwrite', '--dask', 'tcp://127.0.0.1:1')
-    assert (out / 'results.csv').read_bytes() == before
-    assert (out / 'report.html').is_file()
+def test_parts_of_several_machines_make_one_run(undrawn, dataset, out, capsys, monkeypatch):
+    words = ('bench', '--map', dataset, '--methods', 'guided', '--source', 'none')
+    other = out.with_name('other')
+    assert llm_astar(*words, '--map-ids', '0-1', '--out', out) == 0
+    assert llm_astar(*words, '--map-ids', '2-3', '--out', other) == 0
+    with (out / 'results.csv').open('a') as joined:
+        joined.writelines((other / 'results.csv').read_text().splitlines(keepends=True)[1:])
+    capsys.readouterr()
+    monkeypatch.setattr(cli_bench.ResultsFolder, 'append', None)  # nothing is run again
+    assert llm_astar(*words, '--out', out, '--resume', '--json') == 0
+    cases = json.loads(capsys.readouterr().out)['cases']
+    assert [case['samples'] for case in cases] == [40, 40]
 
 
 @pytest.mark.parametrize(
@@ -287,12 +286,10 @@ def test_a_malformed_dataset_is_named_with_its_field(tmp_path, out):
             llm_astar(*words)
 
 
-def test_a_dataset_is_generated_checked_and_drawn(tmp_path, capsys):
-    path, pictures = tmp_path / 'made.json', tmp_path / 'pictures'
+def test_a_dataset_is_generated_and_checked(tmp_path, capsys):
+    path = tmp_path / 'made.json'
     words = ('--maps', 2, '--pairs', 3, '--size', 30, 20, '--seed', 5)
-    made = ('dataset', 'generate', '--out', path, '--pictures', pictures, *words)
-    assert llm_astar(*made) == 0
-    assert len(list(pictures.glob('*.png'))) == 2
+    assert llm_astar('dataset', 'generate', '--out', path, *words) == 0
     assert [len(m.samples) for m in load_barrier_maps(path)] == [3, 3]
     assert llm_astar('dataset', 'check', path) == 0
     assert '2 maps, 6 samples, 0 errors, 0 notes' in capsys.readouterr().out

@@ -158,10 +158,8 @@ def test_a_variant_without_expansions_is_compared_by_its_length(tmp_path, capsys
         ]
 
     runs = [write_run(tmp_path / name, alone(length)) for name, length in (('a', 10), ('b', 11))]
-    out = tmp_path / 'out'
-    assert compare(capsys, *runs, '--out', out)[0] == 0
+    assert compare(capsys, *runs)[0] == 0
     assert compare(capsys, *runs, '--metric', 'length')[0] == 1
-    assert (out / 'comparison.png').stat().st_size > 1000
 
 
 def test_on_a_single_map_the_interval_is_over_its_samples(tmp_path, capsys):
@@ -192,18 +190,10 @@ def test_three_runs_are_compared_with_the_first_and_everything_is_written(
     assert '1 regression against' in page
     result = json.loads((out / 'comparison.json').read_text())
     assert [run['folder'] for run in result['comparisons']] == [str(second), str(third)]
-    names = {
-        f'{name}_{number}.{kind}'
-        for name in ('compared', 'changed')
-        for number in (1, 2)
-        for kind in ('csv', 'tex')
-    }
-    assert {path.name for path in (out / 'tables').iterdir()} == names
     with (out / 'changes_2.csv').open() as file:
         changes = list(csv.DictReader(file))
     assert len(changes) == 200
     assert {change['Variant'] for change in changes} == {'LLM-A*, no waypoints'}
-    assert (out / 'comparison.png').read_bytes().startswith(b'\x89PNG')
 
 
 def test_what_only_one_run_has_is_listed(base, rows, tmp_path, capsys):

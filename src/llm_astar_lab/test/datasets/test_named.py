@@ -54,12 +54,12 @@ def test_a_set_is_found_in_folders_named_as_its_archives_unpack(tmp_path, apart)
     folder = make_set(tmp_path / 'sets', apart=apart)
     make_set(tmp_path / 'sets', 'street', ['Berlin'], apart)
     dataset = load_named(['movingai/dao'], folder, DrawRules())
-    assert dataset.map_names == {0: 'arena', 1: 'den'}
     assert [item.id for item in dataset.maps] == [0, 1]
     assert {item.family for item in dataset.maps} == {'movingai/dao'}
     assert len(dataset.maps[1].samples) == len(dataset.maps[1].optimal_lengths) == 10
     both = load_named(['movingai/street', 'movingai/dao'], folder, DrawRules())
-    assert both.map_names == {0: 'Berlin', 1: 'arena', 2: 'den'}
+    sets = ['movingai/street', 'movingai/dao', 'movingai/dao']
+    assert [(item.id, item.family) for item in both.maps] == list(enumerate(sets))
 
 
 def test_a_folder_of_any_name_holds_the_set_that_is_asked_for(tmp_path):

@@ -3,10 +3,10 @@
 import random
 
 import pytest
+from bag_makers import as_sqlite3
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.storage import BagError
-from llm_astar_lab.evaluation.requests import RequestReader
-from llm_astar_lab.evaluation.topics import TopicSelection
+from llm_astar_lab.evaluation.requests import RequestReader, TopicSelection
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.resources import find_file
 
@@ -44,8 +44,10 @@ def read_requests(path):
 def test_no_damage_ends_in_a_traceback(storage, tmp_path):
     whole = tmp_path / 'whole'
     dataset = str(find_file('samples_1000.json', 'maps'))
-    arguments = ['--map', dataset, '--map-ids', '50', '--storage', storage, '--out', str(whole)]
+    arguments = ['--map', dataset, '--map-ids', '50', '--out', str(whole)]
     assert main(['dataset', 'to-bag', *arguments]) == 0
+    if storage == 'sqlite3':
+        whole = as_sqlite3(whole, tmp_path / storage)
     data = next(whole.glob(f'*{ENDINGS[storage]}')).read_bytes()
     path = tmp_path / f'broken{ENDINGS[storage]}'
     rng = random.Random(1)  # noqa: S311 - no secret

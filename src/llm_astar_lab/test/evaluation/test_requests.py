@@ -1,6 +1,5 @@
 """The requests of a bag: their start, goal and map, and the plan recorded for them."""
 
-import json
 import shutil
 
 import numpy as np
@@ -25,9 +24,10 @@ from llm_astar_lab.bags.types import barrier_map_text
 from llm_astar_lab.evaluation.requests import (
     RequestListError,
     RequestReader,
+    TopicSelection,
+    describe,
     load_requests,
 )
-from llm_astar_lab.evaluation.topics import TopicSelection, describe
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 
 WAY = [(2.0, 2.0), (5.0, 5.0), (8.0, 8.0)]
@@ -236,21 +236,14 @@ def test_listed_requests_are_made_at_their_times_or_at_the_end(ask, tmp_path):
         ('a.csv', 'x,y\n1,2\n', 'must name start_x, start_y, goal_x, goal_y'),
         ('a.csv', 'start_x,start_y,goal_x,goal_y\n1,2,x,4\n', "entry 1: goal_x: a number .* 'x'"),
         ('a.csv', 'start_x,start_y,goal_x,goal_y\n', 'lists no requests'),
-        ('a.json', '{}', 'a JSON list of requests'),
-        ('a.json', '[{"start": [1], "goal": [1, 2]}]', r'entry 1: start: \[x, y\]'),
-        ('a.json', '[{"start": [1, 2], "goal": [1, NaN]}]', 'goal_y: a number'),
+        ('a.csv', 'start_x,start_y,goal_x,goal_y\n1,2,3,nan\n', 'goal_y: a number'),
+        ('a.csv', 'start_x,start_y,goal_x,goal_y\n1,2,3\n', 'entry 1: goal_y: a number'),
     ],
 )
 def test_a_malformed_list_is_refused_with_entry_and_field(tmp_path, name, text, expected):
     (tmp_path / name).write_text(text)
     with pytest.raises(RequestListError, match=expected):
         load_requests(tmp_path / name)
-
-
-def test_a_json_list_gives_the_same_requests_as_a_csv_list(tmp_path):
-    (tmp_path / 'a.json').write_text(json.dumps([{'start': [1, 2], 'goal': [3, 4], 'time': 5}]))
-    (tmp_path / 'a.csv').write_text('start_x,start_y,goal_x,goal_y,time\n1,2,3,4,5\n')
-    assert load_requests(tmp_path / 'a.json') == load_requests(tmp_path / 'a.csv')
 
 
 def test_a_bag_without_a_map_names_the_grids_it_has(ask, tmp_path):

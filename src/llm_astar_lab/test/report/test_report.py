@@ -65,7 +65,7 @@ def reported(tmp_path_factory):
 
 def test_a_report_consists_of_all_its_files(reported):
     path, summary = reported
-    for name in ('summary.json', 'report.md', 'report.html', 'ratios.png'):
+    for name in ('summary.json', 'report.md', 'report.html', 'compare.png'):
         assert (path / name).stat().st_size > 500
     assert json.loads((path / 'summary.json').read_text())['headline'] == summary['headline']
     case = summary['cases'][0]

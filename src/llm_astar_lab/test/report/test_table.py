@@ -1,8 +1,4 @@
-"""A table of the report as Markdown, LaTeX and CSV."""
-
-import csv
-import io
-import math
+"""A table of the report as Markdown and LaTeX."""
 
 import pytest
 from benchmark_samples import rows_with
@@ -12,13 +8,12 @@ from llm_astar_lab.report.table import (
     Column,
     Table,
     cell_text,
-    csv_table,
     latex,
     markdown,
+    report_tables,
     texts_of,
     write_tables,
 )
-from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import ResultsFolder
 
 PERCENT = Column('share (%)', 'percent')
@@ -26,10 +21,6 @@ PERCENT = Column('share (%)', 'percent')
 
 def table_of(heads, rows):
     return Table('some', 'Some', tuple(map(Column, heads)), rows)
-
-
-def read_csv(text):
-    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_percentages_show_their_interval_unless_it_is_a_point():
@@ -72,7 +63,7 @@ def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unk
         ('no 1', '50.00 (40.00 to 60.00)', '-', '2'),
         ('no 3', '-', '-', '-'),
     ]
-    assert len(next(csv.reader(io.StringIO(csv_table(table))))) == 6
+    assert len(table.columns) == 4
 
 
 def test_a_column_is_there_for_each_name_and_some_only_with_a_value(described):
@@ -81,17 +72,6 @@ def test_a_column_is_there_for_each_name_and_some_only_with_a_value(described):
     assert heads[4:] == ('gain', 'a{} (s)', 'b (s)')
     assert [row[4:] for row in rows] == [('-', '1.00', '2.00'), ('50.00', '3.00', '-')]
     assert len(texts_of(Table.of('some', items[:1], ['a']))[0]) == 5
-
-
-def test_an_interval_takes_three_columns_of_a_csv_file_and_keeps_all_digits():
-    columns = [Column('name'), Column('ratio (%)', 'percent'), Column('tokens', 'count')]
-    rows = [('a, b', Interval(1 / 3, 0.25, 0.5), 7), ('c', UNKNOWN, math.nan)]
-    first, second = read_csv(csv_table(Table('some', 'Some', columns, rows)))
-    assert first['name'] == 'a, b'
-    assert float(first['ratio (%)']) == pytest.approx(100 / 3, abs=1e-9)
-    assert (first['ratio (%), low'], first['ratio (%), high']) == ('25.0', '50.0')
-    assert first['tokens'] == '7'
-    assert list(second.values()) == ['c', '', '', '', '']
 
 
 def test_no_cell_breaks_a_table():
@@ -108,28 +88,18 @@ def test_no_cell_breaks_a_table():
     assert r'{}[1pt] & {}*' in latex(table_of(('name', 'other'), [('[1pt]', '*'), ('c', 'y')]))
 
 
-def test_every_table_of_a_report_is_written_as_latex_and_csv(tmp_path):
+def test_every_table_of_a_report_is_written_as_latex(tmp_path):
     rows = rows_with(0.8)
     tables = report_tables(summarise_run(rows, {'parameters': {}}))
-    files = write_tables(ResultsFolder(tmp_path), tables, as_latex=True, as_csv=True)
-    assert {path.name for path in files} == {
-        f'{name}.{kind}'
-        for name in ('main', 'over_none', 'spread', 'waypoints', 'paths', 'paper')
-        for kind in ('tex', 'csv')
-    }
+    files = write_tables(ResultsFolder(tmp_path), tables)
+    names = ('main', 'over_none', 'spread', 'waypoints', 'paths', 'paper')
+    assert {path.name for path in files} == {f'{name}.tex' for name in names}
     for table in tables:
         heads = [column.head for column in table.columns]
         assert len(set(heads)) == len(heads)
-        assert len(read_csv((tmp_path / f'tables/{table.name}.csv').read_text())) == len(
-            table.rows
-        )
         source = (tmp_path / f'tables/{table.name}.tex').read_text()
         body = source[source.index(r'\toprule') : source.index(r'\bottomrule')]
         lines = [line for line in body.splitlines() if line.endswith(r'\\')]
         assert len(lines) == len(table.rows) + 1
         assert len({line.count(' & ') for line in lines}) == 1
         assert source.isascii() or table.name == 'paper'
-    main = read_csv((tmp_path / 'tables/main.csv').read_text())
-    oracle = next(row for row in main if row['Base model or source'] == 'oracle')
-    low, high = (float(oracle[f'Operation ratio ↓ (%), {end}']) for end in ('low', 'high'))
-    assert low <= float(oracle['Operation ratio ↓ (%)']) <= high

@@ -32,18 +32,16 @@ def write_dataset(path: Path, samples: int) -> None:
     path.write_text('[' + ',\n'.join(map(json.dumps, maps)) + ']')
 
 
-def made_up(task: engine.Task) -> list[engine.Outcome]:
+def made_up(task: engine.Task) -> list[Row]:
     """Return rows that differ by sample and variant, as fast as they can be made."""
     number = 31 * task.sample.barrier_map.id + task.sample.pair
     work = {variant: 100.0 + number % 97 + 3 * index for variant, index in task.variants}
     return [
-        engine.Outcome(
-            Row(
-                *task.sample.key, task.scale, *variant, 'NONE', operation, operation,
-                50.0 + number % 7, 0.001, 0.002,
-                waypoints='10,12;30,25', verdicts='accepted;occupied',
-                path=f'{PATH};{number},{task.sample.pair}', ratio=1.01, clearance=0.5, turns=7.0,
-            )
+        Row(
+            *task.sample.key, task.scale, *variant, 'NONE', operation, operation,
+            50.0 + number % 7, 0.001, 0.002,
+            waypoints='10,12;30,25', verdicts='accepted;occupied',
+            path=f'{PATH};{number},{task.sample.pair}', ratio=1.01, clearance=0.5, turns=7.0,
         )
         for variant, operation in work.items()
     ]  # fmt: skip

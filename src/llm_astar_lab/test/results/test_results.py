@@ -5,16 +5,17 @@ import sys
 from dataclasses import replace
 
 import pytest
-from benchmark_samples import rows_of, tasks_of, untimed
+from benchmark_samples import tasks_of, untimed
 from llm_astar_lab.datasets.named import load_samples
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import open_folder
+from llm_astar_lab.runner.engine import run_task
 
 
 def test_a_damaged_row_is_named_and_the_last_of_equal_keys_counts(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
-    first, *_ = rows_of(tasks_of(load_samples(dataset)[:1])[0])
+    first, *_ = run_task(tasks_of(load_samples(dataset)[:1])[0])
     again = replace(first, path='1,1;' * 50_000)  # longer than csv takes by itself
     folder.start()
     folder.append([first, again])
@@ -79,7 +80,7 @@ def test_metadata_with_odd_values_is_refused(tmp_path, part, field, value, words
 
 def test_a_full_disk_is_reported_and_earlier_rows_stay(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
-    rows = rows_of(tasks_of(load_samples(dataset)[:1])[0])
+    rows = run_task(tasks_of(load_samples(dataset)[:1])[0])
     folder.start()
     folder.append(rows)
     kept = folder.results.read_bytes()

@@ -1,7 +1,5 @@
 """Runs are started and resumed so that no row is lost and rows of two runs are never mixed."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import pytest
 from benchmark_samples import FakeSource, config_of
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
@@ -25,13 +23,13 @@ def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
     tasks, metadata = start_run(folder, config, dataset, resume=False)
     steps = []
 
-    def interrupt(*_):
+    def interrupt():
         steps.append(1)
         if len(steps) == 5:
             raise KeyboardInterrupt
 
-    with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
-        run_into_folder(folder, tasks, executor, 2, metadata=metadata, step=interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_into_folder(folder, tasks, 1, interrupt)
     kept = list(folder.read())
     assert len(kept) == 5 * 3
     folder.write_json('metadata.json', metadata)
@@ -39,8 +37,7 @@ def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
         file.write('13,2,1,astar,none')
     left, metadata = start_run(folder, config, dataset, resume=True)
     assert len(left) == len(tasks) - 5
-    with ThreadPoolExecutor(1) as executor:
-        run_into_folder(folder, left, executor, 2, metadata=metadata, step=lambda *_: None)
+    run_into_folder(folder, left, 1, lambda: None)
     keys = [row.key for row in folder.read()]
     assert len(keys) == len(set(keys)) == 3 * len(tasks)
 
@@ -48,18 +45,16 @@ def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
 def test_resuming_asks_again_where_no_source_answered(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
     config = config_of(dataset, [SourceSpec(), SourceSpec(FakeSource(), 'broken')])
-    tasks, metadata = start_run(folder, config, dataset, resume=False)
-    with ThreadPoolExecutor(2) as executor:
-        run_into_folder(folder, tasks[:3], executor, 4, metadata=metadata, step=lambda *_: None)
+    tasks, _ = start_run(folder, config, dataset, resume=False)
+    run_into_folder(folder, tasks[:3], 2, lambda: None)
     left, _ = start_run(folder, config, dataset, resume=True)
     assert [len(task.variants) for task in left[:4]] == [1, 1, 1, 3]
 
 
 def test_rows_of_different_runs_are_never_mixed(dataset, tmp_path):
     folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
-    tasks, metadata = start_run(folder, config, dataset, resume=False)
-    with ThreadPoolExecutor(1) as executor:
-        run_into_folder(folder, tasks[:1], executor, 1, metadata=metadata, step=lambda *_: None)
+    tasks, _ = start_run(folder, config, dataset, resume=False)
+    run_into_folder(folder, tasks[:1], 1, lambda: None)
     with pytest.raises(ResultsError, match='--resume'):
         start_run(folder, config, dataset, resume=False)
     with pytest.raises(ResultsError, match=r'seed \(0 before\)'):

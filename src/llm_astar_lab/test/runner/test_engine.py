@@ -6,7 +6,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from benchmark_samples import FakeSource, rows_of, tasks_of, untimed
+from benchmark_samples import FakeSource, tasks_of, untimed
 from llm_astar_lab.datasets.named import BenchmarkSample, load_samples
 from llm_astar_lab.results.row import Variant, parse_points
 from llm_astar_lab.runner.config import describe_unanswered
@@ -19,6 +19,7 @@ from llm_astar_lab.runner.engine import (
     make_tasks,
     planner_for,
     request_again,
+    run_task,
     run_tasks,
 )
 from llm_astar_lab.runner.sources import SourceSpec
@@ -46,14 +47,14 @@ def test_methods_without_waypoints_run_once_and_a_star_always():
 def test_a_source_is_asked_once_per_sample_for_all_methods(dataset):
     source = FakeSource(WaypointReply(((26.0, 10.0),)))
     sample = load_samples(dataset)[0]
-    rows = rows_of(tasks_of([sample], [SourceSpec(), SourceSpec(source, 'live')])[0])
+    rows = run_task(tasks_of([sample], [SourceSpec(), SourceSpec(source, 'live')])[0])
     assert source.asked == 1
     assert {row.waypoints for row in rows if row.source == 'live'} == {'26,10'}
     assert all(row.seconds_source >= 0.01 for row in rows if row.source == 'live')
 
 
 def test_a_row_holds_the_result_of_its_variant(dataset):
-    rows = {str(row.variant): row for row in rows_of(tasks_of(load_samples(dataset)[:1])[0])}
+    rows = {str(row.variant): row for row in run_task(tasks_of(load_samples(dataset)[:1])[0])}
     plain, guided = rows['astar/none'], rows['llm_astar/oracle']
     assert (plain.map, plain.pair, plain.scale, plain.code) == (3, 0, 1, 'NONE')
     assert guided.length == pytest.approx(plain.length)
@@ -79,13 +80,13 @@ def test_a_row_holds_the_result_of_its_variant(dataset):
 def test_waypoints_alone_are_a_path_where_every_segment_is_free(dataset, waypoints, status, valid):
     source = FakeSource(WaypointReply(waypoints, status=status))
     sources = [SourceSpec(), SourceSpec(source, 'live')]
-    rows = rows_of(tasks_of(load_samples(dataset)[:1], sources, ['waypoints_only'])[0])
+    rows = run_task(tasks_of(load_samples(dataset)[:1], sources, ['waypoints_only'])[0])
     assert [row.found for row in rows] == [True, valid]
 
 
 def test_a_source_that_raises_gives_a_row_and_does_not_end_the_run(dataset):
     sources = [SourceSpec(), SourceSpec(FakeSource(), 'broken')]
-    rows = rows_of(tasks_of(load_samples(dataset)[:1], sources, ['llm_astar'])[0])
+    rows = run_task(tasks_of(load_samples(dataset)[:1], sources, ['llm_astar'])[0])
     broken = rows[-1]
     assert (broken.source_status, broken.code, broken.guided_by) == ('ERROR', 'NONE', 'none')
     assert broken.operation == rows[1].operation
@@ -95,15 +96,15 @@ def test_a_source_that_raises_gives_a_row_and_does_not_end_the_run(dataset):
 
 def test_scaled_samples_have_longer_paths(dataset):
     samples = load_samples(dataset)[:1]
-    small, large = (rows_of(tasks_of(samples, scale=scale)[0])[0] for scale in (1, 4))
+    small, large = (run_task(tasks_of(samples, scale=scale)[0])[0] for scale in (1, 4))
     assert large.scale == 4
     assert large.length > 3 * small.length
 
 
 def test_tasks_can_be_pickled(dataset):
     task = tasks_of(load_samples(dataset)[:1])[0]
-    again = rows_of(pickle.loads(pickle.dumps(task)))  # noqa: S301 - our own bytes
-    assert [untimed(row) for row in again] == [untimed(row) for row in rows_of(task)]
+    again = run_task(pickle.loads(pickle.dumps(task)))  # noqa: S301 - our own bytes
+    assert [untimed(row) for row in again] == [untimed(row) for row in run_task(task)]
 
 
 def test_tasks_run_in_parallel_up_to_the_limit(dataset):
@@ -113,7 +114,7 @@ def test_tasks_run_in_parallel_up_to_the_limit(dataset):
         load_samples(dataset), [SourceSpec(), SourceSpec(source, 'live')], ['llm_astar']
     )
     with ThreadPoolExecutor(4) as executor:
-        run_tasks(tasks, executor, 8, lambda _, outcomes: rows.extend(outcomes))
+        run_tasks(tasks, executor, 8, rows.extend)
     assert len(rows) == 3 * len(tasks)
     assert 2 <= source.most <= 4
 
@@ -127,14 +128,14 @@ def test_rows_of_tasks_that_finish_at_once_come_in_the_order_of_the_tasks(datase
 
     tasks = tasks_of(load_samples(dataset), methods=['llm_astar'])
     kept = []
-    run_tasks(tasks, Immediate(), len(tasks), lambda task, _: kept.append(task))
+    run_tasks(tasks, Immediate(), len(tasks), kept.append)
     assert len(tasks) > 3
-    assert kept == list(tasks)
+    assert [rows[0].key[:2] for rows in kept] == [task.sample.key for task in tasks]
 
 
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
     sample = load_samples(dataset)[0]
-    for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
+    for row in run_task(tasks_of([sample], methods=['llm_astar'])[0]):
         planner, request = request_again(sample.barrier_map, sample.sample, row, SearchSettings())
         plan = planner.plan(request)
         assert (plan.expansions, plan.length) == (row.operation, row.length)
@@ -152,7 +153,7 @@ def test_waypoints_alone_may_cross_what_the_planner_may_cross():
     for threshold in (65, 99):
         settings = SearchSettings(costmap=CostmapConfig(occupied_threshold=threshold))
         (task,) = make_tasks([(sample, 1)], variants, sources, settings)
-        found.append([row.found for row in rows_of(task)])
+        found.append([row.found for row in run_task(task)])
     assert found == [[False, False], [True, True]]
 
 
