@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,8 @@ FREE = 0
 OCCUPIED = 100
 # Of a map that is read from a file: ten times the 4000 x 4000 cells that the planner is made for.
 MAX_CELLS = 160_000_000
+# Cells that fit into a processor's cache: large maps are read from memory once for a check.
+PIECE = 1 << 18
 MIN_RESOLUTION = 1e-6
 NO_RULES: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
 # A point nearer to a cell border than this, in cells, lies on the border.
@@ -102,7 +104,8 @@ class GridMap:
         if cells.ndim != 2 or cells.size == 0:
             problem = f'shape {cells.shape} is not [height, width], both above 0'
             raise GridMapError('cells', problem)
-        if cells.min() < UNKNOWN or cells.max() > OCCUPIED:
+        pieces = min(len(cells), cells.size // PIECE + 1)
+        if not all(map(is_occupancy, np.array_split(cells, pieces))):
             raise GridMapError('cells', 'values must lie in -1 to 100')
         if not (math.isfinite(self.resolution) and self.resolution > MIN_RESOLUTION):
             raise GridMapError('resolution', f'{self.resolution} is not above {MIN_RESOLUTION} m')
@@ -212,3 +215,8 @@ class GridMap:
             raise GridMapError('points', 'hold a number that is not finite')
         grid = self.world_to_grid(places.clip(-FAR, FAR)) + 0.5 + BORDER_TOLERANCE
         return np.floor(grid).astype(np.int64)
+
+
+def is_occupancy(cells: NDArray[Any]) -> bool:
+    """Tell whether values are occupancies: -1 for unknown, else 0 to 100."""
+    return bool(cells.min() >= UNKNOWN and cells.max() <= OCCUPIED)

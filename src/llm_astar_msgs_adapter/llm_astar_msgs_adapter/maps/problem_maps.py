@@ -90,8 +90,9 @@ def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0)
     path, suffix = Path(path), Path(path).suffix.lower()
     if suffix in YAML:
         grid_map = map_server.load_map(path)
-        drawn = draw_pairs(grid_map, DEFAULT_PAIRS if pairs is None else pairs, seed)
-        if not drawn:
+        count = DEFAULT_PAIRS if pairs is None else pairs
+        drawn = draw_pairs(grid_map, count, seed) if count else ()
+        if count and not drawn:
             raise GridProblemError(f'{path}: no two of its free cells are connected')
         return GridProblem(0, grid_map, drawn)
     if suffix in BARE_MAP:

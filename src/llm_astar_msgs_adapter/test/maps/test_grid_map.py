@@ -100,6 +100,8 @@ def test_different_maps_have_different_digests():
         ('cells', {'cells': np.zeros((0, 3))}),
         ('cells', {'cells': np.full((2, 2), 101)}),
         ('cells', {'cells': np.full((2, 2), -2)}),
+        ('cells', {'cells': np.append(np.zeros(300_000), 101)[None]}),
+        ('cells', {'cells': np.append(np.zeros(300_000), -2)[:, None]}),
         ('resolution', {'resolution': 0.0}),
         ('resolution', {'resolution': 1e-7}),
         ('resolution', {'resolution': math.nan}),

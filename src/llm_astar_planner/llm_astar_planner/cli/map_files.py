@@ -123,20 +123,28 @@ def coordinates_of(
     return Coordinates(grid_map, problem.offset, in_metres)
 
 
-def open_maps(arguments: argparse.Namespace) -> tuple[list[ProblemMap], ProblemMap]:
-    """Return all maps of `--map` and the one of `--map-id`; raises what reading them raises."""
-    maps = maps_of(find_file(arguments.map, 'maps'))
+def open_maps(
+    arguments: argparse.Namespace, pairs: int | None = None
+) -> tuple[list[ProblemMap], ProblemMap]:
+    """Return all maps of `--map` and the one of `--map-id`; raises what reading them raises.
+
+    On a robot's map so many start-goal pairs are drawn, as many as usual for None.
+    """
+    maps = maps_of(find_file(arguments.map, 'maps'), pairs)
     if arguments.map_id in (None, maps[0].id):
         return maps, maps[0]
     return maps, find_barrier_map(maps, arguments.map_id)
 
 
-def maps_of(path: Path) -> list[ProblemMap]:
-    """Return the maps of a file. Raises what reading them raises, which says what a map is."""
+def maps_of(path: Path, pairs: int | None = None) -> list[ProblemMap]:
+    """Return the maps of a file, with pairs as `open_maps`.
+
+    Raises what reading them raises, which says what a map is.
+    """
     if path.suffix.lower() in BARE_MAP:
         return [GridProblem(0, load_map(path))]
     try:
-        return load_maps(path)
+        return load_maps(path, pairs)
     except BarrierMapError as error:
         known = '' if path.suffix.lower() == '.json' else f'; --map takes {MAP_KINDS}'
         raise BarrierMapError(f'{error}{known}') from None

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def tools_of_files(arguments: argparse.Namespace) -> RouteTools:
     """Return the tools on a map file with its places. Raises what reading them raises."""
-    problem = map_files.open_maps(arguments)[1]
+    problem = map_files.open_maps(arguments, 0)[1]
     options = planning_options.read_planning_options(arguments, problem)
     places = map_files.open_places(options.values['places_file'], arguments.map)
     planner = options.make_planner(problem)

@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Check, list and draw places; return 0. Raises PlacesError for a malformed file."""
     drawing = find_drawing('places') if arguments.png else None
     places = open_places(arguments.file, None)
-    grid_map = open_maps(arguments)[1].to_grid() if arguments.map else None
+    grid_map = open_maps(arguments, 0)[1].to_grid() if arguments.map else None
     problems = places_problems(places, grid_map) if grid_map else []
     if arguments.json:
         listed = [place_to_json(place) for place in places]

@@ -198,7 +198,9 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
     Raises ParameterError, and what reading a map or a source raises, on bad input.
     """
     if arguments.query is None:
-        maps, problem = map_files.open_maps(arguments)
+        ends = arguments.start or arguments.start_place, arguments.goal or arguments.goal_place
+        # Drawing pairs imports scipy.ndimage: a tenth of a second that a plan does not need.
+        maps, problem = map_files.open_maps(arguments, 0 if all(ends) else None)
     else:
         maps = [problem := parse_query(arguments.query)]
     options = read_planning_options(arguments, problem)

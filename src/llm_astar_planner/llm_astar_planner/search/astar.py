@@ -30,7 +30,6 @@ from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
 
 # Expansions between two looks at the stop flag and the clock: about half a millisecond.
 EXPANSION_SLICE = 16384
-EVERYWHERE = np.zeros((0, 0), dtype=np.bool_)
 # How a search ended, by what its kernel returns; the other codes say how to go on.
 ENDED = {
     kernels.FOUND: SearchStatus.FOUND,
@@ -123,8 +122,6 @@ class PlainSearch(SlicedSearch):
         enclosed = self.start != self.goal and not free.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
             self.status = SearchStatus.EXHAUSTED
-        # Squares that paths may lie in, empty for all; see the kernel.
-        self.corridor = EVERYWHERE
         self._successors = 0
         if every_move or grid.cell_surcharge.size or grid.has_rules:
             # Which moves are pointless is known where each can be made back.
@@ -139,7 +136,7 @@ class PlainSearch(SlicedSearch):
         ended = kernels.astar(
             self._cells, self.start, self.goal, self._successors, self.distances, self.active,
             self.generation, workspace.records, workspace.pool, workspace.heads, control,
-            self.corridor, quota,
+            quota,
         )  # fmt: skip
         _, base, bucket, self.best, self.expansions, self.storage, *_ = control.tolist()
         self.work = self.expansions

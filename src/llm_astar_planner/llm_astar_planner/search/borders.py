@@ -15,8 +15,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from llm_astar_planner.search._kernels import borders as kernels
-from llm_astar_planner.search._kernels.astar import SQUARE_BITS, Cells
-from llm_astar_planner.search.arrays import Bools, Int64s, StopFlag
+from llm_astar_planner.search._kernels.astar import NO_PATH, Cells
+from llm_astar_planner.search.arrays import Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 
@@ -83,22 +83,23 @@ class Crossing:
         for cell, distances in zip(cells, ends):
             kernels.reach_borders(grid.cells, cell, distances)
         kernels.close_ends(ends[0], grid.straight)
-        self._columns, self._shape = borders.columns, grid.blocked.shape
-        self._parents = np.empty(borders.rows[..., 0].size, dtype=np.int32)
-        self.lower_bound, self._last = kernels.route(
-            grid.cells, borders.rows, *cells, *ends, self._parents
+        self._cells, self._goal = grid.cells, cells[1]
+        self._costs = np.empty(borders.rows.shape[:2], dtype=np.int32)
+        self._parents = np.empty_like(self._costs)
+        steps, self._last = kernels.route(
+            grid.cells, borders.rows, *cells, *ends, self._costs, self._parents
         )
+        self.lower_bound = steps << kernels.STEP_BITS if self._last >= 0 else NO_PATH
 
-    def corridor(self) -> Bools:
-        """Return the squares at the route, within which most of the best paths are.
+    def targets(self, most: int) -> Int64s:
+        """Return at most so many cells at which the route crosses borders, and the goal.
 
-        Bool [rows, columns], by squares of 2^SQUARE_BITS cells a side; all False for none.
+        Int64 [n, 4], as the kernel of the guided search takes them.
         """
-        height, width = self._shape
-        shape = (height - 1 >> SQUARE_BITS) + 1, (width - 1 >> SQUARE_BITS) + 1
-        corridor = np.zeros(shape, dtype=np.bool_)
-        kernels.open_corridor(self._columns, self._last, self._parents, corridor)
-        return corridor
+        targets: Int64s = kernels.route_targets(
+            self._cells, self._goal, self._last, self._costs, self._parents, most
+        )
+        return targets
 
 
 def is_far(start: Cell, goal: Cell) -> bool:

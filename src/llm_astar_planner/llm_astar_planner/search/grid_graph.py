@@ -268,18 +268,21 @@ class GridGraph:
             return int(y) * self.width + int(x)
         raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
 
-    def proven(self, path: Int32s, units: float, bound: float) -> tuple[float, float, float]:
+    def proven(
+        self, path: Int32s, units: float, bound: float, cost: float | None = None
+    ) -> tuple[float, float, float]:
         """Return a path's cost and its lower bound, in cells, and their ratio, at least 1.
 
         `units` is the cost of the path in units and `bound` what no path costs less than. With
-        graded costs the cost is computed exactly, and the bound holds for exact costs, too, since
-        units are rounded down; only their diagonal moves are longer, by 5e-8, than exact ones.
+        graded costs the `cost` is computed exactly if it is not known, and the bound holds for
+        exact costs, too, since units are rounded down; only their diagonal moves are longer, by
+        5e-8, than exact ones.
         """
         bound = min(bound, units)
         if not self.cell_surcharge.size:
             ratio = max(1.0, units / bound) if bound > 0 else 1.0
             return units / self.straight, bound / self.straight, ratio
-        cost = path_cost(self, path)
+        cost = path_cost(self, path) if cost is None else cost
         lower_bound = min(cost, bound / self.diagonal * math.sqrt(2.0))
         return cost, lower_bound, cost / lower_bound if lower_bound > 0.0 else 1.0
 
@@ -321,7 +324,7 @@ def traced(trace: Any, *found: Any) -> tuple[Int32s, tuple[int, ...]]:  # noqa: 
 
     A kernel writes to the end of an array as many cells as fit; it returns how many there are.
     """
-    path = np.empty((1024, 2), dtype=np.int32)
+    path = np.empty((8192, 2), dtype=np.int32)
     counts = trace(*found, path)
     if counts[0] > len(path):
         path = np.empty((counts[0], 2), dtype=np.int32)
@@ -349,7 +352,8 @@ def path_units(grid: GridGraph, path: Int32s) -> int:
 
 def path_cost(grid: GridGraph, path: Int32s) -> float:
     """Return the cost of a path [n, 2] of single moves in cells, not rounded but as a float."""
-    lengths = np.where(np.abs(np.diff(path, axis=0)).sum(axis=1) == 2, math.sqrt(2.0), 1.0)
+    steps = np.diff(path, axis=0) != 0
+    lengths = np.where(steps[:, 0] & steps[:, 1], math.sqrt(2.0), 1.0)
     if grid.cost is None:
         return math.fsum(lengths)
     costs = grid.cost[path[:, 1], path[:, 0]]

@@ -56,8 +56,12 @@ FAR = 64
 PLAIN_FIRST = 1024
 # Jump points pay where there are so few, in parts of the cells (docs/guided-search.md).
 MOST_JUMP_POINTS = 0.35
-# The least suboptimality for which a corridor is searched: the borders prove no more.
-LEAST_OF_CORRIDOR = 1.05
+# The least suboptimality for which a route over borders is followed: the borders prove no more.
+LEAST_OF_ROUTE = 1.06
+# How greedily such a route is followed, whose costs are known: at first, after so many expansions
+# per move that a path needs at least, after twice as many, and so on; then it is given up.
+ROUTE_WEIGHTS = (1.06, 1.1, 1.15, 1.2)
+ROUTE_WORK = 32
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 # The fewest expansions of the plain search at a time; later this share of those done.
@@ -69,8 +73,8 @@ _PLAIN_SHARE = 4
 class GuidedResult(BoundedResult):
     """A bounded result and what its expansions were for.
 
-    `guided_expansions` followed the waypoints or searched a corridor, `plain_expansions` are those
-    of the plain A*.
+    `guided_expansions` followed the waypoints or a route over borders, `plain_expansions` are
+    those of the plain A*.
     """
 
     guided_expansions: int = 0
@@ -90,7 +94,7 @@ class GuidedSearch:
 
     `solutions()` runs it and yields each better path; `result()` then returns the outcome.
     `guide(waypoints)` may be called before the run or during it, from any thread, and again;
-    without waypoints the search is a plain exact A*, after one in a corridor where the landmarks
+    without waypoints the search is a plain exact A*, after one along a route where the landmarks
     have `borders` and that is enough. With `max_suboptimality` w >= 1 it ends when the path is
     proven to cost at most w times the optimum, without it at the first path.
     The landmarks of the problem, which must be admissible on the grid, make search and proof
@@ -174,7 +178,7 @@ class GuidedSearch:
                 self._result = self._describe()
                 raise
             finally:
-                for search in filter(None, (self._plain, self._led, self._corridor)):
+                for search in filter(None, (self._plain, self._led, self._along)):
                     search.grid.give_back(search.workspace)
 
     def result(self) -> GuidedResult:
@@ -207,11 +211,12 @@ class GuidedSearch:
         # Rounded down: the bound reported is never above the one asked for.
         limit = (self.problem.max_suboptimality or 0.0) / grid.rounding * kernels.ONE
         self._limit = math.floor(limit)
-        self._corridor: CorridorSearch | None = None
+        self._along: RouteSearch | None = None
         borders = None if landmarks is None else landmarks.borders
-        pays = self._limit >= LEAST_OF_CORRIDOR * kernels.ONE and not self.inbox
+        pays = self._limit >= LEAST_OF_ROUTE * kernels.ONE and not self.inbox
         if borders and pays and self._status is None and is_far(self.start, self.goal):
-            self._corridor = CorridorSearch(self, self._plain, borders)
+            most = ROUTE_WORK * self._fewest_moves
+            self._along = RouteSearch(self, self._plain, borders, most)
 
     def _step(self) -> AnytimeSolution | None:
         """Search one slice; return the path that it found, None if it is not better."""
@@ -222,7 +227,7 @@ class GuidedSearch:
         if problem.stop[0] or time.monotonic() >= deadline:
             self._status = SearchStatus.STOPPED
             return None
-        if self.inbox and (self._corridor is None or self._corridor.status is not None):
+        if self.inbox and (self._along is None or self._along.status is not None):
             self._take_waypoints()
         searched, quota = self._next()
         if self.recorder is None:
@@ -230,7 +235,7 @@ class GuidedSearch:
         else:
             self.recorder.advance(searched, quota, self._expansions - searched.expansions)
         self._expansions = self._plain.expansions
-        for other in filter(None, (self._led, self._corridor)):
+        for other in filter(None, (self._led, self._along)):
             self._expansions += other.expansions
         if searched is self._plain:
             self._status = searched.status
@@ -248,14 +253,14 @@ class GuidedSearch:
     def _next(self) -> tuple[PlainSearch | WaypointSearch, int]:
         """Return which search goes on, and how many cells it may expand."""
         plain, led = self._plain, self._led
-        if self._corridor is not None and self._corridor.status is None:
-            return self._corridor, EXPANSION_SLICE
+        if self._along is not None and self._along.status is None:
+            return self._along, EXPANSION_SLICE
         if self._waypoints is None or (led is not None and led.status is not None):
             return plain, EXPANSION_SLICE
         if plain.expansions < self._plain_first:
             return plain, self._plain_first - plain.expansions
         if led is None:
-            led = self._led = WaypointSearch(self, plain)
+            led = self._led = WaypointSearch(self, plain, self.weight)
             led.follow(self._waypoints)
         allowed = max(HEAD_START * self._fewest_moves, self._work_factor * plain.expansions)
         quota = min(int(allowed) - led.expansions, EXPANSION_SLICE)
@@ -304,7 +309,7 @@ class GuidedSearch:
         """Return what is known now."""
         want_expanded = self.problem.want_expanded
         plain, best = self._plain, self._solution
-        searches = [*filter(None, (plain, self._led, self._corridor))]
+        searches = [*filter(None, (plain, self._led, self._along))]
         status = SearchStatus.STOPPED if self._status is None else self._status
         expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
         if want_expanded and not self.problem.stop[0]:
@@ -312,7 +317,7 @@ class GuidedSearch:
                 search.add_expanded(expanded)
         costs = math.inf, math.inf, math.inf
         if best is not None:
-            costs = plain.grid.proven(best.path, self._units, plain.bound)
+            costs = plain.grid.proven(best.path, self._units, plain.bound, best.cost)
         elif status is not SearchStatus.EXHAUSTED:
             costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
         storage = 0
@@ -352,54 +357,36 @@ def guided(
     return search.result()
 
 
-class CorridorSearch(PlainSearch):
-    """An exact A* in the tiles at a route over borders; these also prove how good its path is.
-
-    Its status is FOUND at its end, with or without a path.
-    """
-
-    def __init__(self, query: GuidedSearch, plain: PlainSearch, borders: Borders) -> None:
-        """Search for `plain`, which learns the result."""
-        super().__init__(plain.grid, query.start, query.goal)
-        self.distances, self.active = plain.distances, plain.active
-        self._plain = plain
-        self._crossing = Crossing(borders, plain.grid, query.start, query.goal)
-        self.corridor = self._crossing.corridor()
-
-    def advance(self, quota: int) -> None:
-        """Expand up to `quota` cells; see `PlainSearch.advance`."""
-        super().advance(quota)
-        if self.status is not None:
-            self.status = SearchStatus.FOUND
-            found = self.best < plain_kernels.NO_PATH
-            self._plain.learn(self.best, min(self.best, self._crossing.lower_bound) * found)
-
-
 class WaypointSearch(SlicedSearch):
     """The search along waypoints: its records, its queue and its counts.
 
     It ends when it reaches the goal (FOUND) or cannot find a path cheaper than the best known.
     """
 
-    def __init__(self, query: GuidedSearch, plain: PlainSearch) -> None:
+    def __init__(self, query: GuidedSearch, plain: PlainSearch, weight: float) -> None:
         """Search the grid of the plain search, with its estimate; `follow` starts it."""
         super().__init__(plain.grid, query.start, query.goal)
         self._plain = plain
         self._control = np.array([
-            self.start, self.goal, self.generation, round(query.weight * kernels.ONE),
+            self.start, self.goal, self.generation, round(weight * kernels.ONE),
             round(PASSING_RADIUS * plain.grid.straight),
             plain_kernels.EVERY_MOVE if plain.grid.has_rules else plain_kernels.FORWARD,
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
-        self._targets: Int64s = np.empty((0, 3), dtype=np.int64)
+        self._targets: Int64s = np.empty((0, 4), dtype=np.int64)
 
     def follow(self, waypoints: Float64s) -> None:
         """Follow new waypoints [n, 2] from here on; see `GuidedSearch.guide`."""
+        self.head_for(kernels.make_targets(self._cells, waypoints, self._control))
+
+    def head_for(self, targets: Int64s, *, same: bool = False) -> None:
+        """Head for targets [n, 4] from here on, or for the same as before; see the kernel."""
         workspace, plain = self.workspace, self._plain
-        self._targets, self._heads = kernels.follow(
-            self._cells, waypoints, workspace.records, workspace.pool, workspace.keys,
-            self._heads, plain.distances, plain.active, self._control,
+        self._targets = targets
+        self._heads = kernels.follow(
+            self._cells, targets, workspace.records, workspace.pool, workspace.keys,
+            self._heads, plain.distances, plain.active, self._control, same,
         )  # fmt: skip
 
     def advance(self, quota: int) -> None:
@@ -421,3 +408,32 @@ class WaypointSearch(SlicedSearch):
             # An exhausted one proves that no path costs less than the best one known, if any.
             is_exhausted = self.status is SearchStatus.EXHAUSTED
             plain.learn(self.best, self.best if is_exhausted else 0)
+
+
+class RouteSearch(WaypointSearch):
+    """The search along a route over borders; these also prove how good its path is.
+
+    Its status is FOUND at its end, with or without a path.
+    """
+
+    def __init__(
+        self, query: GuidedSearch, plain: PlainSearch, borders: Borders, most: int
+    ) -> None:
+        """Search for `plain`, which learns the result; be greedier after `most` expansions."""
+        first, *self._weights = ROUTE_WEIGHTS
+        super().__init__(query, plain, first)
+        crossing = Crossing(borders, plain.grid, query.start, query.goal)
+        self._lower_bound, self._most = crossing.lower_bound, most
+        self.head_for(crossing.targets(kernels.MAX_TARGETS))
+
+    def advance(self, quota: int) -> None:
+        """Expand up to `quota` cells; see `WaypointSearch.advance`."""
+        super().advance(quota)
+        if self.status is None and self.expansions >= self._most and self._weights:
+            self._most *= 2
+            self._control[kernels.G_WEIGHT] = round(self._weights.pop(0) * kernels.ONE)
+            self.head_for(self._targets, same=True)
+        elif self.status is not None or self.expansions >= self._most:
+            self.status = SearchStatus.FOUND
+            found = self.best < plain_kernels.NO_PATH
+            self._plain.learn(self.best, min(self.best, self._lower_bound) * found)

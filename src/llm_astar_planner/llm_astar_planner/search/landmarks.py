@@ -130,7 +130,7 @@ class Landmarks:
             if not any(borders.measure(borders.every, stop)):
                 return None
             # Compiled here in the background, a plan need not wait for what reads them.
-            Crossing(borders, grid, (0, 0), (grid.width - 1, grid.height - 1)).corridor()
+            Crossing(borders, grid, (0, 0), (grid.width - 1, grid.height - 1)).targets(1)
         return cls(freest, distances, rows, borders)
 
     @property

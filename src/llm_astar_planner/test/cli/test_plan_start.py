@@ -27,6 +27,8 @@ def modules_after(*arguments):
 
 def test_a_plain_plan_imports_none_of_the_large_libraries():
     assert not modules_after('plan') & HEAVY
+    ends = '--start', '-5.7', '-2.4', '--goal', '18.8', '7.8'
+    assert not modules_after('plan', '--map', 'depot', *ends) & HEAVY
 
 
 @pytest.mark.parametrize(

@@ -79,8 +79,6 @@ CLOSED = 8
 BUCKET_BITS = 6
 # Entries of a block of a bucket; the first is the last entry of the block below.
 BLOCK = 16
-# A corridor is given by squares of 2^SQUARE_BITS cells a side.
-SQUARE_BITS = 3
 POLL_MASK = 2047
 LIMIT = 2**31 - 2**24  # a g above it may not fit an int32 after one more move
 NO_PATH = 2**62
@@ -250,7 +248,6 @@ def astar(
     pool: Int64s,
     heads: Int32s,
     control: Int64s,
-    corridor: Bools,
     quota: int,
 ) -> int:
     """Run or resume an exact A* for up to `quota` expansions; return how the call ended.
@@ -263,7 +260,6 @@ def astar(
     same. `successors` is the first row of the moves to try in CANONICAL_SUCCESSORS: 0 on uniform
     costs, FORWARD on others, EVERY_MOVE where moves cannot be made back. The caller may lower
     `control[A_BEST]` between calls to the cost of a path that it knows.
-    Where `corridor` is not empty, cells are entered only in its open squares of 8 x 8.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
@@ -350,11 +346,6 @@ def astar(
             f = other_g + estimate_to_goal(landmark_distances, active, other, distance)
             if f >= best:
                 continue
-            if corridor.size > 0:
-                row_of_squares = np.uint64(y + STEP_Y[move] >> SQUARE_BITS)
-                square = np.uint64(cell - y * width + STEP_X[move] >> SQUARE_BITS)
-                if not corridor[row_of_squares, square]:
-                    continue
             storage += new
             states[other] = tag | np.int64(move) << 32 | other_g
             if np.int64(other) == goal:

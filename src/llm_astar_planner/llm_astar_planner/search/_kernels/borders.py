@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from llm_astar_planner.search._kernels.astar import NO_PATH, SQUARE_BITS, Cells, octile
+from llm_astar_planner.search._kernels.astar import Cells, octile
 from llm_astar_planner.search.arrays import Bools, Float32s, Int32s, Int64s, Uint16s
 from llm_astar_planner.search.kernel_cache import jit
 
@@ -31,8 +31,12 @@ FAR = 65535
 # The cells of a line of the frame that two tiles are measured in, with one more on either side.
 LINE = 2 * SIDE + 3
 NOWHERE = np.float32(1e9)
-# The ring of buckets of a route, each STEP units of f wide.
-BUCKETS = 1 << 14
+# The bits of a part's number; more steps than a path may cost, and the way of no such cost.
+PART_BITS = 5
+UNKNOWN = 1 << 25
+NO_WAY = UNKNOWN << PART_BITS
+# The ring of buckets of a route, each 1 << BUCKET_BITS steps wide: twice the longest way.
+BUCKETS, BUCKET_BITS = 1 << 12, 5
 UNSEEN = 1 << 40
 
 
@@ -224,6 +228,51 @@ def close_ends(distances: Int64s, straight: int) -> None:
 
 
 @jit
+def borders_of(tile: int, columns: int, count: int, found: Int64s) -> None:
+    """Write the upper, lower, left and right border of a tile, -1 for those that are not used."""
+    row, column = tile // columns, tile % columns
+    found[:] = -1
+    if row > 0:
+        found[0] = 2 * tile
+    if row + 1 < count // columns:
+        found[1] = 2 * (tile + columns)
+    if column > 0:
+        found[2] = 2 * tile + 1
+    if column + 1 < columns:
+        found[3] = 2 * tile + 3
+
+
+@jit
+def leave(costs: Int32s, rows: Uint16s, is_open: Bools, ways: Int32s) -> None:
+    """Write the cheapest ways from the open parts of a border to those around; close these.
+
+    A way is its cost in steps << PART_BITS | the part that it comes from, so that many are
+    compared at once.
+    """
+    ways[:] = NO_WAY
+    for source in range(PARTS):
+        if is_open[source]:
+            is_open[source] = False
+            begin = costs[source] << PART_BITS | np.int32(source)
+            steps = rows[source]
+            for number in range(ways.size):
+                place = np.uint64(number)
+                step = np.int32(steps[place])
+                way = np.int32(begin + (step << PART_BITS)) if step != FAR else np.int32(NO_WAY)
+                ways[place] = min(ways[place], way)
+
+
+@jit
+def any_is_nearer(ways: Int32s, costs: Int32s) -> bool:
+    """Tell whether a way to any part of a border costs less than the cheapest one known."""
+    nearer = False
+    for number in range(PARTS):
+        part = np.uint64(number)
+        nearer |= ways[part] >> PART_BITS < costs[part]
+    return nearer
+
+
+@jit
 def route(
     cells: Cells,
     rows: Uint16s,
@@ -231,51 +280,43 @@ def route(
     goal: int,
     to_start: Int64s,
     from_goal: Int64s,
+    costs: Int32s,
     parents: Int32s,
 ) -> tuple[int, int]:
     """Find the cheapest route from the goal to the start over the parts of borders.
 
-    `to_start` and `from_goal` are what `reach_borders` and `close_ends` have made. Returns the
-    cost of the route, in units, or NO_PATH, and its last part or -1. No path that leaves the
-    goal's tile costs less. Parts are numbered border * PARTS + part; the parts before, -1 at
-    first, are written to `parents`.
+    `to_start` and `from_goal` are what `reach_borders` and `close_ends` have made. Returns a cost
+    in steps, or NO_WAY, and the last part of the route or -1. No path that leaves the goal's tile
+    costs less: some part on it is queued, by no more than it costs, until the search ends. Parts
+    are numbered border * PARTS + part; for those seen the steps from the goal and the part
+    before, -1 at first, are written to `costs` and `parents` [borders, PARTS]. A border is
+    queued, with all its open parts, by the least of their estimates.
     """
     _, _, width, straight, diagonal = cells
     extra = diagonal - straight
-    columns = (width + SIDE - 1) >> SIDE_BITS
-    count = len(rows) // 2
+    columns, count = (width + SIDE - 1) >> SIDE_BITS, len(rows) // 2
     start_x, start_y = start % width, start // width
-    goal_tile = (goal // width >> SIDE_BITS) * columns + (goal % width >> SIDE_BITS)
     start_row, start_column = start_y >> SIDE_BITS, start_x >> SIDE_BITS
-    costs = np.full(parents.size, UNSEEN, dtype=np.int64)
-    ways = np.empty(6 * PARTS, dtype=np.int64)
-    is_open = np.zeros(costs.size, dtype=np.bool_)
-    found = np.empty(6, dtype=np.int64)
+    costs[:] = UNKNOWN
+    is_open = np.zeros(costs.shape, dtype=np.bool_)
+    dues = np.full(len(rows), NO_WAY, dtype=np.int64)
     heads = np.zeros(BUCKETS, dtype=np.int32)
-    pool = np.empty((1 << 14, 2), dtype=np.int32)
+    pool = np.empty((1 << 13, 2), dtype=np.int32)
     top, live, bucket = np.int64(1), np.int64(0), np.int64(0)
-    best, last = np.int64(NO_PATH), np.int64(-1)
-    node = np.int64(-1)
+    best, last = np.int64(NO_WAY), np.int64(-1)
+    ways = np.full(6 * PARTS, NO_WAY, dtype=np.int32)
+    for number in range(from_goal.size):
+        ways[number] = min(from_goal.ravel()[number] >> STEP_BITS << PART_BITS, NO_WAY)
+    found = np.empty(6, dtype=np.int64)
+    borders_of(
+        (goal // width >> SIDE_BITS) * columns + (goal % width >> SIDE_BITS), columns, count, found
+    )
+    border = np.int64(-1)
     while True:
-        if node < 0:
-            # The goal's own tile: its upper, lower, left and right border.
-            ways[: 4 * PARTS] = from_goal.ravel()
-            row, column = goal_tile // columns, goal_tile % columns
-            found[0] = 2 * goal_tile if row > 0 else -1
-            found[1] = 2 * (goal_tile + columns) if row + 1 < count // columns else -1
-            found[2] = 2 * goal_tile + 1 if column > 0 else -1
-            found[3] = 2 * goal_tile + 3 if column + 1 < columns else -1
-            found[4] = found[5] = -1
-        else:
-            before = costs[node]
-            around(node // PARTS, columns, count, found)
-            steps = rows[node // PARTS, node % PARTS]
-            for place in range(ways.size):
-                step = np.int64(steps[place])
-                ways[place] = before + (UNSEEN if step == FAR else step << STEP_BITS)
         for side in range(6):
             other = found[side]
-            if other < 0:
+            to_side = ways[side * PARTS : (side + 1) * PARTS]
+            if other < 0 or not any_is_nearer(to_side, costs[other]):
                 continue
             row, column = (other >> 1) // columns, (other >> 1) % columns
             upright = other & 1
@@ -283,62 +324,81 @@ def route(
             at_start = -1
             if 0 <= row - start_row <= 1 - upright and 0 <= column - start_column <= upright:
                 at_start = 2 + column - start_column if upright else row - start_row
-            # Most sides have no part that is nearer now: all are looked at together.
-            is_nearer = False
-            for number in range(PARTS):
-                way = ways[np.uint64(side * PARTS + number)]
-                is_nearer |= way < costs[np.uint64(other * PARTS + number)]
-            for number in range(PARTS if is_nearer else 0):
-                cost, target = ways[side * PARTS + number], other * PARTS + number
-                if cost >= costs[target] or cost >= best:
+            # From the start to the border's first cell.
+            along, across = (column << SIDE_BITS) - start_x, (row << SIDE_BITS) - start_y
+            if upright:
+                along, across = across, along
+            least = np.int64(NO_WAY)
+            for part in range(PARTS):
+                cost = np.int64(to_side[part] >> PART_BITS)
+                aside = max(0, along + FIRST[part], -along - LAST[part])
+                estimate = cost + (octile(straight, extra, aside, across) >> STEP_BITS)
+                if cost >= costs[other, part] or estimate >= best:
                     continue
-                left = (column << SIDE_BITS) + (0 if upright else FIRST[number])
-                right = left + (0 if upright else LAST[number] - FIRST[number])
-                above = (row << SIDE_BITS) + (FIRST[number] if upright else 0)
-                below = above + (LAST[number] - FIRST[number] if upright else 0)
-                aside = max(0, left - start_x, start_x - right)
-                rest = octile(straight, extra, aside, max(0, above - start_y, start_y - below))
-                if cost + rest >= best:
-                    continue
-                costs[target], parents[target] = cost, node
-                if at_start >= 0 and cost + to_start[at_start, number] < best:
-                    best, last = cost + to_start[at_start, number], target
+                source = border * PARTS + (to_side[part] & (1 << PART_BITS) - 1)
+                costs[other, part], parents[other, part] = cost, max(source, -1)
+                is_open[other, part] = True
+                least = min(least, estimate)
+                if at_start >= 0 and cost + (to_start[at_start, part] >> STEP_BITS) < best:
+                    best = cost + (to_start[at_start, part] >> STEP_BITS)
+                    last = other * PARTS + part
+            due = least >> BUCKET_BITS
+            if due < dues[other]:
+                dues[other] = due
                 if top == len(pool):
                     pool = np.concatenate((pool, np.empty_like(pool)))
-                due = cost + rest >> STEP_BITS
                 bucket = min(bucket, due) if live else due
-                pool[top, 0], pool[top, 1] = target, heads[due & BUCKETS - 1]
-                is_open[target] = True
+                pool[top, 0], pool[top, 1] = other, heads[due & BUCKETS - 1]
                 heads[due & BUCKETS - 1] = top
                 top += 1
                 live += 1
-        node = np.int64(-1)
-        while live > 0 and node < 0:
+        border = np.int64(-1)
+        while live > 0 and border < 0:
             while heads[bucket & BUCKETS - 1] == 0:
                 bucket += 1
-            if bucket << STEP_BITS >= best:
+            if bucket << BUCKET_BITS >= best:
                 break
             entry = heads[bucket & BUCKETS - 1]
             heads[bucket & BUCKETS - 1] = pool[entry, 1]
             live -= 1
-            node = np.int64(pool[entry, 0])
-            if not is_open[node]:
-                node = np.int64(-1)
-        if node < 0:
+            # Entries of a border that was queued again for less are passed over.
+            border = np.int64(pool[entry, 0]) if dues[pool[entry, 0]] == bucket else border
+        if border < 0:
             return int(best), int(last)
-        is_open[node] = False
+        dues[border] = NO_WAY
+        around(border, columns, count, found)
+        leave(costs[border], rows[border], is_open[border], ways)
 
 
 @jit
-def open_corridor(columns: int, last: int, parents: Int32s, corridor: Bools) -> None:
-    """Open the squares [rows, columns] of the tiles at each border that a route crosses."""
-    size = SIDE >> SQUARE_BITS
-    node = last
+def route_targets(
+    cells: Cells, goal: int, last: int, costs: Int32s, parents: Int32s, most: int
+) -> Int64s:
+    """Return where a route crosses borders, from the start on, and the goal: int64 [n, 4].
+
+    These are x, y, what the route costs from there to the goal and the least from the one before,
+    in units. Of more than `most` as many are left out, evenly.
+    """
+    _, _, width, straight, diagonal = cells
+    columns = (width + SIDE - 1) >> SIDE_BITS
+    count, node = 0, last
     while node >= 0:
-        border = node // PARTS
-        row, column = (border >> 1) // columns * size, (border >> 1) % columns * size
-        top = row if border & 1 else row - size
-        left = column - size if border & 1 else column
-        # The squares that the shared cells to the right and below are in, too.
-        corridor[top : row + size + 1, left : column + size + 1] = True
-        node = parents[node]
+        count, node = count + 1, parents[node // PARTS, node % PARTS]
+    every = count // most + 1
+    targets = np.zeros((count // every + 1, 4), dtype=np.int64)
+    node = last
+    for number in range(count // every * every):
+        border, part = node // PARTS, node % PARTS
+        middle = (FIRST[part] + LAST[part]) // 2
+        upright, tile = border & 1, border >> 1
+        target = targets[number // every]
+        target[0] = (tile % columns << SIDE_BITS) + (0 if upright else middle)
+        target[1] = (tile // columns << SIDE_BITS) + (middle if upright else 0)
+        target[2] = np.int64(costs[border, part]) << STEP_BITS
+        node = parents[border, part]
+    targets[-1, 0], targets[-1, 1] = goal % width, goal // width
+    for number in range(1, len(targets)):
+        delta_x = targets[number, 0] - targets[number - 1, 0]
+        delta_y = targets[number, 1] - targets[number - 1, 1]
+        targets[number, 3] = octile(straight, diagonal - straight, delta_x, delta_y)
+    return targets

@@ -51,7 +51,7 @@ def advance_target(
         if octile(straight, extra, x - targets[index, 0], y - targets[index, 1]) > radius:
             following = index + 1
             ahead = octile(straight, extra, x - targets[following, 0], y - targets[following, 1])
-            if ahead > targets[index, 2] - targets[following, 2]:
+            if ahead > targets[following, 3]:
                 break
         index += 1
     return index
@@ -85,15 +85,15 @@ def move_window(heads: Int32s, pool: Int64s, keys: Int64s, control: Int64s) -> i
 
 @jit
 def make_targets(cells: Cells, points: Float64s, control: Int64s) -> Int64s:
-    """Turn waypoints [n, 2] into targets, which end with the goal: int64 [k, 3].
+    """Turn waypoints [n, 2] into targets, which end with the goal: int64 [k, 4].
 
-    These are x, y and the units from there to the goal along the list. Points that are not
-    finite are dropped, points off the map moved to its border; of equal ones in a row one
-    remains, and of more than MAX_TARGETS as many, evenly.
+    These are x, y, the units from there to the goal along the list and those from the target
+    before. Points that are not finite are dropped, points off the map moved to its border; of
+    equal ones in a row one remains, and of more than MAX_TARGETS as many, evenly.
     """
     moves, _, width, straight, diagonal = cells
     height = moves.size // width
-    targets = np.empty((points.shape[0] + 1, 3), dtype=np.int64)
+    targets = np.zeros((points.shape[0] + 1, 4), dtype=np.int64)
     x, y = control[G_START] % width, control[G_START] // width
     count = 0
     for number in range(points.shape[0]):
@@ -120,13 +120,14 @@ def make_targets(cells: Cells, points: Float64s, control: Int64s) -> Int64s:
         delta_y = targets[number + 1, 1] - targets[number, 1]
         way = octile(straight, diagonal - straight, delta_x, delta_y)
         targets[number, 2] = targets[number + 1, 2] + way
+        targets[number + 1, 3] = way
     return targets[:count].copy()
 
 
 @jit
 def follow(
     cells: Cells,
-    points: Float64s,
+    targets: Int64s,
     records: Int32s,
     pool: Int64s,
     keys: Int64s,
@@ -134,15 +135,15 @@ def follow(
     landmark_distances: Int32s,
     active: Int64s,
     control: Int64s,
-) -> tuple[Int64s, Int32s]:
-    """Queue the open cells for new waypoints [n, 2], at first the start alone.
+    same: bool,
+) -> Int32s:
+    """Queue the open cells for new targets, see `advance`, at first the start alone.
 
-    `before` holds the heads of the buckets until now. Returns the targets, see `advance`, and
-    the new heads.
+    Or for the `same` ones and another weight. `before` holds the heads of the buckets until now.
+    Returns the new ones.
     """
     _, _, width, straight, diagonal = cells
     extra = diagonal - straight
-    targets = make_targets(cells, points, control)
     # The window covers about the keys of a path half as long again as the way along the targets,
     # in buckets of half a cell or less: within one the order is lost.
     span = 3 * targets[0, 2] * control[G_WEIGHT] // (2 * ONE) + 64 * straight
@@ -179,7 +180,8 @@ def follow(
         cell = opened[number]
         y = cell // width
         x = cell - y * width
-        index = advance_target(targets, 0, x, y, straight, extra, control[G_RADIUS])
+        passed = records[2 * cell + 1] >> TARGET_SHIFT & MAX_TARGETS - 1 if same else 0
+        index = advance_target(targets, passed, x, y, straight, extra, control[G_RADIUS])
         kept = records[2 * cell + 1] & ~((MAX_TARGETS - 1) << TARGET_SHIFT)
         records[2 * cell + 1] = kept | index << TARGET_SHIFT
         distance = octile(straight, extra, x - goal_x, y - goal_y)
@@ -197,7 +199,7 @@ def follow(
     control[G_FREE] = control[G_BUCKET] = 0
     control[G_TOP] = control[G_LIVE] = count
     control[G_SHIFT], control[G_BASE] = shift, base
-    return targets, heads
+    return heads
 
 
 @jit
@@ -215,10 +217,11 @@ def advance(
 ) -> int:
     """Expand up to `quota` cells along the targets; return how the call ended.
 
-    `targets` is int64 [n, 3]: x, y and the units from there to the goal along the list, which
-    ends with the goal. FOUND: the goal was taken from the queue. EXHAUSTED: no open cell leads to
-    a path cheaper than control[G_BEST], which the caller may lower between calls. RUNNING: the
-    quota is used up. NEED_SPACE and OVERFLOW are those of `_kernels/astar`.
+    `targets` is int64 [n, 4]: x, y, the units from there to the goal along the list, which ends
+    with the goal, and those from the target before. FOUND: the goal was taken from the queue.
+    EXHAUSTED: no open cell leads to a path cheaper than control[G_BEST], which the caller may
+    lower between calls. RUNNING: the quota is used up. NEED_SPACE and OVERFLOW are those of
+    `_kernels/astar`.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
