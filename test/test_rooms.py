@@ -15,33 +15,33 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 39_070, 322
+ALL_LINES, ALL_MODULES = 38_640, 316
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
-    ADAPTER: {'': 124, 'maps': 1_090, 'messages': 570},
+    ADAPTER: {'': 124, 'maps': 1_100, 'messages': 570},
     PLANNER: {
         '': 500,
-        'search': 5_540,
+        'search': 5_590,
         'costmap': 1_000,
         'planning': 4_230,
         'waypoints': 2_670,
-        'instructions': 7_390,
+        'instructions': 7_490,
         'nodes': 4_190,
         'cli': 1_620,
     },
     LAB: {
         '': 20,
-        'bags': 970,
-        'evaluation': 690,
-        'datasets': 570,
-        'runner': 840,
-        'results': 650,
-        'analysis': 790,
-        'report': 930,
-        'instruct_bench': 1_160,
-        'pictures': 950,
+        'bags': 860,
+        'evaluation': 590,
+        'datasets': 560,
+        'runner': 650,
+        'results': 640,
+        'analysis': 590,
+        'report': 960,
+        'instruct_bench': 1_130,
+        'pictures': 940,
         'play': 880,
-        'commands': 1_230,
+        'commands': 1_280,
         'nodes': 530,
     },
 }

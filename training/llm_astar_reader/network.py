@@ -10,6 +10,7 @@ import torch
 from llm_astar_planner.instructions.reader.features import BUCKETS, features
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import TOKENS
+from llm_astar_planner.instructions.reader.network import SCALE
 from torch import nn
 
 Sentences = Sequence[Sequence[str]]
@@ -145,8 +146,17 @@ def places_of(sentence: Sequence[str]) -> dict[str, list[int]]:
 
 
 def exported(network: nn.Module) -> dict[str, Any]:
-    """Return the arrays of a network, float16, by the names that inference knows."""
-    return {
-        name: value.detach().numpy().astype(np.float16)
-        for name, value in network.state_dict().items()
-    }
+    """Return the arrays of a network by the names that inference knows.
+
+    Tables are whole numbers of one byte with a scale for each row, the others float16.
+    """
+    found: dict[str, Any] = {}
+    for name, value in network.state_dict().items():
+        array = value.detach().numpy()
+        if array.ndim == 2:
+            scale = np.abs(array).max(axis=1, keepdims=True) / 127.0 + 1e-12
+            found[name + SCALE] = scale.astype(np.float32)
+            found[name] = np.rint(array / scale).astype(np.int8)
+        else:
+            found[name] = array.astype(np.float16)
+    return found

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_planner.instructions.grammar.words import phrase_words
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import Unreadable
 from llm_astar_planner.instructions.reader.translation import Translation
@@ -174,13 +175,19 @@ def reaction(part: Any, region: Callable[[Any], Region]) -> Clause:
 
 
 def known_words() -> set[str]:
-    """Return the words that the network has seen often enough: no place may be among them."""
+    """Return the words that the network has seen often enough: no place may be among them.
+
+    So not those of what a path does not have, among which are places that a map does not have.
+    """
     maps: dict[str, set[str]] = {}
     for sentence in written.sentences(written.TRAINING):
+        clauses = [clause for truth in sentence.truths for clause in truth.clauses]
+        asked = {word for one in clauses for word in phrase_words(one.get('text', ''))}
         for token in lifted(sentence.text, written.worlds()[sentence.map].places).tokens:
-            maps.setdefault(token, set()).add(sentence.map)
+            if token not in asked:
+                maps.setdefault(token, set()).add(sentence.map)
     return {word for word, seen in maps.items() if len(seen) >= MAPS and word.isalpha()}
 
 
 # On so many maps a word has been said that is no name of a place.
-MAPS = 3
+MAPS = 4

@@ -1,4 +1,4 @@
-"""Trains the reader and the checker from nothing, or goes on: `-m llm_astar_reader.train`.
+"""Trains the readers and the checker from nothing, or goes on: `-m llm_astar_reader.train`.
 
 Each round makes new sentences, mixes in those of people where their files are, and writes a
 checkpoint, so that a run can be ended and resumed at any time. The weights are in `reader.npz`.
@@ -30,11 +30,14 @@ from llm_astar_reader.samples import Sample, batches
 
 PAD = -100
 RATE, WARM = 2e-3, 0.02
+SMALL = partial(Reader, 64, 112, 160)
 # Of each network: how it is made, its seed, the share of people's sentences, wrong meanings.
 NETWORKS: dict[str, tuple[Callable[[], nn.Module], int, float, int]] = {
-    'reader': (Reader, 1, 0.55, 0),
-    'second': (partial(Reader, 64, 112, 160), 3, 0.75, 0),
-    'checker': (Checker, 2, 0.6, 3),
+    'reader': (Reader, 1, 0.7, 0),
+    'second': (SMALL, 3, 0.85, 0),
+    'third': (Reader, 4, 0.85, 0),
+    'fourth': (SMALL, 5, 0.7, 0),
+    'checker': (Checker, 2, 0.7, 3),
 }
 
 
@@ -118,7 +121,7 @@ def rate(done: float) -> float:
 
 
 def export(out: Path) -> None:
-    """Write the weights of both networks into one file."""
+    """Write the weights of all networks into one file."""
     arrays: dict[str, Any] = {}
     for name, (kind, *_) in NETWORKS.items():
         network = kind()
@@ -129,11 +132,11 @@ def export(out: Path) -> None:
 
 
 def main() -> None:
-    """Train both networks side by side."""
+    """Train the networks side by side."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--out', type=Path, required=True)
-    parser.add_argument('--minutes', type=float, default=35.0, help='of computing, for each')
-    parser.add_argument('--only', choices=NETWORKS, help='one of the two networks')
+    parser.add_argument('--minutes', type=float, default=15.0, help='of computing, for each')
+    parser.add_argument('--only', choices=NETWORKS, help='one of the networks')
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     names = [args.only] if args.only else list(NETWORKS)

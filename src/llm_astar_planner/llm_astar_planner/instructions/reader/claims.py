@@ -8,20 +8,24 @@ ones; rules for negations, conditions, wishes, ends and unknown words were not.
 """
 
 import re
-from collections import Counter
 from collections.abc import Collection, Sequence
 from zlib import crc32
 
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns, vocabulary
+from llm_astar_planner.instructions.grammar.selection import WALL
+from llm_astar_planner.instructions.grammar.vocabulary import nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader.lifting import Lifted, is_letter
 from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Parts, flat
 from llm_astar_planner.instructions.reader.network import known_words
 
-# What slots of regions begin with, and tokens that say an order by themselves.
+# What slots of regions begin with.
 REGIONS = ('@R', '@O', '@G', '@Y')
-ORDERED = 'BTNE'
-Counts = Counter[str]
+# Kinds of words that a name may follow, and ordinals that tell an order: 'first the kitchen'.
+LEADING = {
+    'AVOID', 'VISIT', 'TO', 'INTO', 'FROM', 'AND', 'OR', 'THEN', 'BEFORE', 'AFTER', 'THROUGH',
+    'NEG', 'STAY',
+}  # fmt: skip
+FIRST = ('first', 'erst', 'premier', 'primero')
 
 
 def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
@@ -35,8 +39,7 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     left = [name for name in one.slots if name not in tokens and name[0] != 'R']
     if left:
         return f'{left[0]} is left'
-    kinds = Counter(lexeme.kind for lexeme in one.lexemes)
-    return leftover(one) or orders(kinds, Counter(tokens)) or unnamed(one)
+    return leftover(one) or unnamed(one, tokens)
 
 
 def leftover(one: Lifted) -> str:
@@ -46,40 +49,39 @@ def leftover(one: Lifted) -> str:
     return next((f'"{said}" is left' for said in found if comparable(said) in language), '')
 
 
-def unnamed(one: Lifted) -> str:
+def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     """Return a word that may be a name, or a part of one, that the map does not have; '' for none.
 
     That is one beside a place that is no word of instructions, 'the old kitchen', 'kitchen door',
-    and an unknown word or a noun after an article: 'the ballroom'.
+    and an unknown word or a noun after an article, a verb or the like: 'avoid the ballroom'.
     """
-    words, called = vocabulary(one.language), nouns().everywhere
+    words, called, known = vocabulary(one.language), nouns().everywhere, known_words()
     articles = words.articles | words.any_articles
-    around = ('', *one.tokens, '')
-    for before, token, after in zip(around, one.tokens, around[2:]):
-        meant = words.phrases.exactly([token]) if token.isalpha() else []
-        is_known = token in articles or any(one[0][0] != 'REMARK' for one in meant)
-        is_noun = token in called.words
-        is_new = is_noun or crc32(token.encode()) not in known_words()
-        is_name = (after[:2] in REGIONS and (is_noun or not is_known)) or (
-            before[:2] in REGIONS and (is_noun or (is_new and not meant))
+    around = ('', '', *one.tokens, '')
+    for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
+        if not token.isalpha() or (meant_walls(token) and 'WALLS' in meaning):
+            continue
+        meant = words.phrases.exactly([token])
+        kinds = {found[0][0] for found in meant}
+        is_noun, is_seen = token in called.words, crc32(token.encode()) in known
+        is_new = not is_seen and not meant
+        # In English what is before a place may be a part of its name.
+        is_known = (
+            token in articles or bool(kinds - {'REMARK'}) or (one.language != 'en' and is_seen)
         )
-        is_name |= bool(called.exactly([token])) or (before in articles and is_new and not meant)
-        if token.isalpha() and (is_name or (before[:2] in REGIONS and is_letter(token))):
+        is_known &= 'ORDINAL' not in kinds or token in FIRST
+        leads = {found[0][0] for found in words.phrases.exactly([before])} & LEADING
+        is_name = (after[:2] in REGIONS and (is_noun or not is_known)) or (
+            before[:2] in REGIONS and (is_noun or is_letter(token))
+        )
+        is_name |= is_new and (
+            before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
+        )
+        if is_name or called.exactly([token]):
             return f'"{token}" may be a name'
     return ''
 
 
-def some(counts: Counts, names: Collection[str]) -> int:
-    """Return how many there are of some."""
-    return sum(counts[name] for name in names)
-
-
-def orders(kinds: Counts, heads: Counts) -> str:
-    """Return what is wrong with the order: where there is one, a word says so."""
-    is_told = some(kinds, KINDS.ordering)
-    is_way = kinds['THROUGH'] and some(kinds, ('TO', 'INTO', 'VISIT'))
-    if heads['V'] > 1 and not (is_told or is_way):
-        return 'no word says the order'
-    if is_told and heads['V'] < 2 and not some(heads, ORDERED):
-        return 'an order that is not read'
-    return 'in any order' if kinds['ANYORDER'] and heads['V'] > 1 else ''
+def meant_walls(token: str) -> bool:
+    """Whether a word is one for walls."""
+    return any(found.name == WALL for found in nouns().everywhere.exactly([token]))

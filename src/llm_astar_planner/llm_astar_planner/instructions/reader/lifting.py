@@ -45,8 +45,11 @@ SHORTEST_PART = 3
 # metres: 'a metre fifty'.
 TIMES = range(2, 21)
 HUNDREDTHS = range(5, 100, 5)
-# What a quarter and the decimal point are called in a spoken length.
-QUARTERS = ('quarter', 'viertel', 'quart', 'cuarto')
+# Parts of a metre after metres, and what the decimal point is called: 'a metre and a quarter'.
+PARTS = {
+    'half': 0.5, 'demi': 0.5, 'medio': 0.5, 'quarter': 0.25, 'viertel': 0.25, 'quart': 0.25,
+    'cuarto': 0.25, **{str(n): n / 100 for n in HUNDREDTHS},
+}  # fmt: skip
 DECIMAL_POINTS = ('komma', 'virgule', 'coma')
 # What a slot is called in the meaning, where it is not as it is shown.
 NAMED_AS = {'O': 'R', 'G': 'R', 'Y': 'R', 'N': 'K'}
@@ -248,8 +251,8 @@ def metres_and_more(
     if not float(first.value).is_integer():
         return 0, None
     others = lexemes[1:2] if [one.kind for one in lexemes[1:2]] != ['AND'] else lexemes[2:3]
-    parts = dict.fromkeys(QUARTERS, 0.25) | {str(n): n / 100 for n in HUNDREDTHS}
-    more = [parts[str(one.value)] for one in others if str(one.value) in parts]
+    names = ['half' if one.kind == 'HALFNOUN' else str(one.value) for one in others]
+    more = [PARTS[name] for name in names if name in PARTS]
     count = 1 + lexemes.index(others[0]) if more else 1
     return count, length_slot(float(first.value) + sum(more), first)
 

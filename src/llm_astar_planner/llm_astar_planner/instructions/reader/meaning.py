@@ -18,7 +18,6 @@ from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import DRAWN, OPPOSITE
 from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Slot, slot_name
-from llm_astar_planner.instructions.regions import NEAR_WIDTH
 
 END, CLOSE, UNKNOWN, WISH, EACH, ONE = '<end>', ')', '?', 'W', 'EA', 'ONE'
 # The parts of each clause: c a clause, r a region, p a place, s a side, l a length, k how often,
@@ -195,7 +194,7 @@ class Writer:
             case 'HO':
                 return {'half': DRAWN.get(values[0], values[0]), 'of': values[1].get('place')}
             case 'AL':
-                return {'along': values[0].get('place'), 'width': NEAR_WIDTH}
+                return {'along': values[0].get('place')}
             case 'BW':
                 return {'between': [one.get('place') for one in values]}
         raise Unreadable(f'{kind} is nothing of the sentence')

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The networks in numpy: two readers write the meaning of a sentence, a checker weighs one.
+"""The networks in numpy: four readers write the meaning of a sentence, a checker weighs one.
 
 Each reads a sentence by a bidirectional GRU of its own. Another GRU of a reader writes tokens
 that the language of meanings allows, of slots that the sentence has. The checker reads a meaning
@@ -34,7 +34,9 @@ from llm_astar_planner.instructions.reader.meaning import (
 FILE = Path(__file__).with_name('reader.npz')
 # The hashes of the words that were seen in training, in the same file.
 WORDS = 'words'
-READERS = ('reader', 'second')
+# What the scales of the rows of a table are called by, after its name.
+SCALE = '.scale'
+READERS = ('reader', 'second', 'third', 'fourth')
 LONGEST = 32
 Array = NDArray[np.float32]
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
@@ -69,10 +71,15 @@ def after(stack: str, token: str) -> str:
 
 @cache
 def weights(network: str) -> Mapping[str, Array]:
-    """Return the arrays of one of READERS or the checker, read once."""
+    """Return the arrays of one of READERS or the checker, read once.
+
+    Of a table the file has whole numbers of one byte, and a scale for each row.
+    """
     with np.load(FILE) as arrays:
         names = [name for name in arrays.files if name.startswith(f'{network}.')]
-        return {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
+        values = {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
+    scales = {name: values.pop(name) for name in [*values] if name.endswith(SCALE)}
+    return {name: value * scales.get(name + SCALE, 1.0) for name, value in values.items()}
 
 
 @cache

@@ -7,8 +7,6 @@ import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from llm_astar_planner.instructions.reader import network
 from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Lifted, slot_name
 from llm_astar_planner.instructions.reader.meaning import Parts, flat, ordered, told_in_turn
@@ -23,7 +21,7 @@ Clauses = tuple[Parts, ...]
 class Weight:
     """What the networks say of a meaning, on average over the numberings.
 
-    `likely`: the log probability that the readers give it; `agreed`: the checker's log odds.
+    `likely`: the least log probability that a reader gives it; `agreed`: the checker's log odds.
     """
 
     likely: float
@@ -58,8 +56,8 @@ class Views:
             told_in_turn(sentence, renamed(tokens, names))
             for sentence, names in zip(self.sentences, self.names)
         ]
-        likely = np.mean([read.log_probabilities(said) for read in self.read])
-        return Weight(float(likely), float(network.agreement(self.sentences, said).mean()))
+        likely = min(float(read.log_probabilities(said).mean()) for read in self.read)
+        return Weight(likely, float(network.agreement(self.sentences, said).mean()))
 
 
 def renamed(tokens: Sequence[str], names: Names) -> list[str]:

@@ -47,6 +47,9 @@ def test_names_numbers_sides_and_counts_become_slots(text, tokens):
         ('zwei Komma fünf Meter', 2.5),
         ('seventy-five centimetres', 0.75),
         ('70 cm', 0.7),
+        ('two metres and a half', 2.5),
+        ('deux mètres et demi', 2.5),
+        ('dos metros y medio', 2.5),
     ],
 )
 def test_lengths_in_words_are_metres(text, metres):
