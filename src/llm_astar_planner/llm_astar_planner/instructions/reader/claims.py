@@ -61,21 +61,19 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
         if not token.isalpha() or (meant_walls(token) and 'WALLS' in meaning):
             continue
-        meant = words.phrases.exactly([token])
-        kinds = {found[0][0] for found in meant}
-        is_noun, is_seen = token in called.words, crc32(token.encode()) in known
-        is_new = not is_seen and not meant
-        # In English what is before a place may be a part of its name.
-        is_known = (
-            token in articles or bool(kinds - {'REMARK'}) or (one.language != 'en' and is_seen)
-        )
-        is_known &= 'ORDINAL' not in kinds or token in FIRST
+        kinds = {found[0][0] for found in words.phrases.exactly([token])}
         leads = {found[0][0] for found in words.phrases.exactly([before])} & LEADING
-        is_name = (after[:2] in REGIONS and (is_noun or not is_known)) or (
-            before[:2] in REGIONS and (is_noun or is_letter(token))
-        )
-        is_name |= is_new and (
-            before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
+        is_noun = token in called.words and token not in articles
+        is_seen = crc32(token.encode()) in known
+        # In English what is before a place may be a part of its name.
+        is_known = token in articles or bool(kinds - {'REMARK'})
+        is_known |= is_seen and one.language != 'en'
+        is_known &= 'ORDINAL' not in kinds or token in FIRST
+        follows = before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
+        is_name = (
+            (after[:2] in REGIONS and (is_noun or not is_known))
+            or (before[:2] in REGIONS and (is_noun or is_letter(token)))
+            or (follows and not (is_seen or kinds))
         )
         if is_name or called.exactly([token]):
             return f'"{token}" may be a name'

@@ -65,8 +65,23 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
 
 
 @pytest.mark.parametrize(
-    'text',
-    ['avoid the ballroom kitchen', 'visit kitchen B', 'avoid the old kitchen', 'no kitchen'],
+    ('text', 'is_name'),
+    [
+        ('avoid the ballroom kitchen', True),
+        ('visit kitchen B', True),
+        ('avoid the old kitchen', True),
+        ('steer clear of the second kitchen', True),
+        ('avoid zorkroom', True),
+        ('no kitchen', False),
+        ('first the kitchen', False),
+        ('ve por los kitchen', False),
+    ],
 )
-def test_a_word_beside_a_place_may_make_another_name_of_it(text):
-    assert ('may be a name' in unnamed(lifted(text, HOSPITAL))) == (text != 'no kitchen')
+def test_a_word_beside_a_place_or_after_a_verb_may_be_a_name(text, is_name):
+    assert bool(unnamed(lifted(text, HOSPITAL), ())) == is_name
+
+
+def test_walls_are_no_name_where_the_reading_means_them():
+    one = lifted('keep 2 m from the walls', HOSPITAL)
+    assert unnamed(one, ('K', 'WALLS', 'L1')) == ''
+    assert 'walls' in unnamed(one, ())
