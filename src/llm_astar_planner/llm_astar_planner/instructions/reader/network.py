@@ -36,6 +36,9 @@ FILE = Path(__file__).with_name('reader.npz')
 WORDS = 'words'
 # What the scales of the rows of a table are called by, after its name.
 SCALE = '.scale'
+# The parts of a GRU, what those of its way back are called after, and those of both ways.
+GRU = ('weight_ih', 'bias_ih', 'weight_hh', 'bias_hh')
+REVERSE, BOTH = '_reverse', '_both'
 READERS = ('reader', 'second', 'third', 'fourth')
 LONGEST = 32
 Array = NDArray[np.float32]
@@ -79,7 +82,10 @@ def weights(network: str) -> Mapping[str, Array]:
         names = [name for name in arrays.files if name.startswith(f'{network}.')]
         values = {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
     scales = {name: values.pop(name) for name in [*values] if name.endswith(SCALE)}
-    return {name: value * scales.get(name + SCALE, 1.0) for name, value in values.items()}
+    found = {name: value * scales.get(name + SCALE, 1.0) for name, value in values.items()}
+    backward = {name: found.get(name + REVERSE) for name in found}
+    both = {n + BOTH: np.stack((found[n], b)) for n, b in backward.items() if b is not None}
+    return {**found, **both}
 
 
 @cache
@@ -90,26 +96,29 @@ def known_words() -> frozenset[int]:
 
 
 def gru(inputs: Array, table: Mapping[str, Array], name: str, state: Array) -> Array:
-    """Return the states [n, length, size] of a GRU over inputs [n, length, size]."""
-    into = inputs @ table[name.format('weight_ih')].T + table[name.format('bias_ih')]
-    turn, bias = table[name.format('weight_hh')].T, table[name.format('bias_hh')]
-    states = np.empty((*inputs.shape[:2], state.shape[1]), np.float32)
-    for at in range(inputs.shape[1]):
-        reset_in, update_in, new_in = np.split(into[:, at], 3, axis=1)
-        reset, update, new = np.split(state @ turn + bias, 3, axis=1)
-        update = sigmoid(update_in + update)
-        new = np.tanh(new_in + sigmoid(reset_in + reset) * new)
-        states[:, at] = state = (1.0 - update) * new + update * state
+    """Return the states [..., n, length, size] of GRUs over inputs [..., n, length, size].
+
+    Several GRUs, one for each of the first indices, take their steps together.
+    """
+    into, into_bias, turn, turn_bias = (table[name.format(part)] for part in GRU)
+    told = inputs @ into.swapaxes(-1, -2)[..., None, :, :] + into_bias[..., None, None, :]
+    turn, turn_bias = turn.swapaxes(-1, -2), turn_bias[..., None, :]
+    size = state.shape[-1]
+    states = np.empty((*inputs.shape[:-1], size), np.float32)
+    for at in range(inputs.shape[-2]):
+        now, before = told[..., at, :], state @ turn + turn_bias
+        gates = sigmoid(now[..., : 2 * size] + before[..., : 2 * size])
+        new = np.tanh(now[..., 2 * size :] + gates[..., :size] * before[..., 2 * size :])
+        states[..., at, :] = state = new + gates[..., size:] * (state - new)
     return states
 
 
 def both_ways(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
     """Return the states of a bidirectional GRU over inputs [n, length, size]."""
     size = table[name.format('weight_hh')].shape[1]
-    zero = np.zeros((len(inputs), size), np.float32)
-    ahead = gru(inputs, table, name, zero)
-    back = gru(inputs[:, ::-1], table, f'{name}_reverse', zero)[:, ::-1]
-    return np.concatenate((ahead, back), axis=2)
+    zero = np.zeros((2, len(inputs), size), np.float32)
+    ahead, back = gru(np.stack((inputs, inputs[:, ::-1])), table, name + BOTH, zero)
+    return np.concatenate((ahead, back[:, ::-1]), axis=2)
 
 
 def sigmoid(values: Array) -> Array:

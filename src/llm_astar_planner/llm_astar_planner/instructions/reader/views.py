@@ -40,6 +40,7 @@ class Views:
         """Read it."""
         self.sentences, self.names = zip(*numberings(one))
         self.read = [network.reading(name, self.sentences) for name in network.READERS]
+        self._weighed: dict[Clauses, Weight] = {}
 
     def readings(self) -> list[Clauses]:
         """Return what the readers read; () where that is nothing."""
@@ -50,7 +51,13 @@ class Views:
         ]
 
     def weigh(self, clauses: Clauses) -> Weight:
-        """Return what the networks say of a meaning."""
+        """Return what the networks say of a meaning, each asked once."""
+        if clauses not in self._weighed:
+            self._weighed[clauses] = self.weight(clauses)
+        return self._weighed[clauses]
+
+    def weight(self, clauses: Clauses) -> Weight:
+        """Ask the networks of a meaning."""
         tokens = list(flat(clauses))
         said = [
             told_in_turn(sentence, renamed(tokens, names))
