@@ -168,6 +168,9 @@ def test_the_topic_counts_without_the_parameter_and_what_is_malformed_is_ignored
     assert robot.ask()[1].code_name == 'NONE'
     # Of the topic nothing is taken meanwhile, and what was known before counts again.
     robot.footprints.publish(polygon_of([(0, 0), (1, 0), (0, 1)]))
+    # Maps come on the same thread, so after these it has been passed over.
+    for grid_map in (ROOMY, NARROW):
+        robot.use(grid_map)
     assert robot.set('').successful
     wait_for(lambda: robot.current == footprint, 'the footprint of the topic')
     robot.footprints.publish(polygon_of(Footprint.parse(SHORT).points))

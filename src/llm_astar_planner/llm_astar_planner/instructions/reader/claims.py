@@ -25,6 +25,7 @@ LEADING = {
     'AVOID', 'VISIT', 'TO', 'INTO', 'FROM', 'AND', 'OR', 'THEN', 'BEFORE', 'AFTER', 'THROUGH',
     'NEG', 'STAY',
 }  # fmt: skip
+ENDS = ('.', ';', ':', '!', '?')
 FIRST = ('first', 'erst', 'premier', 'primero')
 
 
@@ -39,7 +40,7 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     left = [name for name in one.slots if name not in tokens and name[0] != 'R']
     if left:
         return f'{left[0]} is left'
-    return leftover(one) or unnamed(one, tokens)
+    return leftover(one) or unnamed(one, tokens) or alone(one)
 
 
 def leftover(one: Lifted) -> str:
@@ -77,6 +78,19 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         )
         if is_name or called.exactly([token]):
             return f'"{token}" may be a name'
+    return ''
+
+
+def alone(one: Lifted) -> str:
+    """Return a word that nobody knows and that is all of a part of the sentence; '' for none.
+
+    'Keep 1 m away from the walls; fly' asks for more than a distance.
+    """
+    phrases = vocabulary(one.language).phrases
+    around = ('.', *one.tokens, '.')
+    for before, token, after in zip(around, one.tokens, around[2:]):
+        if before in ENDS and after in ENDS and token.isalpha() and not phrases.exactly([token]):
+            return f'"{token}" is left'
     return ''
 
 
