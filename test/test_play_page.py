@@ -220,6 +220,8 @@ def test_a_place_and_a_zone_are_drawn_named_planned_with_and_saved(open_page):
     page.keyboard.press('Enter')
     person.write('visit the charger')
     expect(page.locator('#clauses .status')).to_have_text('kept')
+    # What the page says of a plan moves the map.
+    expect(page.locator('#main')).to_have_attribute('aria-busy', 'false')
     person.click('Zone')
     for corner in ((60, 60), (75, 60), (75, 66), (60, 60)):
         person.press_map(*corner)

@@ -59,16 +59,14 @@ LONGEST_LEAVE = 8.0
 
 def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
     """Spin until the context is shut down or `stopped` is set, then return without an error."""
-    # What sets it ends the wait too.
-    timeout = None if stopped else LONGEST_WAIT
     while context.ok() and not (stopped and stopped.is_set()):
-        spin_once(executor, context, timeout)
+        spin_once(executor, context)
 
 
-def spin_once(executor: Executor, context: Context, timeout: float | None) -> None:
+def spin_once(executor: Executor, context: Context) -> None:
     """Handle one callback. Raises RCLError, but for what a shutdown causes."""
     try:
-        executor.spin_once(timeout_sec=timeout)
+        executor.spin_once(timeout_sec=LONGEST_WAIT)
     except ExternalShutdownException:
         pass
     except InvalidHandle:
