@@ -59,11 +59,15 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     words, called, known = vocabulary(one.language), nouns().everywhere, known_words()
     articles = words.articles | words.any_articles
     around = ('', '', *one.tokens, '')
+    kinds_of = {
+        token: {found[0][0] for found in words.phrases.exactly([token])} for token in around
+    }
     for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
-        if not token.isalpha() or (meant_walls(token) and 'WALLS' in meaning):
+        named = called.exactly([token])
+        is_wall = any(noun.name == WALL for noun in named)
+        if not token.isalpha() or (is_wall and 'WALLS' in meaning):
             continue
-        kinds = {found[0][0] for found in words.phrases.exactly([token])}
-        leads = {found[0][0] for found in words.phrases.exactly([before])} & LEADING
+        kinds, leads = kinds_of[token], kinds_of[before] & LEADING
         is_noun = token in called.words and token not in articles
         is_seen = crc32(token.encode()) in known
         # In English what is before a place may be a part of its name.
@@ -76,7 +80,7 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
             or (before[:2] in REGIONS and (is_noun or is_letter(token)))
             or (follows and not (is_seen or kinds))
         )
-        if is_name or called.exactly([token]):
+        if is_name or named:
             return f'"{token}" may be a name'
     return ''
 
@@ -92,8 +96,3 @@ def alone(one: Lifted) -> str:
         if before in ENDS and after in ENDS and token.isalpha() and not phrases.exactly([token]):
             return f'"{token}" is left'
     return ''
-
-
-def meant_walls(token: str) -> bool:
-    """Whether a word is one for walls."""
-    return any(found.name == WALL for found in nouns().everywhere.exactly([token]))

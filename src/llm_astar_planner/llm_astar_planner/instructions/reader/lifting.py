@@ -214,10 +214,9 @@ def told_by_another(lexemes: Sequence[Lexeme], words: Sequence[Word]) -> tuple[i
 
 def candidates(noun: Lexeme) -> Sequence[Place]:
     """Return the places of a noun; of one that the map has not, 'room', all that may be rooms."""
-    group = noun.value
-    if group.own or nouns().generic.get(group.noun) != group.noun:
+    group, kinds = noun.value, nouns().generic
+    if group.own or kinds.get(group.noun) != group.noun:
         return noun.places
-    kinds = nouns().generic
     rooms = (one for one in group.all_places if not one.is_object)
     return [one for one in rooms if kinds.get(one.kind, group.noun) == group.noun]
 

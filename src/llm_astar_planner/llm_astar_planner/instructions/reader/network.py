@@ -83,9 +83,10 @@ def weights(network: str) -> Mapping[str, Array]:
         values = {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
     scales = {name: values.pop(name) for name in [*values] if name.endswith(SCALE)}
     found = {name: value * scales.get(name + SCALE, 1.0) for name, value in values.items()}
-    backward = {name: found.get(name + REVERSE) for name in found}
-    both = {n + BOTH: np.stack((found[n], b)) for n, b in backward.items() if b is not None}
-    return {**found, **both}
+    for back in [name for name in found if name.endswith(REVERSE)]:
+        ahead = back.removesuffix(REVERSE)
+        found[ahead + BOTH] = np.stack((found.pop(ahead), found.pop(back)))
+    return found
 
 
 @cache
@@ -115,9 +116,9 @@ def gru(inputs: Array, table: Mapping[str, Array], name: str, state: Array) -> A
 
 def both_ways(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
     """Return the states of a bidirectional GRU over inputs [n, length, size]."""
-    size = table[name.format('weight_hh')].shape[1]
-    zero = np.zeros((2, len(inputs), size), np.float32)
-    ahead, back = gru(np.stack((inputs, inputs[:, ::-1])), table, name + BOTH, zero)
+    name += BOTH
+    zero = np.zeros((2, len(inputs), table[name.format('weight_hh')].shape[-1]), np.float32)
+    ahead, back = gru(np.stack((inputs, inputs[:, ::-1])), table, name, zero)
     return np.concatenate((ahead, back[:, ::-1]), axis=2)
 
 

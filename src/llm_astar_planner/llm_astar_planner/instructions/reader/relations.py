@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from llm_astar_msgs_adapter.maps.places import Place
 
 # Metres. Rooms so near each other have a wall in common.
-WALL = 0.6
+THICKEST_WALL = 0.6
 
 
 def beside(places: Sequence[Place], other: Place) -> list[Place]:
     """Return the places that touch another one, but for a wall."""
-    return [one for one in places if one.geometry.distance(other.geometry) <= WALL]
+    return [one for one in places if one.geometry.distance(other.geometry) <= THICKEST_WALL]
 
 
 def opposite(places: Sequence[Place], other: Place) -> list[Place]:
@@ -26,12 +26,12 @@ def opposite(places: Sequence[Place], other: Place) -> list[Place]:
 
 def across(one: Place, other: Place) -> float:
     """Return the metres between two places that share half of a width, else infinity."""
+    mine, theirs = one.geometry.bounds, other.geometry.bounds
+    gap = float(one.geometry.distance(other.geometry))
     for low, high in ((0, 2), (1, 3)):
-        mine, theirs = one.geometry.bounds, other.geometry.bounds
         shared = min(mine[high], theirs[high]) - max(mine[low], theirs[low])
         narrow = min(mine[high] - mine[low], theirs[high] - theirs[low])
-        gap = float(one.geometry.distance(other.geometry))
-        if shared > narrow / 2 and gap > WALL:
+        if shared > narrow / 2 and gap > THICKEST_WALL:
             return gap
     return float('inf')
 
@@ -49,7 +49,7 @@ def farthest(places: Sequence[Place], other: Place) -> list[Place]:
 def first(places: Sequence[Place], order: Callable[[Place], float]) -> list[Place]:
     """Return the places with the least number, with those that have hardly more."""
     least = min(map(order, places), default=0.0)
-    return [one for one in places if order(one) <= least + WALL]
+    return [one for one in places if order(one) <= least + THICKEST_WALL]
 
 
 # Words between a noun and a place, without accents.

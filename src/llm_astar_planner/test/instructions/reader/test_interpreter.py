@@ -120,7 +120,12 @@ def test_the_checker_in_numpy_is_that_of_torch():
 def loaded(other, name):
     """Return a network of torch with the weights of the package."""
     torch = pytest.importorskip('torch')
-    found = network.weights(name).items()
-    arrays = {key: torch.tensor(one) for key, one in found if not key.endswith(network.BOTH)}
+    arrays = {}
+    for key, one in network.weights(name).items():
+        names = [key]
+        if key.endswith(network.BOTH):
+            ahead = key.removesuffix(network.BOTH)
+            names = [ahead, ahead + network.REVERSE]
+        arrays |= dict(zip(names, torch.tensor(one if len(names) == 2 else one[None])))
     other.load_state_dict(arrays)
     return other.eval()
