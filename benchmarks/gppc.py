@@ -40,7 +40,7 @@ from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.astar import exact_astar
-from llm_astar_planner.search.grid_graph import path_units
+from llm_astar_planner.search.grid_graph import path_cost
 from llm_astar_planner.search.result import Cell
 from numpy.typing import NDArray
 
@@ -171,8 +171,7 @@ def measure_map(
                 path = ready[name].plan(scenario.start, scenario.goal)
                 least[name] = min(least[name], time.thread_time() - begin)
                 if turn == 0:
-                    cost = path_units(grid, path.astype(np.int32)) / grid.straight
-                    cost = cost if len(path) else np.nan
+                    cost = path_cost(grid, path.astype(np.int32)) if len(path) else np.nan
                     totals[name].add(scenario, cost, 0.0)
         for name in methods:
             totals[name].queries[-1] = least[name]

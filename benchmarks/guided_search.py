@@ -23,7 +23,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps import map_server
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
 from llm_astar_planner.search.any_angle import string_pull
-from llm_astar_planner.search.astar import exact_astar, shortest_path
+from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.landmarks import Landmarks
@@ -240,7 +240,7 @@ def robot_map_case(folder: Path) -> SpeedCase:
     queries: list[tuple[Cell, Cell]] = []
     while len(queries) < 40:
         (x, y), (to_x, to_y) = free[random.integers(len(free), size=2)].tolist()
-        path, _ = shortest_path(grid, (x, y), (to_x, to_y))
+        path = exact_astar(grid, (x, y), (to_x, to_y), want_expanded=False).path
         if len(path) > 60:
             queries.append(((x, y), (to_x, to_y)))
     return SpeedCase('depot', (Problem(blocked, tuple(queries)),))

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_planner.planning.compile import compile_kernels
-from llm_astar_planner.search.grid_graph import path_units
+from llm_astar_planner.search.grid_graph import path_cost
 from numpy.typing import NDArray
 
 from benchmarks import any_waypoints, live_maps, memory, tables
@@ -165,8 +165,7 @@ def path_costs(case: SpeedCase, paths: Sequence[Path2D]) -> NDArray[np.float64]:
     costs = []
     for problem, path in zip(problems, paths):
         grid = grids[id(problem)]
-        units = path_units(grid, path.astype(np.int32)) if len(path) else np.nan
-        costs.append(units / grid.straight)
+        costs.append(path_cost(grid, path.astype(np.int32)) if len(path) else np.nan)
     return np.array(costs)
 
 

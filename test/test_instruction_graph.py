@@ -4,24 +4,19 @@ import contextlib
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from graph_tools import GOAL, START, calling, set_parameter, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
-from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from nav_msgs.msg import Path as PathMessage
-from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool, String
@@ -320,32 +315,6 @@ def test_what_was_visited_on_the_way_is_not_visited_again(graph):
     assert not is_in_dock(replan(path[-8]))
     # Elsewhere than the path leads is a new drive.
     assert is_in_dock(replan((30.0, 5.0)))
-
-
-def test_a_place_is_a_goal(graph):
-    paths = []
-    graph.caller.listen(PathMessage, 'plan', paths.append, RELIABLE)
-    start = PoseWithCovarianceStamped()
-    start.header.frame_id = 'map'
-    start.pose.pose = pose_to_message(START, 'map', Time()).pose
-    graph.planner._server.on_initial_pose(start)
-    graph.publish('planner_node/goal_place', 'Loading  Bay')
-    wait_for(lambda: paths, 'the path to the dock')
-    last = path_from_message(paths[-1])[-1]
-    assert np.abs(last - (43.5, 4.5)).max() <= 1.0
-
-
-def test_the_log_names_the_places_where_a_goal_is_unknown(graph):
-    logged = []
-    graph.caller.listen(Log, '/rosout', lambda message: logged.append(message.msg), LOGS)
-    wait_for(lambda: graph.caller.node.count_publishers('/rosout'), 'the log')
-
-    def is_logged():
-        graph.publish('planner_node/goal_place', 'lap')
-        time.sleep(0.1)
-        return any('did you mean lab?; there is dock, lab, press' in line for line in logged)
-
-    wait_for(is_logged, 'the error')
 
 
 def test_the_last_path_is_replanned_when_the_instruction_changes_if_maps_do_so(graph):

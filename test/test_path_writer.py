@@ -1,16 +1,13 @@
-"""Paths as messages: a pose per cell, or fewer where there is no time to write them."""
-
-import time
+"""Paths as messages: a pose per cell, from pose to pose."""
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message, yaw_of
-from llm_astar_planner.nodes.planner.publishers import POSE_SECONDS, PathWriter, cell_of
+from llm_astar_planner.nodes.planner.publishers import PathWriter, cell_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.any_angle import turning_points
 
 CELLS = np.zeros((60, 2000), dtype=np.int8)
 CELLS[:50, 1000] = 100
@@ -22,41 +19,25 @@ def pose_at(x, y, yaw=0.0):
     return Pose2D(x + 0.5, y + 0.5, yaw)
 
 
-def write(plan, seconds):
+def write(plan):
     ends = pose_at(*plan.start), pose_at(*plan.goal)
     writer = PathWriter(PLANNER, Time(sec=5), *ends, keeps_heading=True)
-    path, warnings = writer.write_plan(plan, time.monotonic() + seconds)
     # In cells: a cell's centre is half a cell from its corner.
-    return path_from_message(path) - 0.5, warnings
+    return path_from_message(writer.write_plan(plan)) - 0.5
 
 
 @pytest.mark.parametrize('any_angle', [False, True])
-def test_a_path_has_a_pose_per_cell_if_there_is_time(any_angle):
+def test_a_path_has_a_pose_per_cell(any_angle):
     plan = PLANNER.plan(PlanRequest((5, 5), (1990, 8), any_angle=any_angle))
-    points, warnings = write(plan, 60.0)
-    assert warnings == ()
+    points = write(plan)
     assert np.hypot(*np.diff(points, axis=0).T).max() <= np.sqrt(2) + 1e-9
     if not any_angle:
         np.testing.assert_array_equal(points, plan.path)
 
 
-@pytest.mark.parametrize('any_angle', [False, True])
-@pytest.mark.parametrize('seconds', [200 * POSE_SECONDS, -1.0])
-def test_where_there_is_no_time_poses_between_the_turns_are_left_out(any_angle, seconds):
-    plan = PLANNER.plan(PlanRequest((5, 5), (1990, 8), any_angle=any_angle))
-    points, (warning,) = write(plan, seconds)
-    assert warning.startswith(f'{len(points)} poses are written')
-    assert len(points) < len(plan.path) / 4
-    turns = plan.any_angle.points if any_angle else turning_points(plan.path)
-    kept = {tuple(point) for point in points.tolist()}
-    assert kept >= {tuple(map(float, point)) for point in turns.tolist()}
-
-
 def test_an_empty_path_can_be_written():
     plan = PLANNER.plan(PlanRequest((5, 5), (1000, 5)))
-    points, warnings = write(plan, -1.0)
-    assert points.shape == (0, 2)
-    assert warnings == ()
+    assert write(plan).shape == (0, 2)
 
 
 def written(start, goal, *, keeps_heading=False, **fields):
@@ -65,7 +46,7 @@ def written(start, goal, *, keeps_heading=False, **fields):
     plan = PLANNER.plan(PlanRequest(*cells, **fields))
     ends = pose_at(*start), pose_at(*goal)
     writer = PathWriter(PLANNER, Time(sec=5), *ends, keeps_heading=keeps_heading)
-    path, _ = writer.write_plan(plan, time.monotonic() + 60.0)
+    path = writer.write_plan(plan)
     poses = [pose_from_message(stamped.pose) for stamped in path.poses]
     return plan, [(pose.x - 0.5, pose.y - 0.5, pose.yaw) for pose in poses]
 
@@ -121,8 +102,7 @@ def test_a_smooth_path_begins_and_ends_at_the_poses_without_a_kink():
     plan = planner.plan(PlanRequest((10, 10), (50, 10), any_angle=True, smoothing=True))
     start, goal = pose_at(9.6, 10.4, 1.0), pose_at(50.3, 9.7, -1.0)
     writer = PathWriter(planner, Time(), start, goal, keeps_heading=False)
-    path, left_out = writer.write_plan(plan, time.monotonic() + 60.0)
-    assert left_out == ()
+    path = writer.write_plan(plan)
     points = path_from_message(path) - 0.5
     assert points[0] == pytest.approx((9.6, 10.4))
     assert points[-1] == pytest.approx((50.3, 9.7))

@@ -416,14 +416,12 @@ def test_paths_end_with_the_orientation_of_the_goal_or_of_their_last_move(world)
 
 def test_diagnostics_tell_the_state_of_the_planner(world):
     world.caller.call(START, GOAL)
-    wait_for(lambda: world.health().get('last_code') == 'NONE', 'the health')
+    wait_for(lambda: world.health().get('landmarks'), 'the health')
     health = world.health()
     assert health['active'] is True
     assert health['llm_client_ready'] is True
     assert health['map_age'] > 0.0
-    assert 0.0 < health['certified_ratio'] <= 1.0
-    assert 0 < health['plans_made'] <= health['plans_asked']
-    assert health['last_source_status'] in ('OK', 'TIMEOUT', 'NONE')
+    assert health['landmark_builds'] >= 1
 
 
 def test_map_updates_change_the_map_and_malformed_ones_do_not(world):

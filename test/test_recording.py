@@ -203,7 +203,6 @@ def test_what_is_published_by_who_appears_and_leaves_at_once_is_recorded(tmp_pat
     requests = {
         'goal_pose': (PoseStamped(), RELIABLE),
         'initialpose': (PoseWithCovarianceStamped(), RELIABLE),
-        'planner_node/goal_place': (String(data='kitchen'), RELIABLE),
         'map': (OccupancyGrid(), LATCHED),
     }
     with recording(bag) as recorder:

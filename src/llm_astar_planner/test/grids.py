@@ -10,7 +10,8 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.search.any_angle import straight_path
-from llm_astar_planner.search.grid_graph import GridGraph, path_units
+from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.grid_graph import GridGraph
 
 
 def dijkstra(grid: GridGraph, start, goal) -> float:
@@ -68,6 +69,40 @@ def assert_path(grid: GridGraph, path, start, goal, cost) -> None:
         assert is_move(grid, cell, other)
     units = path_units(grid, path)
     assert grid.proven(path, units, units)[0] == cost
+
+
+def path_units(grid: GridGraph, path) -> int:
+    """The cost of a path of single moves in the grid's units of length, by the rule."""
+    diagonal = np.abs(np.diff(path, axis=0)).sum(axis=1) == 2
+    units = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
+    if grid.cell_surcharge.size:
+        cells = path[:, 1].astype(np.int64) * grid.width + path[:, 0]
+        surcharges = grid.cell_surcharge[cells].astype(np.int64)
+        units += units * (surcharges[:-1] + surcharges[1:]) >> 9
+    return int(units.sum())
+
+
+def shortest_path(grid: GridGraph, start, goal):
+    """A cheapest path [n, 2] and its cost in cells; empty and inf if there is none."""
+    result = exact_astar(grid, start, goal, want_expanded=False)
+    return result.path, result.cost
+
+
+def held_bytes(holder) -> int:
+    """The bytes of the arrays that an object holds, each counted once."""
+    seen, left, total = set(), [holder], 0
+    while left:
+        item = left.pop()
+        if id(item) in seen:
+            continue
+        seen.add(id(item))
+        if isinstance(item, np.ndarray):
+            total += item.nbytes
+        elif isinstance(item, list | tuple):
+            left += item
+        else:
+            left += getattr(item, '__dict__', {}).values()
+    return total
 
 
 @st.composite

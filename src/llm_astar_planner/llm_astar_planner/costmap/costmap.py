@@ -22,8 +22,7 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 
 from llm_astar_planner.costmap._kernels import inflation as kernels
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
-from llm_astar_planner.search.arrays import Bools, Int8s, Int64s
-from llm_astar_planner.search.double_buffer import DoubleBuffer
+from llm_astar_planner.search.arrays import Bools, DoubleBuffer, Int8s, Int64s
 from llm_astar_planner.search.grid_graph import GridGraph, whole
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles

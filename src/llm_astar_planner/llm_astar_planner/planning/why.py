@@ -34,9 +34,8 @@ from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
 from llm_astar_planner.planning.endpoints import moved_start, nearest_reached, window_around
 from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, Point, Why
-from llm_astar_planner.search.arrays import no_stop
+from llm_astar_planner.search.arrays import DoubleBuffer, no_stop
 from llm_astar_planner.search.astar import exact_astar, jump_search
-from llm_astar_planner.search.double_buffer import DoubleBuffer
 from llm_astar_planner.search.grid_graph import STEPS, GridGraph, path_length
 from llm_astar_planner.search.result import Cell
 

@@ -22,7 +22,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search._kernels import jump as jump_kernels
-from llm_astar_planner.search.arrays import Bools, Int32s, StopFlag, no_stop
+from llm_astar_planner.search.arrays import Bools, Int32s
 from llm_astar_planner.search.grid_graph import GridGraph, traced
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
@@ -206,20 +206,6 @@ def solve(problem: SearchProblem, *, every_move: bool = False) -> BoundedResult:
 def exact_method(problem: SearchProblem) -> BoundedResult:
     """Search by A*, without landmarks."""
     return solve(replace(problem, landmarks=None))
-
-
-def shortest_path(
-    grid: GridGraph, start: Cell, goal: Cell, *, stop: StopFlag | None = None
-) -> tuple[Int32s, float]:
-    """Return a cheapest path, int32 [n, 2], and its cost in cells; empty and inf if none.
-
-    Raises what `exact_astar` does, and InterruptedError if `stop` was raised.
-    """
-    stop = no_stop() if stop is None else stop
-    result = exact_astar(grid, start, goal, stop=stop, want_expanded=False)
-    if result.status is SearchStatus.STOPPED:
-        raise InterruptedError('the search was stopped')
-    return result.path, result.cost
 
 
 def complete(search: PlainSearch, problem: SearchProblem) -> BoundedResult:

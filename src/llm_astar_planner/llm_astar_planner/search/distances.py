@@ -45,11 +45,6 @@ class FreestMap:
         # Cells that were stricter than here on the last map that was merged as a whole.
         self.stricter = 0
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        return self.moves.nbytes + self.cell_surcharge.nbytes
-
     def covers(self, grid: GridGraph) -> bool:
         """Tell whether no move of `grid`, a map like this, is missing here or costs less there."""
         if (grid.moves & ~self.moves).any():

@@ -23,8 +23,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search._kernels import jump as jump_kernels
-from llm_astar_planner.search.arrays import Bools, Float64s, Int8s, Int32s, Int64s, Uint8s, Uint16s
-from llm_astar_planner.search.double_buffer import DoubleBuffer
+from llm_astar_planner.search.arrays import (
+    Bools,
+    DoubleBuffer,
+    Float64s,
+    Int8s,
+    Int32s,
+    Int64s,
+    Uint8s,
+    Uint16s,
+)
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 5e-8. The coarse pair is for
@@ -54,12 +62,6 @@ class Workspace:
         self.heads = np.zeros(ring, dtype=np.int32)
         self.control = np.zeros(kernels.A_SIZE, dtype=np.int64)
         self.generation = 0
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        arrays = (self.records, self.pool, self.keys, self.heads, self.control)
-        return sum(array.nbytes for array in arrays)
 
     def grow_pool(self) -> None:
         """Double the pool of queue entries and keep its content."""
@@ -247,15 +249,6 @@ class GridGraph:
         reach = 2 * self.diagonal * highest // SURCHARGE_ONE
         return 1 << ((reach >> kernels.BUCKET_BITS) + 2).bit_length()
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes held by the grid and its idle workspaces; not `blocked`, which may be shared."""
-        idle = list(self._spare) + ([] if self._coarse is None else list(self._coarse._spare))
-        own = self.moves.nbytes + self.cell_surcharge.nbytes
-        if 'packed' in vars(self):
-            own += self.packed.words.nbytes
-        return own + sum(workspace.nbytes for workspace in idle)
-
     @cached_property
     def packed(self) -> PackedGrid:
         """The map as bits for `jump_search`, packed at the first use."""
@@ -337,17 +330,6 @@ def path_length(path: Int32s) -> float:
     moves = np.abs(np.diff(path, axis=0)).sum(axis=1)
     diagonals = int((moves == 2).sum())
     return len(path) - 1 - diagonals + diagonals * math.sqrt(2.0) if len(path) else math.nan
-
-
-def path_units(grid: GridGraph, path: Int32s) -> int:
-    """Return the cost of a path [n, 2] of single moves, in the grid's units of length."""
-    diagonal = np.abs(np.diff(path, axis=0)).sum(axis=1) == 2
-    units = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
-    if grid.cell_surcharge.size:
-        cells = path[:, 1].astype(np.int64) * grid.width + path[:, 0]
-        surcharges = grid.cell_surcharge[cells].astype(np.int64)
-        units += units * (surcharges[:-1] + surcharges[1:]) >> 9
-    return int(units.sum())
 
 
 def path_cost(grid: GridGraph, path: Int32s) -> float:

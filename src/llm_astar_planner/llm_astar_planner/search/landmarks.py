@@ -13,9 +13,7 @@ freer or cheaper has to be repaired.
 from __future__ import annotations
 
 import threading
-import time
 import weakref
-from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -139,12 +137,6 @@ class Landmarks:
         return len(self.distances)
 
     @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        borders = 0 if self.borders is None else self.borders.rows.nbytes
-        return self.distances.nbytes + self.freest.nbytes + borders
-
-    @property
     def is_stale(self) -> bool:
         """Tell whether others would be better: the map is much stricter now, or mostly new."""
         freest = self.freest
@@ -161,28 +153,6 @@ class Landmarks:
         cells = grid.index(start), grid.index(goal)
         count = choose_landmarks(self.distances, *cells, grid.octile(start, goal), active)
         return None if count < 0 else active[:count]
-
-    def lower_bound(self, grid: GridGraph, start: Cell, goal: Cell) -> float:
-        """Return a lower bound, in cells, on the cost of any path; inf: there is no path."""
-        active = self.active(grid, start, goal)
-        if active is None:
-            return float('inf')
-        gaps = np.abs(self.distances[active[:, 0], grid.index(start)] - active[:, 1])
-        return float(gaps.max(initial=grid.octile(start, goal))) / self.freest.straight
-
-    def bound_gain(self, grid: GridGraph) -> float:
-        """Return the mean of bound over octile distance, of a few dozen pairs of reached cells.
-
-        1: no gain. The pairs are drawn at random, the same at each call.
-        """
-        drawn = np.random.default_rng(0).integers(0, grid.moves.size, 256)
-        reached = drawn[(self.distances[:1, drawn] >= 0).any(axis=0)][:64].tolist()
-        cells = [(number % grid.width, number // grid.width) for number in reached]
-        pairs = [pair for pair in zip(cells[::2], cells[1::2]) if pair[0] != pair[1]]
-        gains = [
-            self.lower_bound(grid, *pair) * grid.straight / grid.octile(*pair) for pair in pairs
-        ]
-        return sum(gains) / len(gains) if gains else 1.0
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
@@ -246,13 +216,8 @@ class LandmarkManager:
         self._thread: threading.Thread | None = None
         self._stop_build, self._stop_repair = no_stop(), no_stop()
         self._closed = False
-        self._tally: defaultdict[str, float] = defaultdict(float)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes the landmarks hold now."""
-        landmarks = self.current
-        return 0 if landmarks is None else landmarks.nbytes
+        # How many maps there were, at which of them landmarks were measured last, and how often.
+        self._maps = self._built_at = self._builds = 0
 
     def update(self, grid: GridGraph) -> None:
         """Take a new map: a short repair is done now, anything longer is left to the background.
@@ -269,7 +234,7 @@ class LandmarkManager:
             self._newest = grid
             if self._building is not None and not is_alike(self._building, grid):
                 self._stop_build[0] = 1
-            self._tally['maps'] += 1
+            self._maps += 1
             if self._repair is None and not self._closed:
                 self._follow()
                 self._repair_now()
@@ -292,8 +257,6 @@ class LandmarkManager:
                     self._admitted.add(grid)
                 else:
                     landmarks = None
-            self._tally['searches'] += 1
-            self._tally['searches_with'] += landmarks is not None
             self._readers += landmarks is not None
         try:
             yield landmarks
@@ -320,28 +283,11 @@ class LandmarkManager:
             self._changed.notify_all()
         self.wait()
 
-    def statistics(self) -> dict[str, float]:
-        """Return what the landmarks cost and how often they helped, in plain figures.
-
-        Times are CPU milliseconds: of all builds, and of comparing and repairing for a mean map.
-        The availability is the share of searches that had them, the gain that of their bounds
-        over the octile distance (1: none). What they saved is not known without searching again.
-        """
+    def values(self) -> dict[str, int]:
+        """Return what /diagnostics says: how many there are, and how often they were measured."""
         with self._changed:
-            tally, landmarks, grid = self._tally, self.current, self._newest
-            gain = 1.0
-            if landmarks and grid and grid in self._admitted and self._repair is None:
-                gain = landmarks.bound_gain(grid)
-            return {
-                'landmarks': 0 if landmarks is None else landmarks.count,
-                'landmark_bound_gain': gain,
-                'landmark_bytes': self.nbytes,
-                'landmark_builds': tally['builds'],
-                'landmark_build_ms': tally['build_ms'],
-                'landmark_repairs': tally['repairs'],
-                'landmark_upkeep_ms': tally['upkeep_ms'] / max(tally['maps'], 1.0),
-                'landmark_availability': tally['searches_with'] / max(tally['searches'], 1.0),
-            }
+            count = 0 if self.current is None else self.current.count
+            return {'landmarks': count, 'landmark_builds': self._builds}
 
     def _has_work(self) -> bool:
         """Tell whether there is something to do for the background."""
@@ -357,7 +303,7 @@ class LandmarkManager:
     def _is_stale(self) -> bool:
         """Tell whether others should be measured now."""
         stale = self.current is not None and self.current.is_stale
-        return stale and self._tally['maps'] - self._tally['built_at'] > _STALE_MAPS
+        return stale and self._maps - self._built_at > _STALE_MAPS
 
     def _follow(self) -> None:
         """Merge the newest map; begin a repair if it is freer, drop landmarks of another kind."""
@@ -367,15 +313,12 @@ class LandmarkManager:
         if not is_alike(landmarks.freest, grid):
             self.current = None
             return
-        began = time.thread_time()
-        is_whole = self._unmerged is None or self._tally['maps'] % _WHOLE_MAPS == 0
+        is_whole = self._unmerged is None or self._maps % _WHOLE_MAPS == 0
         windows = None if is_whole else np.concatenate([NO_WINDOWS, *(self._unmerged or [])])
         changed, self._unmerged = landmarks.merge(grid, windows), []
         self._admitted.add(grid)
         if changed.size:
             self._repair = landmarks.repair(changed, self._stop_repair)
-            self._tally['repairs'] += 1
-        self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
 
     def _repair_now(self) -> None:
         """Do the first step of a repair if no search uses the landmarks."""
@@ -384,11 +327,9 @@ class LandmarkManager:
             return
         self._changed.wait_for(lambda: not self._readers or self._closed, _READERS_WAIT_S)
         # The lock was free: it may be done, given up or being done by now.
-        if self._repair is repair and not (self._readers or self._repairing):
-            began = time.thread_time()
-            if next(repair, False):
-                self._repair = None
-            self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
+        is_free = self._repair is repair and not (self._readers or self._repairing)
+        if is_free and next(repair, False):
+            self._repair = None
 
     def _work(self) -> None:
         """Do in the background what there is to do, until there is nothing."""
@@ -410,13 +351,11 @@ class LandmarkManager:
             return
         self._repairing = True
         self._changed.release()
-        began = time.thread_time()
         try:
             done = any(repair)
         finally:
             self._changed.acquire()
             self._repairing = False
-        self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
         if self._repair is repair:
             self._repair = None
             if not done:
@@ -427,16 +366,14 @@ class LandmarkManager:
         self._building, self._tried = grid, weakref.WeakSet((grid,))
         stop = self._stop_build = no_stop()
         self._changed.release()
-        began = time.thread_time()
         try:
             landmarks = Landmarks.build(
                 grid, count=self._count, max_bytes=self._max_bytes, stop=stop
             )
         finally:
             self._changed.acquire()
-        self._tally['builds'] += 1
-        self._tally['build_ms'] += 1e3 * (time.thread_time() - began)
-        self._tally['built_at'] = self._tally['maps']
+        self._builds += 1
+        self._built_at = self._maps
         self._building = None
         if stop[0]:
             self._tried.clear()

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from llm_astar_planner.search.arrays import Bools, Int32s
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchResult, SearchStatus, empty_path
 
-_T = TypeVar('_T')
 # Seconds after its time in which a method may still return what it has.
 GRACE_S = 0.05
 GUIDED = 'guided'
@@ -38,42 +37,21 @@ class PluginMethod:
     takes_late_waypoints: ClassVar[bool] = False
     as_published: ClassVar[bool] = False
 
-    def __call__(self, problem: SearchProblem) -> Generator[SearchResult, None, SearchResult]:
-        """Search; a method whose time is over has its last result, or stopped without any.
+    def __call__(self, problem: SearchProblem) -> SearchResult:
+        """Search; one that comes back late has stopped without a path.
 
         Raises PluginError where the method fails.
         """
-        best = nothing = SearchResult(SearchStatus.STOPPED, 0, 0, expanded_cells((), problem))
-        answer: Any = None
         try:
-            answer = in_time(lambda: self.function(problem), problem)
-            if not isinstance(answer, Generator):
-                return call(lambda: checked_result(answer, problem))
-            goes_on = True
-            # Looked at here too: a generator of many short steps is never late in any of them.
-            while goes_on and time.monotonic() < problem.deadline and not problem.stop[0]:
-                better, goes_on = in_time(lambda: next_answer(answer, problem), problem)
-                # A last result without a path, such as STOPPED, takes back none.
-                if better is not None and (len(better.path) or best is nothing):
-                    best = better
-                    if goes_on:
-                        yield best
-            if best is nothing and not goes_on:
-                raise PluginError('yielded no result')
-            return replace(best, status=SearchStatus.STOPPED) if goes_on else best
-        except TimeoutError as error:
-            log_failure(self.name, error)
-            return replace(best, status=SearchStatus.STOPPED)
+            result = call(lambda: checked_result(self.function(problem), problem))
         except PluginError as error:
             log_failure(self.name, error)
             raise PluginError(f'search method {self.name}: {error}') from None
-        finally:
-            # One that has not ended ends, and with it what it holds open.
-            if isinstance(answer, Generator):
-                try:
-                    call(answer.close)
-                except PluginError as error:
-                    log_failure(self.name, error)
+        late = time.monotonic() - problem.deadline
+        if late > GRACE_S and not problem.stop[0]:
+            log_failure(self.name, TimeoutError(f'came back {late:.2f} s after its time was over'))
+            return SearchResult(SearchStatus.STOPPED, 0, 0, expanded_cells((), problem))
+        return result
 
 
 def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN401 - foreign
@@ -81,31 +59,6 @@ def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN40
     if not callable(function):
         raise PluginError(f'is {type(function).__name__}, not a function of a SearchProblem')
     return PluginMethod(name, function, getattr(function, 'uses_waypoints', False) is True)
-
-
-def in_time(function: Callable[[], _T], problem: SearchProblem) -> _T:
-    """Return what a plug-in's function returns until the deadline, or a moment after it.
-
-    Raises PluginError where it raises anything, and TimeoutError where it was late.
-    """
-    result = call(function)
-    late = time.monotonic() - problem.deadline
-    if late > GRACE_S and not problem.stop[0]:
-        raise TimeoutError(f'came back {late:.2f} s after its time was over')
-    return result
-
-
-def next_answer(
-    answers: Iterator[Any], problem: SearchProblem
-) -> tuple[SearchResult | None, bool]:
-    """Return the next of a generator's results, and whether others may follow.
-
-    After the last that is what it returns, None for nothing. Raises PluginError.
-    """
-    try:
-        return checked_result(next(answers), problem), True
-    except StopIteration as end:
-        return None if end.value is None else checked_result(end.value, problem), False
 
 
 def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa: ANN401

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import tiles as kernels
-from llm_astar_planner.search.arrays import Bools, Int32s
-from llm_astar_planner.search.double_buffer import DoubleBuffer
+from llm_astar_planner.search.arrays import Bools, DoubleBuffer, Int32s
 
 # Grids of up to so many cells along the longer side have tiles of 2^2 and of 2^3 cells a side.
 SMALL_GRID, MEDIUM_GRID = 256, 512
@@ -102,12 +101,6 @@ class Tiles:
         """Height and width of the grid in cells."""
         height, width = self.tables.labels.shape
         return height, width
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes held."""
-        labels, _, _, *arrays = self.tables
-        return labels.nbytes + self.components.nbytes + sum(array.nbytes for array in arrays)
 
     def at(self, cell: tuple[int, int]) -> int:
         """Return the number of the component of a cell (x, y), 0 also where it is off the grid."""

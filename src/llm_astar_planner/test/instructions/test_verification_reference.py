@@ -7,7 +7,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 import shapely
-from grids import is_move
+from grids import is_move, shortest_path
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
@@ -46,7 +46,6 @@ from llm_astar_planner.instructions.verification.keep_distance import STEP, grea
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.reference import Reference
 from llm_astar_planner.instructions.verification.walls import Walls
-from llm_astar_planner.search.astar import shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
 from path_samples import box_depth
 from verified_maps import IMPOSSIBLE, SATISFIED, turned

@@ -1,12 +1,11 @@
 """The exact start and goal at the ends of a path of cells."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.nodes.planner.publishers import cell_of, crossed_cells, with_exact_ends
+from llm_astar_planner.nodes.planner.publishers import cell_of, with_exact_ends
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
@@ -51,36 +50,8 @@ def test_a_line_that_would_cut_a_corner_leads_over_the_centre():
     assert ended([[3, 3], [2, 2]], (3.4, 2.6), None, checker) == [[3.4, 2.6], [3, 3], [2, 2]]
 
 
-@pytest.mark.parametrize(
-    ('begin', 'end', 'cells'),
-    [
-        ((2, 2), (2, 2), {(2, 2)}),
-        ((2, 2), (2, 4.3), {(2, 2), (2, 3), (2, 4)}),
-        ((2, 2), (4.3, 2), {(2, 2), (3, 2), (4, 2)}),
-        ((4, 3), (2, 2), {(2, 2), (3, 2), (3, 3), (4, 3)}),
-        ((2, 3), (4, 2), {(2, 3), (3, 3), (3, 2), (4, 2)}),
-        ((0, 0), (0.5, 0), {(0, 0), (1, 0)}),
-    ],
-)
-def test_a_line_crosses_these_cells(begin, end, cells):
-    found = crossed_cells(np.array(begin, dtype=float), np.array(end, dtype=float))
-    assert set(map(tuple, found.tolist())) == cells
-
-
 coordinate = st.floats(-0.5, 19.4)
 point = st.tuples(coordinate, coordinate).map(np.array)
-
-
-@settings(max_examples=300)
-@given(point, point)
-def test_no_cell_that_a_line_crosses_is_left_out(begin, end):
-    found = set(map(tuple, crossed_cells(begin, end).tolist()))
-    along = np.linspace(begin, end, 300)
-    # A cell in which a line is for a moment only, at a corner of cells, may be missed by either.
-    inside = np.abs(along - np.rint(along)).max(axis=1) < 0.49
-    assert {cell_of(place) for place in along[inside]} <= found
-    far = [place for place in found if np.abs(along - place).max(axis=1).min() > 0.55]
-    assert not far
 
 
 @settings(max_examples=150, deadline=None)

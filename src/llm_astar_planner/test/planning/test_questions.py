@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import shapely
+from grids import shortest_path
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -13,7 +14,6 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.questions import QuestionError, Questions, read_question
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.astar import shortest_path
 
 START, GOAL = (5, 30), (75, 30)
 KITCHEN = ('Küche', 'cuisine', 'cocina')

@@ -110,8 +110,7 @@ def test_a_plug_in_gets_waypoints_only_where_it_wants_some(plan):
         (lambda problem: found(status='FINE'), "'FINE' is not a valid SearchStatus"),
         (lambda problem: found(expanded=np.ones((3, 3))), r'expanded: has shape \(3, 3\)'),
         (lambda problem: iter(()), 'returned tuple_iterator'),
-        (lambda problem: (one for one in ()), 'yielded no result'),
-        (lambda problem: (one for one in [3]), 'returned int, not a SearchResult'),
+        (lambda problem: (one for one in ()), 'returned generator, not a SearchResult'),
         (lambda problem: problem.blocked.fill(True), 'read-only'),
         (lambda problem: found([[3, 15], [16, 15]]), 'withheld: it jumps after'),
         (lambda problem: found([[x, 15] for x in range(3, 17)]), 'withheld: it hits an obstacle'),
@@ -141,23 +140,7 @@ def test_a_length_and_a_bound_are_never_believed(plan):
     assert plan(boast).length == pytest.approx(honest.length)
 
 
-def test_a_generator_yields_better_paths_and_the_last_one_counts(monkeypatch):
-    direct = exact_method(SearchProblem(PLANNER.costmap.grid_graph, START, GOAL))
-    detour = np.concatenate([direct.path[:1], direct.path[1::-1], direct.path[1:]])
-
-    def search(problem):
-        yield found(detour, 7)
-        yield found(direct.path, 20)
-
-    monkeypatch.setitem(SEARCH_METHODS.loaded, NAME, make_plugin_method(NAME, search))
-    *better, last = PLANNER.plans(PlanRequest(START, GOAL, NAME))
-    assert [plan.expansions for plan in better] == [7, 20]
-    assert better[0].length > better[1].length == last.length
-    assert not better[0].is_final
-    assert (last.is_final, last.expansions) == (True, 20)
-
-
-def test_a_late_result_is_dropped_and_said_and_what_was_yielded_is_kept(plan, caplog, monkeypatch):
+def test_a_late_result_is_dropped_and_said(plan, caplog, monkeypatch):
     monkeypatch.setattr(plugins, 'MAX_LOGGED', 1000)
 
     def late(problem):
@@ -165,13 +148,6 @@ def test_a_late_result_is_dropped_and_said_and_what_was_yielded_is_kept(plan, ca
             time.sleep(0.01)
         return exact_method(problem)
 
-    def yields_and_is_late(problem):
-        yield exact_method(problem)
-        yield late(problem)
-
-    kept = plan(yields_and_is_late, time_limit=0.3)
-    assert kept.code is ResultCode.NONE
-    assert 'stopped before more could be proven' in kept.message
     assert plan(late, time_limit=0.05).code is ResultCode.TIMEOUT
     for record in caplog.records:
         assert f'plug-in {NAME}: came back 0.2' in record.getMessage()
@@ -183,37 +159,6 @@ def test_a_late_result_is_dropped_and_said_and_what_was_yielded_is_kept(plan, ca
 def test_ctrl_c_ends_the_plan_of_a_plug_in_too(plan):
     with pytest.raises(KeyboardInterrupt):
         plan(raises(KeyboardInterrupt()))
-
-
-def test_an_endless_generator_ends_with_the_time_of_the_plan_or_when_it_is_cancelled(plan):
-    def endless(problem):
-        while True:
-            yield exact_method(problem)
-
-    late = plan(endless, time_limit=0.3)
-    assert (late.code, late.expansions > 0) == (ResultCode.NONE, True)
-    method = SEARCH_METHODS.loaded[NAME]
-    problem = SearchProblem(PLANNER.costmap.grid_graph, START, GOAL)
-    results = method(problem)
-    next(results)
-    problem.stop[0] = 1
-    with pytest.raises(StopIteration) as ended:
-        next(results)
-    assert ended.value.value.status is SearchStatus.STOPPED
-    assert len(ended.value.value.path) > 0
-
-
-def test_a_last_result_without_a_path_takes_none_back_and_one_that_is_returned_counts(plan):
-    def stops(problem):
-        yield exact_method(problem)
-        yield found(status=SearchStatus.STOPPED)
-
-    def returns(problem):
-        return exact_method(problem)
-        yield
-
-    for search in (stops, returns):
-        assert plan(search).code is ResultCode.NONE
 
 
 def test_what_a_plug_in_claims_is_no_fact_about_the_map(plan):
@@ -244,30 +189,10 @@ def test_names_of_the_benchmark_are_taken(monkeypatch, tmp_path):
     assert list(fresh.installed) == ['other']
 
 
-def test_a_generator_that_has_not_ended_is_closed(plan):
-    closed = []
-
-    def search(problem):
-        try:
-            yield exact_method(problem)
-            yield 'no result'
-        finally:
-            closed.append(True)
-            raise ValueError('at the end')
-
-    assert plan(search, time_limit=5.0).code is ResultCode.UNKNOWN
-    assert closed == [True]
-
-    def endless(problem):
-        try:
-            while True:
-                yield exact_method(problem)
-        finally:
-            closed.append(True)
-            raise ValueError('at the end')
-
-    assert plan(endless, time_limit=0.2).code is ResultCode.NONE
-    assert closed == [True, True]
+def test_a_method_that_stops_with_a_path_has_found_that(plan):
+    best = plan(lambda problem: replace(exact_method(problem), status=SearchStatus.STOPPED))
+    assert best.code is ResultCode.NONE
+    assert 'stopped before more could be proven' in best.message
 
 
 def test_a_plug_in_that_is_imported_by_a_plan_has_the_time_of_that_plan(monkeypatch, tmp_path):

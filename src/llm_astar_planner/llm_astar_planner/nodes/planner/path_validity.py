@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,6 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
-from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_validator import (
     NO_LIMIT,
@@ -91,36 +90,30 @@ class PathValidityService:
     def invalid(self, request: Any) -> NDArray[np.int64]:  # noqa: ANN401 - IsPathValid's
         """Return the indices of the poses that cannot be reached, in order.
 
-        Raises ValidityError, FrameError, GridMapError, FootprintError.
+        Raises ValidityError, FrameError, GridMapError.
         """
         newest = self.newest()
         if newest is None:
             raise ValidityError('no map has arrived yet')
         if not request.path.poses:
             raise ValidityError('the path is empty')
-        if getattr(request, 'layer_name', ''):
-            raise ValidityError(
-                f'layer {request.layer_name[:100]!r} is not known, only the costmap is'
-            )
+        for name in ('layer_name', 'footprint'):
+            if getattr(request, name, ''):
+                raise ValidityError(f'{name} must be empty: what is known of the robot counts')
         costmap, checker = newest
         poses = self.poses(request.path, costmap.grid_map.frame_id)
         first = self.first_index(poses, costmap.grid_map.frame_id)
-        last = last_index(poses, first, getattr(request, 'max_lookahead_distance', 0.0))
-        ahead = poses[first:last]
+        ahead = poses[first:]
         limit = occupancy_limit(getattr(request, 'max_cost', LETHAL))
         allow_unknown = not getattr(request, 'consider_unknown_as_obstacle', False)
-        own = Footprint.parse(getattr(request, 'footprint', ''))
-        if own is not None:
-            checker = point_checker(costmap)
         cells = costmap.grid_map.world_to_cells(ahead[:, :2])
         invalid = invalid_poses(cells, checker, allow_unknown=allow_unknown, cost_limit=limit)
-        footprint = own or self.footprint.current
+        footprint = self.footprint.current
         if footprint is not None:
             allowed = allow_unknown and costmap.config.allow_unknown
             body = FootprintChecker(costmap, footprint, allow_unknown=allowed)
             invalid |= body.collisions(ahead)
-        indices = np.flatnonzero(invalid) + first
-        return indices[:1] if getattr(request, 'stop_at_first_collision', False) else indices
+        return np.flatnonzero(invalid) + first
 
     def poses(self, path: Path, frame_id: str) -> NDArray[np.float64]:
         """Return a path's poses (x, y, yaw) [n, 3] in metres and radians, in the map's frame.
@@ -152,31 +145,11 @@ class PathValidityService:
         return nearest_pose(poses[:, :2], robot.x, robot.y)
 
 
-def point_checker(costmap: Costmap) -> CollisionChecker:
-    """Return what checks a path of a body that has another shape than the costmap was made for."""
-    threshold = costmap.config.obstacle_threshold
-    rules = replace(costmap.config, robot_radius=0.0, occupied_threshold=threshold)
-    return CollisionChecker(costmap.grid_map, rules)
-
-
 def moved_poses(poses: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Transform poses (x, y, yaw) [n, 3] by a matrix [4, 4], in the plane."""
     headings = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])]) @ matrix[:2, :2].T
     places = poses[:, :2] @ matrix[:2, :2].T + matrix[:2, 3]
     return np.column_stack([places, np.arctan2(headings[:, 1], headings[:, 0])])
-
-
-def last_index(poses: NDArray[np.float64], first: int, distance: float) -> int:
-    """Return the index after the last pose [n, 3] to check, as Nav2 counts it.
-
-    That is the first pose farther than `distance`, in metres along the path from the pose
-    `first`; all are checked if it is 0 or less.
-    """
-    if not distance > 0.0:
-        return len(poses)
-    steps = np.hypot(*np.diff(poses[first:, :2], axis=0).T)
-    beyond = np.flatnonzero(np.cumsum(steps) > distance)
-    return first + 1 + int(beyond[0]) if len(beyond) else len(poses)
 
 
 def occupancy_limit(max_cost: int) -> int:

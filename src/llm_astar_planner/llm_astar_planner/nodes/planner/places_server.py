@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The named places of the map: their file, their markers, and which goal a name means."""
+"""The named places of the map: their file, their markers, and which goal each means."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ import json
 from collections.abc import Hashable
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_problems
 from llm_astar_msgs_adapter.messages.markers import places_to_markers
-from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.instructions.grammar.vocabulary import check_names
 from llm_astar_planner.instructions.ground import goal_cell
-from llm_astar_planner.instructions.route import PlaceGoalError, find_place
+from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.entities import LATCHED, Entities, LoggedThread
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.planning.planner import Planner
@@ -37,7 +34,7 @@ def load(name: str) -> Places:
 
 
 class PlacesServer:
-    """Publishes the places of the parameter `places_file`, and finds the goal that a name means.
+    """Publishes the places of the parameter `places_file`, and the goal that each means.
 
     A file that is refused keeps the last places. To read a changed file again, set its name again.
     """
@@ -124,13 +121,3 @@ class PlacesServer:
                 cell = goal_cell(place, planner.costmap)
                 goals[place.name] = planner.grid_map.grid_to_world([cell])[0].tolist()
         self._geojson.publish(String(data=json.dumps(places.to_geojson() | {'goals': goals})))
-
-    def goal_pose(self, name: str) -> PoseStamped:
-        """Return the goal that a name means. Raises PlaceGoalError."""
-        place = find_place(name, self.places)
-        planner = self._planner
-        if planner is None:
-            raise PlaceGoalError('no map has arrived yet')
-        x, y = planner.grid_map.grid_to_world([goal_cell(place, planner.costmap)])[0].tolist()
-        stamp = self._node.get_clock().now().to_msg()
-        return pose_to_message(Pose2D(x, y), planner.grid_map.frame_id, stamp)

@@ -13,9 +13,7 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
-from std_msgs.msg import String
 
-from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.bond import Bond, make_bond
 from llm_astar_planner.nodes.common.entities import RELIABLE, Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
@@ -137,15 +135,6 @@ class PlannerServer:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
         self._initial_pose = PoseStamped(header=message.header, pose=message.pose.pose)
 
-    def on_goal_place(self, message: String) -> None:
-        """Plan to the place of this name, as to a goal that was set in RViz."""
-        try:
-            pose = self._places.goal_pose(message.data)
-        except PlaceGoalError as error:
-            self._node.get_logger().error(f'goal_place: {error}')
-            return
-        self.on_goal_pose(pose)
-
     def on_parameters(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Follow changed parameters."""
         self._places.refresh()
@@ -192,7 +181,6 @@ class PlannerServer:
         for kind, topic, callback in (
             (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
             (PoseStamped, GOAL_POSE, self.on_goal_pose),
-            (String, '~/goal_place', self.on_goal_place),
         ):
             self._entities.subscription(kind, topic, callback, RELIABLE, group)
         node.add_post_set_parameters_callback(self.on_parameters)
@@ -220,10 +208,9 @@ class PlannerServer:
             'llm_client_ready': self._client is not None and self._client.ready,
             'last_path': self.monitor.state,
             **self._footprint.values(),
-            **{name: round(value, 3) for name, value in self._maps.landmarks.statistics().items()},
+            **self._maps.landmarks.values(),
             **self._instructions.values(),
             **self._zones.values(),
-            **self._publisher.statistics.values(),
         }
         overdue = self._maps.arrivals.warnings()
         is_well = planner is not None and self.handler.is_active and not overdue

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -27,37 +26,30 @@ from llm_astar_msgs_adapter.messages.writing import (
     status_to_message,
 )
 from nav_msgs.msg import GridCells, Path
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities, LoggedThread
 from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSlot
 from llm_astar_planner.planning.footprint_search import FootprintSearch
-from llm_astar_planner.planning.path_validator import CollisionChecker
+from llm_astar_planner.planning.path_validator import CollisionChecker, curve_cells
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import (
     Plan,
     PlanRequest,
     Point,
-    ResultCode,
-    finite_or_none,
     plan_report,
 )
-from llm_astar_planner.search.any_angle import interpolate, turning_points
+from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.arrays import Float64s
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
 MAX_REPORTS = 32
 LONGEST_WAIT = 1.0
-# Seconds to write a pose, publish it and send it as the answer.
-POSE_SECONDS = 20e-6
-LEAST_SECONDS = 0.001
 
 NEWER_PATH = 'a newer path was published'
 PERIOD_S = 1.0
-# Of the last plan, besides its code.
-LAST = ('guided_by', 'ratio', 'source_status', 'source_detail')
 
 # An end this near to the centre of its cell, in cells, is at it.
 AT_CENTRE = 1e-9
@@ -134,27 +126,13 @@ class PathWriter:
         self._last = (cells, path)
         return path
 
-    def write_plan(self, plan: Plan, deadline: float) -> tuple[Path, tuple[str, ...]]:
-        """Write a plan's path with one pose per cell, as controllers expect; return it.
-
-        If the time until `deadline` (monotonic seconds) is too short for that, only some of the
-        poses between two turns are written, and a warning is returned too.
-        """
-        time_left = max(deadline - time.monotonic(), LEAST_SECONDS)
-        shortened = plan.any_angle
-        length = len(plan.path) if shortened is None else shortened.length
-        spacing = length * POSE_SECONDS / time_left
-        if spacing <= 1.0:
-            cells = plan.path if shortened is None else interpolate(shortened.points)
-            if plan.smoothed is not None:
-                return self.write(plan.smoothed, is_smooth=True), ()
-            return self.write(cells), ()
-        turns = turning_points(plan.path) if shortened is None else shortened.points
-        path = self.write(interpolate(turns, spacing))
-        warning = (
-            f'{len(path.poses)} poses are written, not one per cell: there was no time for it'
+    def write_plan(self, plan: Plan) -> Path:
+        """Write a plan's path with one pose per cell, as controllers expect; return it."""
+        if plan.smoothed is not None:
+            return self.write(plan.smoothed, is_smooth=True)
+        return self.write(
+            plan.path if plan.any_angle is None else interpolate(plan.any_angle.points)
         )
-        return path, (warning,)
 
 
 def with_exact_ends(
@@ -219,7 +197,8 @@ def with_exact_goal(points: Float64s, goal: Float64s, checker: CollisionChecker)
     cell = cell_of(points[-1])
     while last > 0 and cell_of(points[last]) == cell:
         last -= 1
-    if not checker.is_free(crossed_cells(points[last], goal)):
+    line = interpolate(np.stack([points[last], goal])) + BORDER_TOLERANCE
+    if not checker.is_free(curve_cells(line).astype(np.int64)):
         last = len(points) - 1
     return np.concatenate((points[: last + 1], goal[None]))
 
@@ -229,26 +208,6 @@ def cell_of(point: Float64s) -> tuple[int, int]:
     x, y = point.tolist()
     shift = 0.5 + BORDER_TOLERANCE
     return math.floor(x + shift), math.floor(y + shift)
-
-
-def crossed_cells(begin: Float64s, end: Float64s) -> NDArray[np.int64]:
-    """Return the cells (x, y) that a straight line passes through, int64 [n, 2]: all of them.
-
-    `begin` and `end` [2] are points in grid coordinates.
-    """
-    (left, low), (right, high) = sorted((begin.tolist(), end.tolist()))
-    shift = 0.5 + BORDER_TOLERANCE
-    cells = []
-    for column in range(math.floor(left + shift), math.floor(right + shift) + 1):
-        # Where the line enters and leaves the column.
-        enters, leaves = low, high
-        if left < column - 0.5:
-            enters += (column - 0.5 - left) / (right - left) * (high - low)
-        if right > column + 0.5:
-            leaves += (column + 0.5 - right) / (right - left) * (high - low)
-        rows = sorted((math.floor(enters + shift), math.floor(leaves + shift)))
-        cells += [(column, row) for row in range(rows[0], rows[1] + 1)]
-    return np.array(cells, dtype=np.int64)
 
 
 class PlanPublisher:
@@ -261,7 +220,6 @@ class PlanPublisher:
     def __init__(self, entities: Entities, replans: PreemptingGoalSlot) -> None:
         """Make the publishers; a path that a client requested preempts those in `replans`."""
         self._replans = replans
-        self.statistics = PlanStatistics()
         self._node = entities.node
         self._plan = entities.publisher(Path, 'plan', RELIABLE)
         self._raw_plan = entities.publisher(Path, '~/raw_plan', RELIABLE)
@@ -293,7 +251,7 @@ class PlanPublisher:
     def publish_report(
         self, response: PlanResponse, stamp: Time, *, is_cancelled: bool, is_routine: bool = False
     ) -> None:
-        """Count, publish and log the plan of a response.
+        """Publish and log the plan of a response.
 
         A failure that was somebody's wish is logged at debug level: on a map that changes at
         5 Hz, each replan may preempt the last. So is a path that `is_routine`, one a second.
@@ -304,10 +262,9 @@ class PlanPublisher:
     def write_report(
         self, response: PlanResponse, stamp: Time, is_cancelled: bool, is_routine: bool
     ) -> None:
-        """Count, publish and log the plan of a response now."""
+        """Publish and log the plan of a response now."""
         self._free.release()
         plan, planner = response.plan, response.planner
-        self.statistics.count(plan)
         report = plan_report(plan, planner.grid_map if planner else None, response.map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
@@ -368,37 +325,6 @@ def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]
     yield from () if plan.why is None else plan.why.places()
     for number, way in enumerate(plan.alternatives, start=1):
         yield f'way {number}', grid_map.grid_to_world(way.path).tolist()
-
-
-class PlanStatistics:
-    """Counts what became of the requests, and keeps the last plan's figures."""
-
-    def __init__(self) -> None:
-        """Start at zero."""
-        self._lock = threading.Lock()
-        self._last: Plan | None = None
-        self._asked = self._made = self._certified = 0
-
-    def count(self, plan: Plan) -> None:
-        """Count a plan; it is certified if a bound on its cost is proven."""
-        is_made = plan.code is ResultCode.NONE
-        with self._lock:
-            self._last = plan
-            self._asked += 1
-            self._made += is_made
-            self._certified += is_made and finite_or_none(plan.suboptimality_bound) is not None
-
-    def values(self) -> dict[str, Any]:
-        """Return the figures by name; `certified_ratio` is of the plans made, None without any."""
-        with self._lock:
-            last = self._last.to_dict() if self._last else {}
-            return {
-                'plans_asked': self._asked,
-                'plans_made': self._made,
-                'certified_ratio': self._certified / self._made if self._made else None,
-                'last_code': last.get('code_name'),
-                **{f'last_{name}': last.get(name) for name in LAST},
-            }
 
 
 class DiagnosticsPublisher:

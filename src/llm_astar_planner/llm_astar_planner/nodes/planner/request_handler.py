@@ -354,22 +354,15 @@ class RequestHandler:
             request = self._ways.add_to(request, way)
         if self.instructions.current.instruction is not None:
             request = self.instructions.add_to(request, planner, start, goals)
-        began = time.monotonic()
         # Who calls gets one path, and RViz shows that one; so where a way may be kept.
         shows_better = job.goal.client == GOAL_POSE and request.last_way is None
         plans = planner.plans(request, job.token.stop, anytime=shows_better)
-        # Its time does not run while its searches are compiled.
-        job = replace(job, begin=job.begin + time.monotonic() - began)
-        deadline = job.begin + job.limit
         for plan in plans:
             if not (plan.is_final or job.token.reason):
-                # Half of the time left is for the search and the final path.
-                path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
+                path = writer.write_plan(plan)
                 self.publisher.publish_path(path, is_replan=bool(replan_reason))
         job.goes_on()
-        # A first path that came late is written whole all the same.
-        deadline = max(deadline, time.monotonic() + min(FINISH_SECONDS, FINISH_SHARE * job.limit))
-        path, left_out = writer.write_plan(plan, deadline)
+        path = writer.write_plan(plan)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.goes_on()
         is_made = plan.code is ResultCode.NONE
@@ -382,8 +375,8 @@ class RequestHandler:
         self.publisher.publish_views(plan, grid_map, job.stamp, writer.write)
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
-        if waited is not NOT_WAITED or left_out:
-            warnings = (*plan.warnings, *waited.warnings, *left_out)
+        if waited is not NOT_WAITED:
+            warnings = (*plan.warnings, *waited.warnings)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 

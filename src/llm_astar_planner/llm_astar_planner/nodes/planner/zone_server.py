@@ -231,21 +231,17 @@ class ZoneServer:
         return said
 
     def remove_text(self, text: str) -> str:
-        """Remove the zones that a text names; return what was done. Raises ZonesError.
+        """Remove the zones of an id or a name, ALL for all; return what was done.
 
-        That is an id, a name, a JSON list of these, or ALL.
+        Raises ZonesError where there is none.
         """
-        if text.strip() == ALL:
-            return self.remove(self.zones)
-        names = names_of(text)
-        unknown = [name for name in names if not self.zones.find(name)]
-        said = self.remove(zone for name in names for zone in self.zones.find(name))
-        if unknown:
+        name = text.strip()
+        zones = [*self.zones] if name == ALL else self.zones.find(name)
+        if not zones and name != ALL:
             raise ZonesError(
-                f'no zone has the id or name {", ".join(map(short_repr, unknown[:MOST_NAMED]))}; '
-                f'{said}: {named(self.zones)}'
+                f'no zone has the id or name {short_repr(name)}; there is {named(self.zones)}'
             )
-        return said
+        return self.remove(zones)
 
     def remove(self, zones: Iterable[Zone]) -> str:
         """Remove zones; return what was done."""
@@ -315,19 +311,6 @@ def named(zones: Iterable[Zone]) -> str:
     labels = [zone.label for zone in zones]
     more = f' and {len(labels) - MOST_NAMED} more' if len(labels) > MOST_NAMED else ''
     return (', '.join(labels[:MOST_NAMED]) or 'none') + more
-
-
-def names_of(text: str) -> list[str]:
-    """Return the ids or names in a text: a JSON list of texts, or the text. Raises ZonesError."""
-    if not text.lstrip().startswith('['):
-        return [text.strip()]
-    try:
-        names = json.loads(text)
-    except (ValueError, RecursionError):
-        names = None
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ZonesError(f'a JSON list of ids or names is expected, not {short_repr(text)}')
-    return names
 
 
 @dataclass(eq=False)
