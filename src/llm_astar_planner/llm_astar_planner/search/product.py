@@ -337,12 +337,19 @@ def make_guide(
     every_cell = not all(one.is_idempotent for one in automata)
     cells, places, letters = find_places(graph, start, reading, rows, every_cell=every_cell)
     count = letters.size
-    boxes = np.array([[FAR, -1, FAR, -1]] * count, dtype=np.int64)
-    low = np.full((count, len(rows)), FAR, dtype=np.int32)
-    high = np.full((count, len(rows)), -1, dtype=np.int32)
-    kernels.measure(rows, cells, places, graph.width, boxes, low, high)
+    y, x = np.divmod(cells, graph.width)
+    known = rows[:, cells] if len(rows) else np.zeros((1, cells.size), np.int32)
+    low, high = extents(np.column_stack([x, y, *known]), places, count)
+    boxes = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    # How far apart places are at least: by columns and rows, and by each of the landmarks.
+    gaps = np.maximum(low - high[:, np.newaxis], low[:, np.newaxis] - high).clip(0)
+    steps, gaps = np.sort(gaps[..., :2]), gaps[..., 2:]
+    between = graph.straight * steps[..., 1] + (graph.diagonal - graph.straight) * steps[..., 0]
     active = np.zeros(kernels.ACTIVE, dtype=np.int64)
-    between = kernels.choose_rows(boxes, low, high, (graph.straight, graph.diagonal), active)
+    for index in range(kernels.ACTIVE):
+        # The one that proves most besides those before.
+        row = active[index] = (gaps - between[..., np.newaxis]).clip(0).sum(axis=(0, 1)).argmax()
+        between = np.maximum(between, gaps[..., row])
     radix = np.zeros(len(automata), dtype=np.int64)
     after = np.zeros((1, reading.sets.size), dtype=np.int64)
     accepting = np.ones(1, dtype=np.bool_)
@@ -353,11 +360,19 @@ def make_guide(
             radix[number] = len(after)
             after, accepting = product(after, accepting, one)
     rest = np.full((len(after), count), np.inf)
-    kernels.fill_rest(between, letters, after, accepting, rest)
-    if not len(rows):
-        low = high = np.zeros((count, 1), dtype=np.int32)
-    low, high = (np.ascontiguousarray(part[:, active]) for part in (low, high))
+    kernels.fill_rest(between.astype(np.float64), letters, after, accepting, rest)
+    low, high = (part[:, 2 + active].astype(np.int32, order='C') for part in (low, high))
     return kernels.Guide(boxes, rows, active, low, high, radix, rest)
+
+
+def extents(values: Int64s, places: Int64s, count: int) -> tuple[Int64s, Int64s]:
+    """Return the least and the greatest of `values` [n, k] at each place: [count, k] each."""
+    order = np.argsort(places, kind='stable')
+    found, begins = np.unique(places[order], return_index=True)
+    low, high = (np.full((count, values.shape[1]), limit, np.int64) for limit in (FAR, -1))
+    low[found] = np.minimum.reduceat(values[order], begins)
+    high[found] = np.maximum.reduceat(values[order], begins)
+    return low, high
 
 
 def find_places(

@@ -81,43 +81,6 @@ def line_cost(
 
 
 @jit
-def next_is_in_sight(
-    blocked: Bools, corner_cutting: bool, x: int, y: int, to_x: int, to_y: int
-) -> bool:
-    """Tell whether (to_x, to_y) is in sight of (x, y), as the cell before it along x is.
-
-    That cell is nearer by one. The rules are those of `line_cost`. In each row the line crosses
-    at most one cell that the line to the cell before does not, the last one in that row; so only
-    one cell a row is looked at.
-    """
-    step_x = 1 if to_x > x else -1
-    step_y = 1 if to_y > y else -1
-    columns = abs(to_x - x)
-    rows = abs(to_y - y)
-    # The line leaves row j at column ((2 j + 1) columns / rows) / 2. Half a column less than that
-    # is last - 1 + rest / (2 rows), with a rest above 0: `last` is the last cell crossed there.
-    last: Any = -((rows - columns) // (2 * rows))
-    rest: Any = columns - rows - 2 * rows * (last - 1)
-    more = columns // rows
-    more_rest = 2 * (columns - more * rows)
-    for row in range(rows):
-        here = y + step_y * row
-        # The line to the cell before leaves the row by (2 row + 1) / (2 rows) earlier.
-        if rest <= 2 * row + 1 and blocked[here, x + step_x * last]:
-            return False
-        beside = x + step_x * (last + 1)
-        is_corner = rest == 2 * rows and not corner_cutting
-        if is_corner and (blocked[here, beside] or blocked[here + step_y, beside - step_x]):
-            return False
-        last += more
-        rest += more_rest
-        if rest > 2 * rows:
-            last += 1
-            rest -= 2 * rows
-    return not blocked[to_y, to_x]
-
-
-@jit
 def path_cost(rules: Rules, points: Int32s) -> tuple[float, float, int, int]:
     """Return what straight segments through `points` [n, 2] cost, and how long they are.
 
@@ -181,7 +144,6 @@ def string_pull(
     """
     blocked, cell_surcharge, corner_cutting = rules
     left: Any = quota
-    uniform = cell_surcharge.size == 0
     index: Any
     anchor: Any
     kept: Any
@@ -202,14 +164,6 @@ def string_pull(
                 direct = along = segment
             elif across == 0 and ahead > 0:
                 direct = along + segment
-            elif uniform and y == turn_y != from_y and abs(x - from_x) == abs(turn_x - from_x) + 1:
-                seen = next_is_in_sight(blocked, corner_cutting, from_x, from_y, x, y)
-                direct = math.sqrt((x - from_x) ** 2 + (y - from_y) ** 2) if seen else -1.0
-                left -= abs(y - from_y)
-            elif uniform and x == turn_x != from_x and abs(y - from_y) == abs(turn_y - from_y) + 1:
-                seen = next_is_in_sight(blocked.T, corner_cutting, from_y, from_x, y, x)
-                direct = math.sqrt((x - from_x) ** 2 + (y - from_y) ** 2) if seen else -1.0
-                left -= abs(x - from_x)
             else:
                 direct = line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y)
                 left -= max(abs(x - from_x), abs(y - from_y))

@@ -56,8 +56,6 @@ ORIGIN_MASK = (1 << ORIGIN_BITS) - 1
 DEAD = -1
 # Rows of distances that one search uses, a constant so that the compiler unrolls loops over them.
 ACTIVE = 8
-# So many of them count for each way between two places when they are chosen.
-DEPTH = 3
 
 
 class Tables(NamedTuple):
@@ -174,74 +172,10 @@ def mark_borders(cells: Int64s, moves: Uint8s, width: int, letters: Uint16s) -> 
                     letters[cell] |= BORDER
 
 
-@jit
-def measure(
-    rows: Int32s,
-    cells: Int64s,
-    places: Int64s,
-    width: int,
-    boxes: Int64s,
-    low: Int32s,
-    high: Int32s,
-) -> None:
-    """Widen boxes and distances of places, those of the `cells` in turn, to these cells.
-
-    `low` and `high` are [places, rows].
-    """
-    for index in range(cells.size):
-        cell, place = cells[index], places[index]
-        y = cell // width
-        x = cell - y * width
-        boxes[place, 0], boxes[place, 1] = min(boxes[place, 0], x), max(boxes[place, 1], x)
-        boxes[place, 2], boxes[place, 3] = min(boxes[place, 2], y), max(boxes[place, 3], y)
-        for row in range(rows.shape[0]):
-            low[place, row] = min(low[place, row], rows[row, cell])
-            high[place, row] = max(high[place, row], rows[row, cell])
-
-
 @inlined
 def gap(low: int, high: int, other_low: int, other_high: int) -> int:
     """Return how far apart two intervals are, 0 where they overlap."""
     return max(other_low - high, low - other_high, 0)
-
-
-@jit
-def choose_rows(
-    boxes: Int64s, low: Int32s, high: Int32s, units: tuple[int, int], active: Int64s
-) -> Float64s:
-    """Fill `active` with the rows that together prove most on the ways between places.
-
-    `low` and `high` are [places, rows]. Returns what is proven, [places, places].
-    """
-    straight, diagonal = units
-    places, rows = low.shape
-    # What the best rows prove on each way, the octile distance at least, the greatest first.
-    best = np.zeros((places, places, DEPTH))
-    for one in range(places):
-        for other in range(places):
-            delta_x = gap(boxes[one, 0], boxes[one, 1], boxes[other, 0], boxes[other, 1])
-            delta_y = gap(boxes[one, 2], boxes[one, 3], boxes[other, 2], boxes[other, 3])
-            best[one, other] = octile(straight, diagonal - straight, delta_x, delta_y)
-    is_free = np.ones(rows, dtype=np.bool_)
-    for index in range(min(active.size, rows)):
-        most = -1.0
-        for row in range(rows):
-            gain = 0.0
-            for one in range(1, places):
-                for other in range(one if is_free[row] else 0):
-                    way = gap(low[one, row], high[one, row], low[other, row], high[other, row])
-                    gain += max(way - best[one, other, DEPTH - 1], 0.0)
-            if is_free[row] and gain > most:
-                most, active[index] = gain, row
-        row = active[index]
-        is_free[row] = False
-        for one in range(places):
-            for other in range(places):
-                way = gap(low[one, row], high[one, row], low[other, row], high[other, row])
-                if way > best[one, other, DEPTH - 1]:
-                    best[one, other, DEPTH - 1] = way
-                    best[one, other] = np.sort(best[one, other])[::-1]
-    return best[:, :, 0].copy()
 
 
 @jit
