@@ -11,7 +11,6 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.srv import AddDiagnostics
-from geometry_msgs.msg import TransformStamped
 from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
@@ -303,25 +302,6 @@ def test_is_path_valid_knows_the_zones(graph):
     wait_for(is_valid, 'the way')
 
 
-def test_zones_of_another_frame_are_transformed(graph):
-    messages = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs is not installed')
-    pytest.importorskip('tf2_ros', reason='tf2_ros is not installed')
-    turned = TransformStamped(child_frame_id='dock')
-    turned.header.frame_id = 'map'
-    turned.transform.translation.x, turned.transform.translation.y = 22.0, 0.0
-    turned.transform.rotation.z = turned.transform.rotation.w = 0.5**0.5
-    publisher = graph.caller.node.create_publisher(messages.TFMessage, '/tf_static', LATCHED)
-    publisher.publish(messages.TFMessage(transforms=[turned]))
-    box = 0.0, 0.0, 12.0, 4.0
-    wait_for(lambda: graph.add(zone(box, id='wall'), frame_id='dock')[0], 'the transform')
-    points, report = graph.plan()
-    assert report.zones == ('wall',)
-    assert not within(points)
-    wait_for(lambda: 'wall' in graph.shown[-1].data, 'the zone')
-    geometry = json.loads(graph.shown[-1].data)['features'][0]['geometry']
-    assert min(map(tuple, np.round(geometry['coordinates'][0], 6))) == (18.0, 0.0)
-
-
 @contextlib.contextmanager
 def publishing(graph, kind, topic, message):
     """Have a latched message on a topic."""
@@ -407,15 +387,16 @@ def test_a_map_or_mask_that_cannot_be_composed_leaves_the_last_one(server, monke
 
 
 def test_zones_before_a_map_wait_for_it_and_those_of_another_frame_are_refused(server):
-    with pytest.raises(ZonesError, match='no map has arrived yet'):
-        server.add_text(geojson(zone(), frame_id='odom'))
+    with pytest.raises(ZonesError, match="'map' is not that of the map; leave it out"):
+        server.add_text(geojson(zone(), frame_id='map'))
     assert server.add_text(geojson(zone(id='a'))) == 'added a; 1 in all'
     server.on_map.assert_not_called()
     server.take(grid())
     assert server.on_map.call_args[0][0].zones == ('a',)
-    server.frames.locate.return_value = Pose2D(10.0, 2.0, np.pi / 2)
-    server.add_text(geojson(zone((0.0, 0.0, 2.0, 1.0), id='b'), frame_id='odom'))
-    assert server.zones.find('b')[0].geometry.bounds == pytest.approx((9.0, 2.0, 10.0, 4.0))
+    server.add_text(geojson(zone(id='b'), frame_id='map'))
+    with pytest.raises(ZonesError, match="'odom' is not that of the map"):
+        server.add_text(geojson(zone(), frame_id='odom'))
+    assert [one.id for one in server.zones] == ['a', 'b']
 
 
 def speed_mask(topic='slow', kind=FilterKind.SPEED_ABSOLUTE, frame_id='map'):

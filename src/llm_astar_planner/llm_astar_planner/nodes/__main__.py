@@ -35,10 +35,9 @@ EXAMPLES = {
     'planner_node': 'robot_radius:=0.3',
 }
 REFERENCE = """
-docs/reference.md has the whole sentences, topics and services; config/planner.yaml is a parameter
-file with every default. Of a running node: llm-astar param list {name}.
+docs/reference.md has ranges, topics and services; config/planner.yaml is a parameter file with
+every default. Of a running node: llm-astar param list {name}.
 """
-WIDEST, SHORTEST = 120, 30
 
 
 def main(name: str, argv: Sequence[str] | None = None) -> int:
@@ -85,20 +84,15 @@ def start(name: str, argv: Sequence[str]) -> int:
 def usage(name: str) -> str:
     """Return the help of a node: how it is started, and a line for each parameter."""
     import json  # noqa: PLC0415
-    from shutil import get_terminal_size  # noqa: PLC0415
-    from textwrap import shorten  # noqa: PLC0415
 
     from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER  # noqa: PLC0415
 
-    width = min(get_terminal_size().columns, WIDEST)
     hidden = SET_BY_PLANNER if name == 'llm_client_node' else ()
     text = USAGE.format(name=name, about=ABOUT[name], example=EXAMPLES[name])
     for item in NODES[name]:
         if item.name not in hidden:
-            unit = f' {item.unit}' if item.unit else ''
-            head = f'  {item.name} ({json.dumps(item.default)}{unit})'.ljust(36)
-            room = max(width - len(head) - 1, SHORTEST)
-            text += f'{head} {shorten(item.sentence.replace("`", ""), room, placeholder=" ...")}\n'
+            default = f'{json.dumps(item.default)} {item.unit}'.strip()
+            text += f'  {item.name} ({default}): {item.sentence.replace("`", "")}\n'
     return text + REFERENCE.format(name=name)
 
 

@@ -24,7 +24,6 @@ from typing import Any
 from numba import config, njit
 
 NAME = 'llm_astar_planner'
-SHARED_MEMORY = '/dev/shm'  # noqa: S108 - the folder there is checked
 # The folder that was chosen here, None while numba's own are good.
 _CHOSEN: list[Path] = []
 # A small part of inner loops, written out where it is called.
@@ -92,10 +91,7 @@ def temporary_folder() -> Path:
 
     Raises OSError if there is no folder at all that can be written.
     """
-    try:
-        parent = tempfile.gettempdir()
-    except FileNotFoundError:
-        parent = SHARED_MEMORY  # which DDS needs too
+    parent = tempfile.gettempdir()
     folder = Path(parent, f'{NAME}_{os.getuid()}')
     # numba unpickles what is there, so nobody else may write it.
     try:

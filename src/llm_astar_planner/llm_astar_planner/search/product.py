@@ -361,8 +361,8 @@ def make_guide(
             after, accepting = product(after, accepting, one)
     rest = np.full((len(after), count), np.inf)
     kernels.fill_rest(between.astype(np.float64), letters, after, accepting, rest)
-    low, high = (part[:, 2 + active].astype(np.int32, order='C') for part in (low, high))
-    return kernels.Guide(boxes, rows, active, low, high, radix, rest)
+    least, most = (part[:, 2 + active].astype(np.int32, order='C') for part in (low, high))
+    return kernels.Guide(boxes, rows, active, least, most, radix, rest)
 
 
 def extents(values: Int64s, places: Int64s, count: int) -> tuple[Int64s, Int64s]:

@@ -75,19 +75,6 @@ def test_without_a_home_a_temporary_folder_of_this_user_is_used_and_named(
     assert 'NUMBA_CACHE_DIR' in said
 
 
-def test_without_any_folder_for_temporary_files_shared_memory_serves(
-    install, tmp_path, monkeypatch
-):
-    def gettempdir():
-        raise FileNotFoundError('No usable temporary directory found')
-
-    monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
-    monkeypatch.setattr(tempfile, 'gettempdir', gettempdir)
-    monkeypatch.setattr(kernel_cache, 'SHARED_MEMORY', str(tmp_path))
-    start(install)
-    assert Path(config.CACHE_DIR).parent == tmp_path
-
-
 def test_a_temporary_folder_that_others_may_write_is_not_trusted(install, tmp_path, monkeypatch):
     monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))

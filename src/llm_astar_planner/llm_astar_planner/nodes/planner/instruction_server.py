@@ -47,8 +47,6 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import state_file
 
 ASK_AGAIN_PERIOD = 1.0
-# Who publishes there may ask something soon.
-ASKED_ON = ('~/interpret', '~/instruction')
 
 # How often to look whether the node that is asked is still there, in seconds.
 POLL_SECONDS = 0.5
@@ -89,7 +87,7 @@ class InstructionServer:
         entities.on_close(self._reader.close)
         self.current = CurrentInstruction(self._reader, self.on_change)
         self._progress = Progress()
-        self._client_changed = self._is_prepared = False
+        self._client_changed = False
         self._prepared = NO_PLACES
 
     def start(self) -> None:
@@ -148,10 +146,6 @@ class InstructionServer:
 
     def ask_again(self) -> None:
         """Ask what was not answered, and all once more where the client has changed."""
-        if not self._is_prepared and any(map(self._node.count_publishers, ASKED_ON)):
-            # The grammar's tables take a second, and 34 MB which a robot may never need.
-            self._is_prepared = True
-            Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         anew, self._client_changed = self._client_changed, False
         self.current.ask_again(anew=anew)
 

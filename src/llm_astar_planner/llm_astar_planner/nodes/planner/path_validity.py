@@ -118,7 +118,7 @@ class PathValidityService:
     def poses(self, path: Path, frame_id: str) -> NDArray[np.float64]:
         """Return a path's poses (x, y, yaw) [n, 3] in metres and radians, in the map's frame.
 
-        Each frame that they are in is transformed once, by the newest transform. Raises
+        The frame that they are in is transformed by its newest transform. Raises ValidityError,
         FrameError, GridMapError.
         """
         names = [pose.header.frame_id or path.header.frame_id for pose in path.poses]
@@ -128,12 +128,10 @@ class PathValidityService:
         ]
         array = np.array(values, dtype=np.float64)
         poses = np.column_stack([array[:, :2], yaws_of(array[:, 2:])])
-        for name in set(names):
-            if name in ('', frame_id):
-                continue
-            matrix = self.frames.matrix(name, frame_id, 'path')
-            of_frame = np.array([one == name for one in names])
-            poses[of_frame] = moved_poses(poses[of_frame], matrix)
+        if len({name or frame_id for name in names}) > 1:
+            raise ValidityError('the poses are in several frames')
+        if names[0] not in ('', frame_id):
+            return moved_poses(poses, self.frames.matrix(names[0], frame_id, 'path'))
         return poses
 
     def first_index(self, poses: NDArray[np.float64], frame_id: str) -> int:

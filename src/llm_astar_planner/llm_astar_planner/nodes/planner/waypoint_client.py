@@ -41,8 +41,6 @@ MAX_SECONDS = 3600.0
 KEPT_EXCHANGES = 64
 # What a reply has of the client's exchange as it is.
 SAID = ('label', 'detail', 'text', 'model', 'prompt', 'prompt_tokens', 'completion_tokens')
-# Queries at a time; more than the node has threads only if the client hangs.
-MAX_PENDING = 32
 
 # The client's services are discovered one after the other.
 DISCOVERY_SECONDS = 1.0
@@ -83,7 +81,6 @@ class WaypointClient:
         self._client = self._node.create_client(GetPlan, service, qos_profile=CALLS)
         self._exchanges: Recent[tuple[int, int], ExchangeReport] = Recent(KEPT_EXCHANGES)
         self._arrived = threading.Condition()
-        self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self.on_exchange, REPORTS)
         self._full_name = parent.resolve_service_name(client)
         self._setter = self._node.create_client(SetParameters, f'{self._full_name}/set_parameters')
@@ -151,22 +148,16 @@ class WaypointClient:
         """
         if not self.ready:
             raise ClientFailure(SourceStatus.UNREACHABLE, f'{self._client_name} is not there')
-        if not self._free.acquire(blocking=False):
-            detail = f'{MAX_PENDING} queries to {self._client_name} are already running'
-            raise ClientFailure(SourceStatus.REFUSED, detail)
-        try:
-            done = threading.Event()
-            time_left = max(0.0, deadline - time.monotonic())
-            future = self._client.call_async(to_message(query, time_left))
-            future.add_done_callback(lambda _: done.set())
-            while not done.wait(max(0.0, min(POLL_SECONDS, deadline - time.monotonic()))):
-                failure = self.failure(query, deadline)
-                if failure is not None:
-                    self._client.remove_pending_request(future)
-                    raise failure
-            return future.result()
-        finally:
-            self._free.release()
+        done = threading.Event()
+        time_left = max(0.0, deadline - time.monotonic())
+        future = self._client.call_async(to_message(query, time_left))
+        future.add_done_callback(lambda _: done.set())
+        while not done.wait(max(0.0, min(POLL_SECONDS, deadline - time.monotonic()))):
+            failure = self.failure(query, deadline)
+            if failure is not None:
+                self._client.remove_pending_request(future)
+                raise failure
+        return future.result()
 
     def failure(self, query: WaypointQuery, deadline: float) -> ClientFailure | None:
         """Return why a query is not waited for any longer, None while it is."""

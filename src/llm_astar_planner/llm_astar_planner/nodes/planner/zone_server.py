@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-import shapely
 from diagnostic_msgs.srv import AddDiagnostics
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
@@ -197,33 +196,19 @@ class ZoneServer:
         stamped = pose_to_message(pose, frame_id, PoseStamped().header.stamp)
         return self.frames.locate(stamped, grid_map.frame_id, 'zone or mask')
 
-    def placed(self, zone: Zone, frame_id: str) -> Zone:
-        """Return a zone of another frame where it is on the map now.
-
-        Raises ZonesError or FrameError.
-        """
-        grid_map = self._grid_map
-        if not frame_id or (grid_map is not None and frame_id == grid_map.frame_id):
-            return zone
-        if grid_map is None:
-            raise ZonesError(
-                f'frame_id: no map has arrived yet, so {short_repr(frame_id)} cannot be '
-                "transformed; leave it out if the zones are in the map's frame"
-            )
-        origin = self.pose_in(grid_map, Pose2D(0.0, 0.0), frame_id)
-        geometry = shapely.transform(zone.geometry, origin.transform)
-        return replace(zone, geometry=geometry, heading=zone.heading + math.degrees(origin.yaw))
-
     def add_text(self, text: str) -> str:
         """Add the zones of a GeoJSON text, in the place of those that have their ids.
 
         Return what was done. Raises LlmAstarError.
         """
-        read, frame_id = zones_from_text(text, time.monotonic())
-        zones = tuple(self.placed(zone, frame_id) for zone in read)
+        zones, frame_id = zones_from_text(text, time.monotonic())
+        grid_map = self._grid_map
+        if frame_id and (grid_map is None or frame_id != grid_map.frame_id):
+            raise ZonesError(
+                f'frame_id: {short_repr(frame_id)} is not that of the map; leave it out'
+            )
         self.use(self.zones.add(zones))
         said = f'added {named(zones)}; {len(self.zones)} in all'
-        grid_map = self._grid_map
         if grid_map is not None:
             off = [one for one in zones if not has_cells(window_of(one.area, grid_map))]
             if off:
