@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from nav2_stack import places, processes
 from nav2_stack.measures import length, median_ratio, pairs, turning
 from nav2_stack.table import write_table
-from nav2_stack.world import ACCELERATION, PERIOD, ROBOT_RADIUS, SWING, World
+from nav2_stack.world import ACCELERATION, PERIOD, ROBOT_RADIUS, SWING, World, off_by
 
 FOLDER = Path(__file__).parent
 BOX = (3.0, 2.0, 0.5, 1.0)
@@ -87,6 +87,14 @@ def test_length_and_turning_of_a_track():
     track = [(0, 0, 3.0), (3, 4, -3.0), (3, 5, -2.5)]
     assert length(track) == pytest.approx(6.0)
     assert turning(track) == pytest.approx(2 * math.pi - 6.0 + 0.5)
+
+
+def test_a_robot_is_localized_off_by_the_error_where_it_is():
+    pose = Pose2D(12.0, -5.0, 0.7)
+    x, y, yaw = off_by(Pose2D(0.05, -0.02, 0.02), pose)
+    seen = complex(x, y) + complex(pose.x, pose.y) * np.exp(1j * yaw)
+    assert seen == pytest.approx(complex(12.05, -5.02))
+    assert yaw + pose.yaw == pytest.approx(0.72)
 
 
 def measured(planner, mission, **values):
