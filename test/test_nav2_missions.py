@@ -99,6 +99,7 @@ def test_a_robot_is_localized_off_by_the_error_where_it_is():
 
 def measured(planner, mission, **values):
     row = {
+        'noise': 0.0, 'controller': 'rpp',
         'planner': planner, 'map': 'depot', 'scenario': 'plain', 'mission': mission, 'seed': 1,
         'arrived': True, 'status': 4, 'code': 0, 'seconds': 10.0, 'driven': 8.0, 'planned': 8.0,
         'turning': 1.0, 'near': 0.0, 'bumps': 0, 'recoveries': 0, 'plans': 9, 'collisions': 0,
@@ -126,6 +127,17 @@ def test_the_table_has_both_planners_and_their_ratios(tmp_path):
     assert '| | planner_node | NavFn |' in page
     assert 'driven 0.750' in page
     assert '1.5 s (planner_server 1.0, planner_node 0.5) | 1.0 s |' in page
+
+
+def test_drives_of_another_setting_have_a_section_of_their_own(tmp_path):
+    rows = [measured(planner, 0) for planner in ('ours', 'navfn')]
+    rows += [{**row, 'noise': 0.06, 'driven': 2.0 * row['driven']} for row in rows]
+    assert len(pairs(rows, 'ours', 'navfn')) == 2
+    (tmp_path / 'missions.jsonl').write_text('\n'.join(map(json.dumps, rows)))
+    write_table(tmp_path, tmp_path / 'page.md', 'python -m nav2_stack', 'today')
+    page = (tmp_path / 'page.md').read_text()
+    assert '| arrived | as NavFn | 1 (1) |' in page
+    assert '## depot: plain missions, localized off by 6 cm\n' in page
 
 
 @pytest.mark.parametrize('name', ['depot', 'warehouse'])
