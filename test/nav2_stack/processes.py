@@ -32,13 +32,12 @@ PLUGINS = {
     'navfn': {},
     'smac': {'GridBased.plugin': 'nav2_smac_planner::SmacPlanner2D', 'GridBased.tolerance': '0.5'},
 }
-# MPPI as its plug-in is without parameters, at the speed of Regulated Pure Pursuit.
+# MPPI as its plug-in is without parameters: at 0.5 m/s, so that its horizon is on the costmap.
 CRITICS = 'Constraint Cost Goal GoalAngle PathAlign PathFollow PathAngle PreferForward'
 CONTROLLERS = {
     'rpp': {},
     'mppi': {
         'plugin': 'nav2_mppi_controller::MPPIController',
-        'vx_max': 1.0,
         'critics': [f'{name}Critic' for name in CRITICS.split()],
     },
 }
