@@ -99,7 +99,7 @@ def test_a_robot_is_localized_off_by_the_error_where_it_is():
 
 def measured(planner, mission, **values):
     row = {
-        'noise': 0.0, 'controller': 'rpp',
+        'noise': 0.0,
         'planner': planner, 'map': 'depot', 'scenario': 'plain', 'mission': mission, 'seed': 1,
         'arrived': True, 'status': 4, 'code': 0, 'seconds': 10.0, 'driven': 8.0, 'planned': 8.0,
         'turning': 1.0, 'near': 0.0, 'bumps': 0, 'recoveries': 0, 'plans': 9, 'collisions': 0,

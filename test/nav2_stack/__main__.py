@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from nav2_stack.processes import CONTROLLERS, MISSING, PLUGINS, environment, has_nav2
+from nav2_stack.processes import MISSING, PLUGINS, environment, has_nav2
 from nav2_stack.table import write_table
 
 # Domains, one for each planner, away from a robot's usual ones and from those of the tests, and
@@ -31,7 +31,6 @@ def main():
         help=f'how many missions of which scenario: {" ".join(SCENARIOS)}',
     )  # fmt: skip
     parser.add_argument('--seed', type=int, default=1)
-    parser.add_argument('--controller', choices=CONTROLLERS, default='rpp')
     parser.add_argument('--noise', type=float, default=0.0, help='of the localization, in metres')
     parser.add_argument('--out', type=Path, required=True, help='a folder for measures and logs')
     parser.add_argument('--table', type=Path, help='a Markdown file for the table')
@@ -52,7 +51,6 @@ def main():
 def drive_together(given, name, scenario, count):
     """Drive one scenario with all planners at the same time, each in a domain of its own."""
     options = ['--count', count, '--seed', given.seed, '--noise', given.noise]
-    options += ['--controller', given.controller]
     running = []
     for number, planner in enumerate(given.planners):
         domain = DOMAINS[0] + (len(PLUGINS) * os.getpid() + number) % DOMAINS[1]

@@ -19,7 +19,7 @@ def turning(poses):
 
 
 # What drives share that are compared.
-SETTING = ('map', 'scenario', 'seed', 'noise', 'controller')
+SETTING = ('map', 'scenario', 'seed', 'noise')
 
 
 def setting_of(row):

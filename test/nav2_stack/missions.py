@@ -206,13 +206,13 @@ def spinning(*nodes):
         thread.join(5.0)
 
 
-def drive_all(planner, grid_map, todo, folder, noise=0.0, controller='rpp'):
+def drive_all(planner, grid_map, todo, folder, noise=0.0):
     """Start a stack and drive missions; yield what was measured of each."""
     rclpy.init()
     try:
         simulator, navigator = Simulator(World(grid_map), noise), Navigator()
         simulator.place(todo[0].start)
-        with spinning(simulator, navigator), Stack(planner, folder, controller) as stack:
+        with spinning(simulator, navigator), Stack(planner, folder) as stack:
             navigator.wait_until_active()
             driver = Driver(stack, simulator, navigator)
             for mission in todo:
@@ -230,16 +230,15 @@ def main():
     parser.add_argument('--count', type=int, default=30)
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--noise', type=float, default=0.0)
-    parser.add_argument('--controller', default='rpp')
     parser.add_argument('--out', type=FilePath, required=True)
     given = parser.parse_args()
     # Doors are on the map that is made here.
     grid_map = find_map(given.map, None if given.scenario == 'door' else maps_folder())
     todo = missions(grid_map, given.scenario, given.count, given.seed)
     names = {'planner': given.planner, 'map': given.map, 'scenario': given.scenario}
-    names |= {'seed': given.seed, 'noise': given.noise, 'controller': given.controller}
+    names |= {'seed': given.seed, 'noise': given.noise}
     logs = given.out / f'{given.map}-{given.scenario}-{given.planner}'
-    driven = drive_all(given.planner, grid_map, todo, logs, given.noise, given.controller)
+    driven = drive_all(given.planner, grid_map, todo, logs, given.noise)
     with (given.out / 'missions.jsonl').open('a') as out:
         for number, measures in enumerate(driven):
             out.write(json.dumps({**names, 'mission': number, **measures}) + '\n')

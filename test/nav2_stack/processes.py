@@ -32,15 +32,6 @@ PLUGINS = {
     'navfn': {},
     'smac': {'GridBased.plugin': 'nav2_smac_planner::SmacPlanner2D', 'GridBased.tolerance': '0.5'},
 }
-# MPPI as its plug-in is without parameters: at 0.5 m/s, so that its horizon is on the costmap.
-CRITICS = 'Constraint Cost Goal GoalAngle PathAlign PathFollow PathAngle PreferForward'
-CONTROLLERS = {
-    'rpp': {},
-    'mppi': {
-        'plugin': 'nav2_mppi_controller::MPPIController',
-        'critics': [f'{name}Critic' for name in CRITICS.split()],
-    },
-}
 PARTS = ('send_goal', 'cancel_goal', 'get_result', 'feedback', 'status')
 # What nav2.launch.py moves aside, so that planner_node has these names.
 MOVED_ASIDE = [
@@ -120,8 +111,8 @@ def environment(domain):
 class Stack:
     """A whole Nav2 with one planner, in the domain of this process; logs go to `folder`."""
 
-    def __init__(self, planner, folder, controller='rpp', respawn=True):
-        self.planner, self.folder, self.controller = planner, Path(folder), controller
+    def __init__(self, planner, folder, respawn=True):
+        self.planner, self.folder = planner, Path(folder)
         self._respawn, self._closing = respawn, threading.Event()
         self.running, self._spent = {}, {}
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -155,13 +146,10 @@ class Stack:
 
     def _parameters(self):
         """Return the file of Nav2's parameters, for planner_node as nav2.launch.py changes it."""
+        if self.planner != 'ours':
+            return FOLDER / 'nav2.yaml'
         values = yaml.safe_load((FOLDER / 'nav2.yaml').read_text())
-        if self.planner == 'ours':
-            costmap = values['global_costmap']['global_costmap']
-            costmap['ros__parameters']['publish_frequency'] = 2.0
-        if CONTROLLERS[self.controller]:
-            server = values['controller_server']['ros__parameters']
-            server['FollowPath'] = CONTROLLERS[self.controller]
+        values['global_costmap']['global_costmap']['ros__parameters']['publish_frequency'] = 2.0
         path = self.folder / 'nav2.yaml'
         path.write_text(yaml.safe_dump(values))
         return path

@@ -143,11 +143,10 @@ AIMS = {
 
 def section(setting, rows):
     """Return the lines about the drives of one setting."""
-    map_name, scenario, _, noise, controller = setting
+    map_name, scenario, _, noise = setting
     planners = [planner for planner in NAMES if any(row['planner'] == planner for row in rows)]
     named = [f'{map_name}: {SCENARIOS[scenario]}']
     named += [f'localized off by {100 * noise:.0f} cm'] if noise else []
-    named += ['with MPPI'] if controller == 'mppi' else []
     named += [f'with {NAMES["smac"]}'] if 'smac' in planners else []
     lines = [f'## {", ".join(named)}\n']
     lines.append('| | ' + ' | '.join(NAMES[planner] for planner in planners) + ' |')
