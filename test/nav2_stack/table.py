@@ -18,6 +18,8 @@ SCENARIOS = {
     'goal': 'the goal changes on the way',
     'kill': 'the process that plans is killed (kill -9) on the way',
 }
+# A row in which all planners have this is left out.
+NOTHING = {'0', '0, 0', '0.0 %'}
 OF_WHOLE_PROCESSES = ('goal to first plan, median (p95)', 'plans', 'CPU of what plans')
 RATIOS = {
     'planned': 'planned length',
@@ -36,7 +38,8 @@ a process for each planner); everything else is Nav2's own. Starts and goals are
 all. Maps are Nav2's `depot` and `warehouse`; the door is on a depot made from a seed.
 
 planner_server holds the global costmap, so it runs beside planner_node, and both count. A killed \
-process is started again at once.
+process is started again at once. Bumps, recoveries, foreseen collisions, warnings and time near \
+obstacles are left out where all have none.
 """
 
 
@@ -153,7 +156,9 @@ def section(setting, rows):
     lines.append('|---' * (len(planners) + 1) + '|')
     columns = [totals([row for row in rows if row['planner'] == one]) for one in planners]
     for what in columns[0]:
-        lines.append(f'| {what} | ' + ' | '.join(column[what] for column in columns) + ' |')
+        cells = [column[what] for column in columns]
+        if not NOTHING.issuperset(cells):
+            lines.append(f'| {what} | ' + ' | '.join(cells) + ' |')
     lines.append('')
     for other in planners[1:]:
         lines += compared(rows, planners[0], other)
