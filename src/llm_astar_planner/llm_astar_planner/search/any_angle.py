@@ -26,9 +26,8 @@ from llm_astar_planner.search.arrays import Bools, Float64s, Int32s, Uint8s
 from llm_astar_planner.search.grid_graph import STEPS, GridGraph
 from llm_astar_planner.search.result import Cell
 
-# A path is pulled until it gains less than this, in cells, or this often from either end.
-MIN_GAIN = 1e-9
-MAX_PULLS = 8
+# Cells that lines pass between two looks at the deadline: a few milliseconds.
+SLICE = 1 << 20
 # The bits, as in `GridGraph.moves`, of all moves and of those of each quadrant; and the number of
 # the move by one row or column back, none or on: rows first.
 LINE_KINDS = (255, 1 | 2 | 16, 2 | 4 | 32, 4 | 8 | 64, 1 | 8 | 128)
@@ -51,7 +50,7 @@ class AnyAnglePath(NamedTuple):
 def straight_path(grid: GridGraph, points: Int32s) -> AnyAnglePath | None:
     """Return the path of straight lines through cells [n, 2], None where one is blocked."""
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-    cost, length, wrong = kernels.path_cost(rules, points)
+    cost, length, wrong, _ = kernels.path_cost(rules, points)
     return AnyAnglePath(points, length, cost) if wrong < 0 else None
 
 
@@ -60,27 +59,29 @@ def string_pull(grid: GridGraph, path: Int32s, *, deadline: float = math.inf) ->
 
     Every segment is checked against the grid. This is a local improvement: the path stays on the
     same side of each obstacle. Raises ValueError for a path with a blocked or missing step, and
-    TimeoutError at the `deadline` (monotonic seconds, looked at between pulls).
+    TimeoutError at the `deadline` (monotonic seconds, looked at between slices).
     """
     cells: Int32s = np.ascontiguousarray(path, dtype=np.int32).reshape(-1, 2)
     if len(cells) == 0:
         return AnyAnglePath(cells, math.nan, math.nan)
     rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
-    cost, length, wrong = kernels.path_cost(rules, cells)
+    cost, _, wrong, room = kernels.path_cost(rules, cells)
     if wrong >= 0:
         last: Cell = tuple(cells[wrong].tolist())
         grid.index(last)
         before = cells[max(wrong - 1, 0)].tolist()
         raise ValueError(f'the straight line from cell {before} to {last} is blocked')
-    points = cells
-    for _ in range(MAX_PULLS):
+    points, centres = (np.empty((room, 2), dtype=np.int32) for _ in range(2))
+    points[: len(cells)] = cells
+    counts, costs = np.zeros(kernels.COUNTS, dtype=np.int64), np.array([cost, 0.0])
+    counts[kernels.POINTS] = len(cells)
+    is_done = len(cells) == 1
+    while not is_done:
         if time.monotonic() >= deadline:
             raise TimeoutError('the path at any angle is left out: there was no time for it')
-        points = kernels.pulled(rules, kernels.pulled(rules, points))
-        before = cost
-        cost, length, _ = kernels.path_cost(rules, points)
-        if cost > before - MIN_GAIN:
-            break
+        is_done = kernels.string_pull(rules, points, centres, counts, costs, SLICE)
+    points = points[: counts[kernels.POINTS]].copy()
+    cost, length, _, _ = kernels.path_cost(rules, points)
     return AnyAnglePath(points, length, cost)
 
 

@@ -4,10 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from grids import can_see, queries, shortest_path
+from grids import can_see, queries
 from hypothesis import given, settings
+from hypothesis import strategies as st
+from llm_astar_planner.search import any_angle
 from llm_astar_planner.search._kernels import line_of_sight as kernels
 from llm_astar_planner.search.any_angle import interpolate, string_pull, turning_points
+from llm_astar_planner.search.astar import shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
 
 
@@ -89,12 +92,14 @@ def plain_pull(grid, path):
 
 
 @settings(max_examples=100, deadline=None)
-@given(queries())
-def test_a_path_is_pulled_as_in_plain_python(query):
+@given(queries(), st.sampled_from([1, 1 << 20]))
+def test_a_path_is_pulled_as_in_plain_python_in_slices_too(query, size):
     grid, start, goal = query
     path, _ = shortest_path(grid, start, goal)
     if len(path) > 1:
-        pulled = string_pull(grid, path)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(any_angle, 'SLICE', size)
+            pulled = string_pull(grid, path)
         assert [tuple(point) for point in pulled.points.tolist()] == plain_pull(grid, path)
 
 
