@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from llm_astar_lab.instruct_bench.suite import SuiteInstruction, load_suite
+from llm_astar_lab.report.table import markdown_table
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
 from llm_astar_planner.instructions.reader.check import doubt_about
 from llm_astar_planner.resources import find_file
-
-from llm_astar_lab.instruct_bench.suite import SuiteInstruction, load_suite
-from llm_astar_lab.report.table import markdown_table
 
 RIGHT, WRONG, ALL = 'right', 'all wrong ones', 'all'
 Counts = Counter[tuple[str, str, bool]]

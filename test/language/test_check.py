@@ -7,9 +7,10 @@ tenth sentence, or all of them where LLM_ASTAR_JUDGE_ALL is set; `pytest -s` pri
 import os
 
 import pytest
-from benchmarks import claims
 from language import free, written
 from language.judge import say
+
+from benchmarks import claims
 
 EVERY = 1 if os.environ.get('LLM_ASTAR_JUDGE_ALL') else 10
 SETS = {
