@@ -9,6 +9,7 @@ import os
 import pytest
 from language import free, written
 from language.judge import say
+from llm_astar_lab.instruct_bench import claims
 
 from benchmarks import claims
 

@@ -25,6 +25,7 @@ examples:
     --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
   llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
   llm-astar instruct-bench --suite house.json --show h-07 --png out/h-07.png
+  llm-astar instruct-bench --check                right and wrong readings: which may be claimed
   llm-astar instruct-bench --suite house.json --fail-under grammar/templated:satisfied=85
     --fail-over false_claims=0 --fail-over grammar:ms=2
 
@@ -60,10 +61,10 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.instruct_bench import report
+from llm_astar_lab.instruct_bench import claims, report
 from llm_astar_lab.instruct_bench import runner as running
 from llm_astar_lab.instruct_bench.runner import InstructionResult, Source
-from llm_astar_lab.instruct_bench.suite import Suite, load_suite
+from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.runner.config import progress
 
@@ -87,6 +88,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flags.option(what, '--map-folder DIR', text, type=Path, action='append', default=[])
     text = 'text, what was understood, clauses with what became of them, checks'
     flags.option(what, '--show ID', f'run one instruction and print all of it: {text}')
+    text = 'right and wrong readings of the suite, as a good and a bad model would give them'
+    flags.option(what, '--check', f'measure the check of claims by itself: {text}')
     sources = parser.add_argument_group('sources')
     text = f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})'
     flags.option(
@@ -118,6 +121,9 @@ def run(args: argparse.Namespace) -> int:
     chosen = list(dict.fromkeys(name for part in args.source for name in part)) or [GRAMMAR]
     check_options(args, chosen)
     suite = load_suite(find_file(args.suite, 'maps'), args.map_folder)
+    if args.check:
+        print(claims.table(claims.measured(map(check_case, suite.instructions))))
+        return common.OK
     sources = make_sources(chosen, model_values(args))
     compile_instruction_kernels()
     chosen_ones = [suite.find(args.show)] if args.show else suite.instructions
@@ -138,6 +144,17 @@ def run(args: argparse.Namespace) -> int:
     for line in report.missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
         code = common.complain(args, line, code or common.MISSED)
     return code
+
+
+def check_case(instruction: SuiteInstruction) -> claims.CheckCase:
+    """Return an instruction of a suite with what it means, for the check of claims."""
+    truths = [
+        spec.to_json()['clauses']
+        for spec in (instruction.truth, *instruction.accepted)
+        if spec.enforceable
+    ]
+    places = instruction.suite_map.places
+    return claims.CheckCase(instruction.text, places, instruction.lang, truths)
 
 
 def check_options(args: argparse.Namespace, chosen: Sequence[str]) -> None:

@@ -23,6 +23,13 @@ def test_the_tables_compare_the_sources(suite, capsys):
     assert any(line.startswith('truth') and ' avoid ' in line for line in lines)
 
 
+def test_the_check_of_claims_is_measured_by_itself(suite, capsys):
+    assert main(['instruct-bench', '--suite', suite, '--check']) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith('| reading | ')
+    assert [line.split(' | ')[0] for line in lines[2:4]] == ['| right', '| verb']
+
+
 def test_a_run_is_written_as_rows_figures_and_report(suite, tmp_path, capsys):
     out = tmp_path / 'out'
     words = ['instruct-bench', '--suite', suite, '--source', 'truth', 'grammar']

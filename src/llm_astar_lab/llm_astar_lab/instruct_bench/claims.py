@@ -1,24 +1,24 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
 """Measures the check that decides whether a reading may be claimed, by itself.
 
 Right readings, as a perfect model would give them, are handed to it, and wrong ones: each is the
 right one with its verb, place, side, order, number, negation or scope changed.
-`python -m benchmarks.claims [SUITE]` prints a table of those of a suite of instructions.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from llm_astar_lab.instruct_bench.suite import SuiteInstruction, load_suite
-from llm_astar_lab.report.table import markdown_table
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
 from llm_astar_planner.instructions.reader.check import doubt_about
-from llm_astar_planner.resources import find_file
+
+from llm_astar_lab.report.table import markdown_table
 
 RIGHT, WRONG, ALL = 'right', 'all wrong ones', 'all'
 Counts = Counter[tuple[str, str, bool]]
@@ -180,27 +180,3 @@ CHANGES: dict[str, Change] = {
     'verb': verbs, 'place': exchanged, 'side': sides, 'order': orders, 'number': numbers,
     'negation': negations, 'scope': scopes,
 }  # fmt: skip
-
-
-def case_of(instruction: SuiteInstruction) -> CheckCase:
-    """Return an instruction of a suite with what it means."""
-    truths = [
-        spec.to_json()['clauses']
-        for spec in (instruction.truth, *instruction.accepted)
-        if spec.enforceable
-    ]
-    places = instruction.suite_map.places
-    return CheckCase(instruction.text, places, instruction.lang, truths)
-
-
-def main() -> None:
-    """Print the table of a suite."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    text = 'a JSON file, a path or a name in maps/ (default: %(default)s)'
-    parser.add_argument('suite', nargs='?', default='instructions/suite.json', help=text)
-    suite = load_suite(find_file(parser.parse_args().suite, 'maps'))
-    print(table(measured(map(case_of, suite.instructions))))
-
-
-if __name__ == '__main__':
-    main()
