@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -48,10 +47,6 @@ DEFINITION_ERRORS = (
 )  # fmt: skip
 # Characters of a definition; the longest of Jazzy's packages has 20,000.
 MAX_DEFINITION = 2**18
-# rosbags' parser takes exponential time for brackets in brackets, of which ROS's IDL has few.
-MAX_BRACKETS = 4
-# One that does not end goes on to the end: to look for the end of each would take quadratic time.
-IDL_TEXTS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 # rosbags generates code for every element of an array of messages.
 MAX_ELEMENTS = 10_000
 
@@ -210,20 +205,23 @@ class Decoder:
     def __init__(self) -> None:
         """Begin with Jazzy's types."""
         self._embedded = typesys.get_typestore(typesys.Stores.EMPTY)
-        self._names: dict[str, str] = {}
+        self._names: set[str] = set()
 
     def learn(self, channel: Channel) -> None:
-        """Use the bag's definition of a type. Without a usable one, Jazzy's is used."""
-        if not channel.definition or channel.msgtype in self._names:
+        """Use the bag's definition of a type. Without a usable one, Jazzy's is used.
+
+        Definitions in IDL are not read: rosbag2 writes them for services alone.
+        """
+        name, is_idl = channel.msgtype, channel.format == 'ros2idl'
+        if not channel.definition or is_idl or name in self._names:
             return
         store = self._embedded
         with suppress(*DEFINITION_ERRORS):
             types = parse_definition(channel)
-            name = parsed_name(channel.msgtype, types)
             store.register({n: found for n, found in types.items() if n not in store.fielddefs})
             # Compiled now, so that a type with unknown parts counts as unknown.
             store.get_msgdef(name)
-            self._names[channel.msgtype] = name
+            self._names.add(name)
 
     def knows(self, msgtype: str) -> bool:
         """Tell whether messages of a type can be decoded."""
@@ -241,7 +239,7 @@ class Decoder:
             raise DecodeError(str(error)) from None
         try:
             if msgtype in self._names:
-                return self._embedded.deserialize_cdr(data, self._names[msgtype])
+                return self._embedded.deserialize_cdr(data, msgtype)
             return bag_types().deserialize_cdr(data, msgtype)
         except SerdeError as error:
             raise DecodeError(str(error)) from None
@@ -255,17 +253,9 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
 
     Raises one of DEFINITION_ERRORS, also for arrays of more messages than MAX_ELEMENTS.
     """
-    types: dict[str, Any] = {}
     if len(channel.definition) > MAX_DEFINITION:
         raise ValueError(f'over {MAX_DEFINITION} characters')
-    if channel.format == 'ros2idl':
-        check_brackets(channel.definition)
-        for part in channel.definition.split(BAR):
-            text = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
-            if text.strip():
-                types.update(typesys.get_types_from_idl(text))
-    else:
-        types = dict(typesys.get_types_from_msg(channel.definition, channel.msgtype))
+    types = dict(typesys.get_types_from_msg(channel.definition, channel.msgtype))
     for name, (_, fields) in types.items():
         for field, (kind, detail) in fields:
             element, base = element_of(kind, detail)
@@ -274,29 +264,6 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
             if kind is Nodetype.ARRAY and detail[1] > MAX_ELEMENTS and not at_once:
                 raise ValueError(f'{name}: {field}: {detail[1]} elements')
     return types
-
-
-def check_brackets(definition: str) -> None:
-    """Raise ValueError for IDL with more than MAX_BRACKETS brackets in one another."""
-    depth = 0
-    for sign in re.findall(r'[(<>)]', IDL_TEXTS.sub('', definition)):
-        depth += 1 if sign in '(<' else -1
-        if depth > MAX_BRACKETS:
-            raise ValueError(f'over {MAX_BRACKETS} brackets in one another')
-
-
-def parsed_name(msgtype: str, types: dict[str, Any]) -> str:
-    """Return the name that a type has among its parsed types; services' parts are below `msg`.
-
-    Raises KeyError where it is not among them, or where a service's events lack a field.
-    """
-    package, _, name = msgtype.rpartition('/')
-    own = next((n for n in (msgtype, f'{package}/msg/{name}') if n in types), None)
-    if own is None:
-        raise KeyError(msgtype)
-    if '/srv/' in msgtype and not {'info', 'request', 'response'} <= dict(types[own][1]).keys():
-        raise KeyError(msgtype)
-    return own
 
 
 # Topics, with the names that the nodes use by default.

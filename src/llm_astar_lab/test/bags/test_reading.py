@@ -9,8 +9,8 @@ import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag, write_split
 from llm_astar_lab.bags.reading import Bag, Problems, unpack
-from llm_astar_lab.bags.storage import LARGEST, BagError, Channel, unzstd
-from llm_astar_lab.bags.types import Decoder, bag_types, define
+from llm_astar_lab.bags.storage import LARGEST, BagError, unzstd
+from llm_astar_lab.bags.types import bag_types, define
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as Ros2Writer
@@ -379,31 +379,6 @@ def test_a_file_with_random_damage_is_read_or_refused(tmp_path, storage):
         except BagError as error:
             assert file.name in str(error)
     assert len(outcomes) > 1
-
-
-@pytest.mark.parametrize(
-    'struct_text',
-    [
-        f'const long X = {"(" * 24}1{")" * 24};',
-        f'struct B {{ sequence<long, {"(" * 24}1{")" * 24}> x; }};',
-        f'struct B {{ {"sequence<" * 24}long{">" * 24} x; }};',
-        'struct B { long x; }; // ' + 'x' * 2**18,
-    ],
-)
-def test_a_definition_that_would_take_a_parser_hours_is_not_parsed(struct_text):
-    decoder = Decoder()
-    text = f'module a {{ module msg {{ {struct_text} }}; }};'
-    decoder.learn(Channel('/x', 'a/msg/B', text, 'ros2idl', 'cdr'))
-    assert not decoder.knows('a/msg/B')
-
-
-def test_brackets_in_comments_and_texts_of_a_definition_do_not_count():
-    decoder = Decoder()
-    note = '/* ((((((( */ // ((((((\n'
-    struct_text = f'{note} struct B {{ sequence<long, 3> x; }};'
-    text = f'module a {{ module msg {{ {struct_text} }}; }};'
-    decoder.learn(Channel('/x', 'a/msg/B', text, 'ros2idl', 'cdr'))
-    assert decoder.knows('a/msg/B')
 
 
 def test_a_file_is_unpacked_up_to_a_limit(tmp_path, monkeypatch):

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -87,13 +86,12 @@ def waypoints_to_markers(
 ) -> MarkerArray:
     """Draw a plan's waypoints (x, y, status), endpoints and via points, in grid coordinates.
 
-    Waypoints are numbered spheres coloured by status, counted by a legend left of the map's top.
+    Waypoints are numbered spheres coloured by status.
     `endpoints`, start and goal, are cubes; `via` points are numbered cylinders. The first marker
     deletes those of the previous plan. Each kind has its namespace, to be hidden on its own.
     """
     longer_side = max(grid_map.width, grid_map.height)
-    cells = max(CELLS_WIDE, PART_OF_MAP * longer_side)
-    size = cells * grid_map.resolution
+    size = max(CELLS_WIDE, PART_OF_MAP * longer_side) * grid_map.resolution
     shapes: list[Shape] = []
     for number, (x, y, status) in enumerate(waypoints, start=1):
         colour = STATUS_COLOURS.get(status, UNKNOWN_STATUS_COLOUR)
@@ -107,8 +105,6 @@ def waypoints_to_markers(
     for number, point in enumerate(via, start=1):
         shapes.append(Shape('via', Marker.CYLINDER, point, VIA_COLOUR, 1.4 * size))
         shapes.append(label(point, VIA_COLOUR, size, f'via {number}'))
-    top_left = (-6.0 * cells, grid_map.height - 1.0)
-    shapes += legend([status for *_, status in waypoints], top_left, cells, size)
     positions = grid_map.grid_to_world([shape.point for shape in shapes]).tolist()
     markers = [shape.to_marker(x, y) for shape, (x, y) in zip(shapes, positions)]
     return numbered(markers, grid_map.frame_id, stamp)
@@ -119,19 +115,6 @@ def label(
 ) -> Shape:
     """Return the text next to a shape."""
     return Shape('labels', Marker.TEXT_VIEW_FACING, point, colour, size, text, offset)
-
-
-def legend(statuses: Sequence[str], top_left: Point2D, cells: float, size: float) -> list[Shape]:
-    """Return one line of text for each known status that occurs, with its count."""
-    counts = Counter(statuses)
-    found = [status for status in STATUS_COLOURS if counts[status]]
-    return [
-        Shape(
-            'legend', Marker.TEXT_VIEW_FACING, (top_left[0], top_left[1] - 1.5 * cells * line),
-            STATUS_COLOURS[status], size, f'{counts[status]} {status.replace("_", " ")}',
-        )
-        for line, status in enumerate(found)
-    ]  # fmt: skip
 
 
 def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: Time) -> GridCells:

@@ -290,7 +290,7 @@ def test_markers_delete_the_old_ones_first_and_colour_waypoints_by_status():
     np.testing.assert_allclose(GRID.world_to_grid([(place.x, place.y)]), [[1.0, 0.0]], atol=1e-9)
 
 
-def test_markers_name_endpoints_and_via_points_and_count_the_statuses():
+def test_markers_name_waypoints_endpoints_and_via_points():
     waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'out_of_bounds'), (2.0, 0.0, 'accepted')]
     array = waypoints_to_markers(
         waypoints, GRID, STAMP, endpoints=[(0.0, 0.0), (2.0, 1.0)], via=[(1.0, 1.0)]
@@ -298,13 +298,7 @@ def test_markers_name_endpoints_and_via_points_and_count_the_statuses():
     markers = array.markers[1:]
     labels = [marker.text for marker in markers if marker.ns == 'labels']
     assert labels == ['1', '2 out of bounds', '3', 'start', 'goal', 'via 1']
-    legend = [marker for marker in markers if marker.ns == 'legend']
-    assert [marker.text for marker in legend] == ['2 accepted', '1 out of bounds']
-    assert len({(marker.pose.position.x, marker.pose.position.y) for marker in legend}) == 2
-    for marker in legend:
-        place = (marker.pose.position.x, marker.pose.position.y)
-        assert not GRID.contains(GRID.world_to_cell(*place))
-    assert {marker.ns for marker in markers} == {'waypoints', 'labels', 'ends', 'via', 'legend'}
+    assert {marker.ns for marker in markers} == {'waypoints', 'labels', 'ends', 'via'}
 
 
 def test_no_label_hides_its_shape_or_another_label_from_above():

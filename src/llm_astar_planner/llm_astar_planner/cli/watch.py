@@ -41,9 +41,6 @@ if TYPE_CHECKING:
 SILENCE_SECONDS = 3.0
 # A signal that arrives between two waits interrupts neither, so every wait is at most this long.
 LONGEST_WAIT = 0.5
-# ANSI colours of lines.
-GREEN, YELLOW, RED, DIM = 32, 33, 31, 2
-STATUS_COLOURS = {'kept': GREEN, 'not kept': RED, 'impossible': RED}
 # Clauses stand below the words of their plan, behind the time.
 CLAUSE_INDENT = ' ' * 10
 
@@ -75,12 +72,11 @@ def print_events(
 ) -> None:
     """Print events until there were `--count` plans or `stopped` is set."""
     left = arguments.count
-    colour = sys.stdout.isatty() and 'NO_COLOR' not in os.environ
     silent_at = time.monotonic() + SILENCE_SECONDS
     while not stopped.is_set() and (left is None or left > 0):
         event = monitor.next_event(LONGEST_WAIT)
         if event is not None:
-            print(to_json(event) if arguments.json else to_line(event, colour=colour), flush=True)
+            print(to_json(event) if arguments.json else to_line(event), flush=True)
             if left is not None and event.kind == 'plan':
                 left -= 1
         elif not monitor.has_heard_planner and time.monotonic() > silent_at:
@@ -110,8 +106,8 @@ def to_json(event: MonitorEvent) -> str:
     return json.dumps({**head, **event.values})
 
 
-def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
-    """Return one line for a person, coloured by how well it went if `colour`.
+def to_line(event: MonitorEvent) -> str:
+    """Return one line for a person.
 
     A plan with an instruction has a line more for each clause. Characters that could control the
     terminal, such as a model may write, are replaced.
@@ -119,15 +115,12 @@ def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
     clock = time.strftime('%H:%M:%S', time.localtime(event.stamp / 1e9))
     words = {'plan': plan_words, 'exchange': exchange_words, 'health': health_words}
     line = '  '.join([clock, *filter(None, words[event.kind.value](event))])
-    lines = []
-    for code, text in ((colour_of(event), line), *clause_lines(event)):
-        shown = ''.join(x if x.isprintable() else ' ' for x in text)
-        lines.append(f'\033[{code}m{shown}\033[0m' if colour else shown)
-    return '\n'.join(lines)
+    texts = (line, *clause_lines(event))
+    return '\n'.join(''.join(x if x.isprintable() else ' ' for x in text) for text in texts)
 
 
-def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
-    """Yield a colour and a line for each clause of a plan's instruction."""
+def clause_lines(event: MonitorEvent) -> Iterator[str]:
+    """Yield a line for each clause of a plan's instruction."""
     report = event.values.get('instruction_report') if event.kind == 'plan' else None
     if not report:
         return
@@ -136,8 +129,7 @@ def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
 
     for clause in report['clauses']:
         words = clause['clause'].removeprefix('not understood: ') + clause_facts(clause)
-        code = STATUS_COLOURS.get(clause['status'], YELLOW)
-        yield code, f'{CLAUSE_INDENT}{clause["status"]:<14}  {words}'
+        yield f'{CLAUSE_INDENT}{clause["status"]:<14}  {words}'
 
 
 def plan_words(event: MonitorEvent) -> list[str]:
@@ -187,16 +179,3 @@ def exchange_words(event: MonitorEvent) -> list[str]:
 def health_words(event: MonitorEvent) -> list[str]:
     """Return the words of the line of a node's new state."""
     return ['health  ', event.node, event.values['message']]
-
-
-def colour_of(event: MonitorEvent) -> int:
-    """Return the ANSI colour of a line: of a plan, by how well it went."""
-    if event.kind != 'plan':
-        return DIM
-    if event.values['code']:
-        return RED
-    report = event.values['instruction_report']
-    is_violated = report is not None and report['satisfied'] is False
-    is_unguided = event.values['source_status'] not in ('OK', 'NONE')
-    is_doubtful = event.values['warnings'] or is_unguided or is_violated
-    return YELLOW if is_doubtful else GREEN
