@@ -51,9 +51,8 @@ def answer_of(completion: Completion) -> WaypointReply:
 class EndpointSource:
     """Describes the map to a model, reads its reply, and asks again where that may help.
 
-    A reply without a list of points is asked for once more. With `repair_rounds` in the
-    `settings`, the model is asked to correct a route that collides. A request that is running
-    when the time is up goes on for `late_s` seconds, for callers that keep a late answer.
+    A reply without a list of points is asked for once more. A request that is running when the
+    time is up goes on for `late_s` seconds, for callers that keep a late answer.
     `resolver` makes prompts use the coordinates of the maps of a dataset.
     """
 
@@ -77,7 +76,6 @@ class EndpointSource:
         try:
             conversation.begin()
             conversation.ask_for_a_list()
-            conversation.repair(self.settings.repair_rounds)
         except EndpointFailure as failure:
             return replace(conversation.reply(), status=failure.status, detail=str(failure))
         return conversation.reply()
@@ -137,21 +135,6 @@ class Conversation:
             with contextlib.suppress(EndpointFailure):
                 self._follow_up(prompts.ASK_FOR_A_LIST)
 
-    def repair(self, rounds: int) -> None:
-        """Tell the model what collides, up to `rounds` times; keep the route with least faults."""
-        faults = self._faults() if rounds else []
-        for _ in range(rounds):
-            before, known = self.turn, len(faults)
-            if not faults or before.status is not SourceStatus.OK or not self._has_time():
-                return
-            with contextlib.suppress(EndpointFailure):
-                self._follow_up(prompts.follow_up(faults))
-            faults = self._faults()
-            if self.turn.status is not SourceStatus.OK or len(faults) > known:
-                self.turn = before
-            if self.turn is before:
-                return
-
     def reply(self) -> WaypointReply:
         """Return the reply to the query: the turn that counts."""
         source = self.source
@@ -164,9 +147,6 @@ class Conversation:
     def _has_time(self) -> bool:
         """Return whether an answer as slow as the last one would still come in time."""
         return time.monotonic() + self.last_seconds < self.deadline
-
-    def _faults(self) -> list[str]:
-        return prompts.find_faults(self.query, self.turn.waypoints, self.lattice)
 
     def _follow_up(self, question: str) -> None:
         """Quote the last answer to the model and ask about it. Raises EndpointFailure."""

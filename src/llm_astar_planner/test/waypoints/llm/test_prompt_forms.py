@@ -83,19 +83,6 @@ def test_what_a_model_goes_on_with_after_its_answer_is_not_taken_for_the_answer(
     assert (reply.status, reply.text) == (SourceStatus.MALFORMED, '')
 
 
-def test_a_completion_model_is_asked_again_in_one_text(chat_server):
-    chat_server.script = [
-        text_reply(' [[5, 5], [25, 15], [20, 20]]'),
-        text_reply(' [[5, 5], [26, 8], [26, 24], [20, 20]]'),
-    ]
-    source = source_for(chat_server, prompt_form='completion', repair_rounds=1)
-    assert source.waypoints(QUERY).waypoints[1] == (26.0, 8.0)
-    first, second = (body['prompt'] for body in chat_server.requests)
-    assert second.startswith(f'{first} [[5, 5], [25, 15], [20, 20]]\n\n')
-    assert '[25, 15] lies on a barrier' in second
-    assert second.endswith('\nGenerated Path:')
-
-
 @pytest.mark.parametrize('format_', ['json_schema', 'json_object'])
 def test_a_completion_endpoint_that_knows_no_response_format_is_asked_without(
     chat_server, format_
