@@ -123,11 +123,11 @@ class Conversation:
         """Ask for a path on the described map; `examples` replace the template's own."""
         prompt = self.source.prompt
         self.lattice = description.lattice
-        messages = prompt.template.render(description, prompt.form, examples)
+        message = prompt.template.render(description, examples)
         if self.source.client.dialect.response_format != 'text':
-            messages = templates.ask_for_json(messages, thinks=prompt.template.thinks)
-        self.turn = WaypointReply(messages=messages)
-        self._send(messages)
+            message = templates.ask_for_json(message, thinks=prompt.template.thinks)
+        self.turn = WaypointReply(messages=(message,))
+        self._send((message,))
 
     def ask_for_a_list(self) -> None:
         """Ask once more where the reply held no list; a failure of that changes nothing."""
@@ -251,9 +251,9 @@ def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     settings = context.settings
     template, count = settings.template, settings.retrieved_examples
     library = prompts.load_example_library(settings.examples_file, count) if count else None
-    prompt = prompts.Prompt(template, settings.prompt_form, library, count)
+    prompt = prompts.Prompt(template, library, count)
     source: sources.WaypointSource = EndpointSource(
-        ChatClient(settings, template.stop), prompt, settings, LATE_S,
+        ChatClient(settings), prompt, settings, LATE_S,
         SampleResolver(context.dataset),
     )  # fmt: skip
     if settings.record:

@@ -1,8 +1,7 @@
-"""The forms of a prompt and retrieved examples, as a real HTTP server receives them."""
+"""Retrieved examples, as a real HTTP server receives them, and what is known of a reply."""
 
 import hashlib
 import re
-from dataclasses import replace
 
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import (
@@ -16,18 +15,12 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.prompts.examples import ExamplesError
-from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
+from llm_astar_planner.waypoints.source import WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),), (Barrier(25, 10, 22),))
 QUERY = WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20))
 PATH = ((5.0, 5.0), (26.0, 9.0), (20.0, 20.0))
-
-
-def text_reply(text, finish_reason='stop'):
-    choice = {'text': text, 'index': 0, 'finish_reason': finish_reason}
-    usage = {'prompt_tokens': 70, 'completion_tokens': 9}
-    return 200, {}, {'object': 'text_completion', 'choices': [choice], 'usage': usage}
 
 
 def source_for(server, **settings):
@@ -39,70 +32,6 @@ def source_for(server, **settings):
             **{'timeout_s': 20.0, **settings},
         )
     )
-
-
-def test_a_chat_gets_the_examples_as_turns(chat_server, tmp_path):
-    record = tmp_path / 't.jsonl'
-    reply = source_for(chat_server, prompt_form='turns', record=str(record)).waypoints(QUERY)
-    assert (reply.status, reply.waypoints) == (SourceStatus.OK, PATH)
-    assert reply.prompt == 'few_shot+turns'
-    (body,) = chat_server.requests
-    assert chat_server.paths == ['/v1/chat/completions']
-    roles = [message['role'] for message in body['messages']]
-    assert roles == ['system', *['user', 'assistant'] * 5, 'user']
-    assert body['messages'][-1]['content'].startswith('Start Point: [5, 5]\nGoal Point: [20, 20]')
-    (exchange,) = read_transcript(record)
-    assert exchange.prompt == 'few_shot+turns'
-    assert [message._asdict() for message in exchange.messages] == body['messages']
-
-
-def test_a_completion_model_gets_one_text_and_no_chat(chat_server):
-    chat_server.script = [text_reply(' [[5, 5], [26, 9], [20, 20]]')]
-    reply = source_for(chat_server, prompt='zero_shot', prompt_form='completion').waypoints(QUERY)
-    assert (reply.status, reply.waypoints) == (SourceStatus.OK, PATH)
-    assert (reply.prompt, reply.prompt_tokens) == ('zero_shot+completion', 70)
-    (body,) = chat_server.requests
-    assert chat_server.paths == ['/v1/completions']
-    assert set(body) == {'model', 'prompt', 'stop', 'stream', 'max_tokens', 'temperature'}
-    assert body['prompt'] == reply.messages[0].content
-    assert body['prompt'].endswith('Vertical Barriers: [[25, 10, 22]]\nGenerated Path:')
-    # The special tokens of a model are its server's business.
-    assert '<|' not in body['prompt']
-
-
-def test_what_a_model_goes_on_with_after_its_answer_is_not_taken_for_the_answer(chat_server):
-    more = 'Start Point: [1, 1]\nGoal Point: [2, 2]\nGenerated Path: [[1, 1], [2, 2]]'
-    chat_server.script = [text_reply(f' [[5, 5], [26, 9], [20, 20]]\n\n{more}', 'length')]
-    source = source_for(chat_server, prompt_form='completion')
-    reply = source.waypoints(QUERY)
-    assert chat_server.requests[0]['stop'] == ['\nStart Point:']
-    assert reply.waypoints == PATH
-    assert reply.text.strip() == '[[5, 5], [26, 9], [20, 20]]'
-    chat_server.script = [text_reply(more)]
-    reply = source.waypoints(replace(QUERY, goal=(21, 20)))
-    assert (reply.status, reply.text) == (SourceStatus.MALFORMED, '')
-
-
-@pytest.mark.parametrize('format_', ['json_schema', 'json_object'])
-def test_a_completion_endpoint_that_knows_no_response_format_is_asked_without(
-    chat_server, format_
-):
-    chat_server.script = [
-        chat_server.error(400, 'Unrecognized request argument supplied: response_format'),
-        chat_server.error(400, 'Unrecognized request argument supplied: response_format'),
-        text_reply('{"path": [{"x": 5, "y": 5}, {"x": 26, "y": 9}, {"x": 20, "y": 20}]}'),
-    ][0 if format_ == 'json_schema' else 1 :]
-    source = source_for(chat_server, prompt_form='completion', response_format=format_)
-    assert source.waypoints(QUERY).waypoints == PATH
-    assert 'response_format' not in chat_server.requests[-1]
-
-
-def test_the_words_of_an_endpoint_without_completions_are_kept(chat_server):
-    chat_server.script = [chat_server.error(404, 'This is a chat model, use chat/completions')]
-    reply = source_for(chat_server, prompt_form='completion').waypoints(QUERY)
-    assert reply.status is SourceStatus.ERROR
-    assert 'HTTP 404: This is a chat model' in reply.detail
-    assert len(chat_server.requests) == 1
 
 
 def test_a_recording_says_which_model_and_prompt_its_reply_is_of(chat_server, tmp_path):
@@ -141,13 +70,6 @@ def test_the_most_similar_samples_replace_the_examples(chat_server):
         assert text.count(barriers) == 1
     again = source_for(chat_server, prompt='few_shot', retrieved_examples=3).waypoints(query)
     assert again.messages == reply.messages
-    turns = source_for(chat_server, prompt_form='turns', retrieved_examples=3).waypoints(query)
-    assert [message.role for message in turns.messages] == [
-        'system', *['user', 'assistant'] * 3, 'user'
-    ]  # fmt: skip
-    assert [starts_of(m.content + '\nStart Point: [0, 0]') for m in turns.messages[1::2][:3]] == [
-        [start] for start in shown
-    ]
 
 
 def test_retrieved_examples_keep_to_the_tokens_of_a_prompt_and_halve_where_it_is_too_long(
