@@ -68,7 +68,6 @@ from llm_astar_planner.waypoints.llm.credentials import redact
 from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
-from llm_astar_planner.waypoints.prompts.map_description import parse_query
 from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import load_template, template_path
 from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript
@@ -118,10 +117,6 @@ ANSWER = {'clauses': [
 UNDERSTOOD = {'id': 'q1', 'text': 'avoid the lab', 'specification': CLAUSES, 'error': '',
               'status': 'understood', 'understood_by': 'tiny', 'detail': '', 'seconds': 0.3,
               'prompt_tokens': 4, 'output_tokens': 7}  # fmt: skip
-QUERY = (
-    'design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids horizontal '
-    'barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at [[25, 10, 22]].'
-)
 REPLY = 'Thoughts: 1. go up.\n```json\n{"path": [[5, 5], {"x": 26, "y": 9}, [20, 20]]}\n```\n' \
         'Generated Path: [(5, 5), (26.5, 9), (20, 20)] # done'  # fmt: skip
 COMPLETION = {'choices': [{'message': {'content': [{'type': 'text', 'text': 'Path: [[1, 2]]'}],
@@ -408,7 +403,6 @@ READERS: dict[str, Reader] = {
     'reply': text_reader(REPLY, read_reply),
     'reply_to_instruction': text_reader(ANSWER, read_instruction_reply),
     'completion': text_reader(COMPLETION, read_body),
-    'query': text_reader(QUERY, parse_query),
 }
 
 

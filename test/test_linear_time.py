@@ -18,8 +18,6 @@ from re import _parser as parser
 from typing import Any, NamedTuple
 
 import pytest
-from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_planner.waypoints.prompts.map_description import MAX_QUERY_CHARS, parse_query
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS, parse_reply
 
 SMALL, LARGE = MAX_REPLY_CHARS // 8, MAX_REPLY_CHARS
@@ -35,16 +33,8 @@ class Reader(NamedTuple):
     module: str
 
 
-def read_query(text: str) -> object:
-    try:
-        return parse_query(text[:MAX_QUERY_CHARS])
-    except LlmAstarError as error:
-        return error
-
-
 READERS = {
     'reply': Reader(parse_reply, 'llm_astar_planner.waypoints.prompts.reply_parser'),
-    'query': Reader(read_query, 'llm_astar_planner.waypoints.prompts.map_description'),
 }
 
 

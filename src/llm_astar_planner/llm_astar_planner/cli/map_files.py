@@ -118,7 +118,7 @@ def coordinates_of(
     arguments: argparse.Namespace, problem: ProblemMap, grid_map: GridMap
 ) -> Coordinates:
     """Return the unit of a map's points: by the options, else by the kind of the map's file."""
-    is_robot_map = not arguments.query and find_file(arguments.map, 'maps').suffix.lower() in YAML
+    is_robot_map = find_file(arguments.map, 'maps').suffix.lower() in YAML
     in_metres = arguments.metres or (is_robot_map and not arguments.cells)
     return Coordinates(grid_map, problem.offset, in_metres)
 

@@ -24,9 +24,6 @@ examples:
   llm-astar plan --map depot --from "dock 1" --to workshop --alternatives 3
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
-  llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
-    horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
-    [[25, 10, 22]]."
 
 exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path that does not keep the instruction,
 a partial path, or, with --require-waypoints, no usable waypoint

@@ -32,7 +32,6 @@ from llm_astar_planner.planning.types import PlanRequest, check_request
 from llm_astar_planner.resources import find_file, state_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.prompts.map_description import parse_query
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
@@ -149,8 +148,6 @@ def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None
     )  # fmt: skip
     text = 'take what is unsure of the instruction as it was read'
     flags.option(where, '--confirm', text)
-    text = 'the whole question as a sentence, in the form of the dataset (see below)'
-    flags.option(where, '--query TEXT', text)
     text = 'pass here on the way, in the same unit; repeat it for more, in order'
     flags.option(where, '--via', text, **flags.POINT, action='append', default=[])
     map_files.add_unit_options(where)
@@ -197,16 +194,12 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
 
     Raises ParameterError, and what reading a map or a source raises, on bad input.
     """
-    if arguments.query is None:
-        ends = arguments.start or arguments.start_place, arguments.goal or arguments.goal_place
-        # Drawing pairs imports scipy.ndimage: a tenth of a second that a plan does not need.
-        maps, problem = map_files.open_maps(arguments, 0 if all(ends) else None)
-    else:
-        maps = [problem := parse_query(arguments.query)]
+    ends = arguments.start or arguments.start_place, arguments.goal or arguments.goal_place
+    # Drawing pairs imports scipy.ndimage: a tenth of a second that a plan does not need.
+    maps, problem = map_files.open_maps(arguments, 0 if all(ends) else None)
     options = read_planning_options(arguments, problem)
     planner = options.make_planner(problem, map_files.zones_text(arguments.zones))
-    map_file = arguments.map if arguments.query is None else None
-    places = map_files.open_places(options.values['places_file'], map_file)
+    places = map_files.open_places(options.values['places_file'], arguments.map)
     map_files.warn_of_places(places, planner.grid_map)
     coordinates = map_files.coordinates_of(arguments, problem, planner.grid_map)
     start, goal = choose_endpoints(arguments, problem, places, planner.costmap, coordinates)

@@ -1,23 +1,18 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers.
-
-Also reads the sentence of the dataset that asks for a path, the paper's parse step.
-"""
+"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, coarsen, decompose_barriers
-from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, parse_barrier_map
+from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 
 from llm_astar_planner.search.arrays import Bools
 from llm_astar_planner.search.result import Cell
@@ -124,14 +119,6 @@ def describe(
     return make_description(barriers, query, lattice, budget)
 
 
-def describe_coarser(fine: Description, query: WaypointQuery) -> Description:
-    """Describe a query again, by half as many barriers on a lattice twice as coarse."""
-    lattice = fine.lattice.coarsened(2 * fine.lattice.unit)
-    limit = max(1, (len(fine.horizontal_barriers) + len(fine.vertical_barriers)) // 2)
-    walls = coarsen(query.costmap.blocked, lattice.unit, minimum=lattice.unit)
-    return make_description(decompose_barriers(walls, limit), query, lattice, 16 * limit)
-
-
 def make_description(
     barriers: BarrierMap, query: WaypointQuery, lattice: Lattice, budget: int
 ) -> Description:
@@ -176,52 +163,3 @@ def waypoint_bounds(side: int, unit: int, offset: int) -> tuple[int, int]:
     if last < 2 * edge:
         return offset, offset + last
     return offset + edge, offset + last - edge
-
-
-MAX_QUERY_CHARS = 20000
-_NUMBER = r'\s*-?\d{1,6}\s*'
-_POINT = rf'\[{_NUMBER},{_NUMBER}\]'
-# No text matches these in two ways: backtracking would try them all.
-_LIST = rf'\[\s*(?:\[{_NUMBER},{_NUMBER},{_NUMBER}\]\s*(?:,\s*)?)*\]'
-_SENTENCE = re.compile(
-    rf'\s*(?:design|find|plan)\s+a\s+path\s+from\s*(?P<start>{_POINT})\s*to\s*(?P<goal>{_POINT})'
-    r'\s*on\s+an?\s+(?P<width>\d{1,6})\s*by\s*(?P<height>\d{1,6})\s*grid\s+that\s+avoids\s+'
-    rf'horizontal\s+barriers\s+(?:centered\s+)?at\s*(?P<horizontal>{_LIST})\s*and\s+'
-    rf'vertical\s+barriers\s+(?:centered\s+)?at\s*(?P<vertical>{_LIST})\s*(?:\.\s*)?',
-    re.IGNORECASE,
-)
-
-
-class QueryError(LlmAstarError, ValueError):
-    """A sentence cannot be parsed; the message says why."""
-
-
-def parse_query(text: str) -> BarrierMap:
-    """Return the map that a sentence describes; its only sample has the start and the goal.
-
-    Raises QueryError for a sentence of another form, BarrierMapError for numbers that fit no map.
-    """
-    if len(text) > MAX_QUERY_CHARS:
-        raise QueryError(f'query: longer than {MAX_QUERY_CHARS} characters')
-    match = _SENTENCE.fullmatch(text)
-    if match is None:
-        raise QueryError(
-            'query: not of the form "design a path from [x, y] to [x, y] on a W by H grid that '
-            'avoids horizontal barriers centered at [[y, x0, x1], ...] and vertical barriers at '
-            '[[x, y0, y1], ...]."'
-        )
-    numbers = {
-        name: [int(value) for value in re.findall(r'-?\d+', part)]
-        for name, part in match.groupdict().items()
-    }
-    barriers = {}
-    for kind in ('horizontal', 'vertical'):
-        # Every three numbers are one; the lower end comes first.
-        each = zip(*[iter(numbers[kind])] * 3)
-        barriers[f'{kind}_barriers'] = [[line, *sorted(ends)] for line, *ends in each]
-    entry = {
-        'range_x': [0, *numbers['width']],
-        'range_y': [0, *numbers['height']],
-        'start_goal': [[numbers['start'], numbers['goal']]],
-    }
-    return parse_barrier_map(entry | barriers, 'query')

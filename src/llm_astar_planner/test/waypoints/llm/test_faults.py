@@ -112,13 +112,10 @@ ROWS = {
     '400 on every field': (
         lambda s: [s.error(400, 'max_tokens, temperature: no')], SourceStatus.ERROR, 'HTTP 400', 4,
     ),
-    'context too long once': (
-        lambda s: [s.error(400, 'maximum context length is 512'), s.completion(GOOD)], *OK, 2,
+    'context too long': (
+        lambda s: [s.error(400, 'exceed_context_size_error')], SourceStatus.ERROR, 'context', 1,
     ),
-    'context too long always': (
-        lambda s: [s.error(400, 'exceed_context_size_error')], SourceStatus.ERROR, 'context', 2,
-    ),
-    '413 once': (lambda s: [s.error(413, 'too large'), s.completion(GOOD)], *OK, 2),
+    '413': (lambda s: [s.error(413, 'too large')], SourceStatus.ERROR, 'too large', 1),
     'cut short': (lambda s: [s.completion(GOOD[:-9], 'length')], *OK, 1),
     'cut short before any point': (
         lambda s: [s.completion('Let me think', 'length')], SourceStatus.MALFORMED, 'cut short', 2,
@@ -392,20 +389,6 @@ def test_fields_that_an_endpoint_rejects_are_remembered(chat_server):
         *[set()] * 4,
     ]
     assert all(body['max_completion_tokens'] == 1000 for body in chat_server.requests[1:])
-
-
-def test_a_prompt_that_is_too_long_is_sent_again_with_a_coarser_map(chat_server):
-    barriers = tuple(Barrier(y, 3, 3 + y) for y in range(2, 29, 2))
-    query = replace(QUERY, costmap=Costmap(BarrierMap(0, (0, 51), (0, 31), barriers).to_grid()))
-    chat_server.script = [
-        chat_server.error(400, 'too big', 'context_length_exceeded'),
-        chat_server.completion('Generated Path: [[2, 2], [13, 4], [10, 10]]'),
-    ]
-    reply = source_for(chat_server).waypoints(query)
-    long, short = (body['messages'][0]['content'] for body in chat_server.requests)
-    assert len(short) < len(long)
-    assert short.count('[') <= long.count('[') - 7  # half of the 14 barriers
-    assert (reply.unit, reply.waypoints[0], reply.waypoints[-1]) == (2, (5.0, 5.0), (20.0, 20.0))
 
 
 def test_a_late_reply_goes_to_the_cache(chat_server):
