@@ -1,4 +1,4 @@
-"""Retrieved examples as options of `llm-astar bench`."""
+"""The prompts as options of `llm-astar bench`."""
 
 import json
 
@@ -28,16 +28,12 @@ def test_rows_and_replays_name_how_a_model_was_asked(
     words += ('--methods', 'llm_astar')
     live = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'parrot-1')
     form = ('--prompt', 'few_shot,zero_shot')
-    examples = ('--retrieved-examples', '2', '--examples-file', dataset)
-    assert llm_astar(*words, *live, *form, *examples, '--out', tmp_path / 'live') == 0
+    assert llm_astar(*words, *live, *form, '--out', tmp_path / 'live') == 0
     cases = {case['case'] for case in json.loads(capsys.readouterr().out)['cases']}
-    prompts = ('few_shot+retrieved_2', 'zero_shot+retrieved_2')
+    prompts = ('few_shot', 'zero_shot')
     assert {f'llm_astar/endpoint/{prompt}/parrot-1' for prompt in prompts} < cases
-    (message,) = chat_server.requests[0]['messages']
-    assert message['content'].count('Start Point') == 3
     metadata = json.loads((tmp_path / 'live' / 'metadata.json').read_text())
-    assert set(metadata['files']) == {'few_shot.txt', 'zero_shot.txt', 'maps.json'}
-    assert metadata['parameters']['retrieved_examples'] == 2
+    assert set(metadata['files']) == {'few_shot.txt', 'zero_shot.txt'}
     transcript = tmp_path / 'live' / 'transcript.jsonl'
     replay = ('--source', 'replay', '--transcript', transcript, '--prompt', prompts[1])
     assert llm_astar(*words, *replay, '--out', tmp_path / 'again') == 0
@@ -49,9 +45,7 @@ def test_rows_and_replays_name_how_a_model_was_asked(
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        (('--retrieved-examples', '101'), '101 is not in 0 to 100'),
-        (('--retrieved-examples', '2', '--prompt', 'cot'), 'which the prompt cot asks for'),
-        (('--retrieved-examples', '2', '--examples-file', 'no.json'), "'no.json' is not a file"),
+        (('--prompt', 'mine'), "'mine' is none of few_shot, zero_shot, cot, repe"),
     ],
 )
 def test_options_that_cannot_be_used_are_named(tmp_path, dataset, capsys, options, words):
