@@ -30,7 +30,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.zone_layer import FilterInfo, FilterKind, FilterMask, ZoneLayer
 from llm_astar_planner.costmap.zones import ONE_WAY, Zone
-from llm_astar_planner.planning._kernels.path_checks import nearest_places
+from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
@@ -152,6 +152,7 @@ def compile_plans(
             footprint=None, time_limit=PATIENCE,
         )  # fmt: skip
         plan = planner.direct_plan(request, no_stop())
+        passed_cells(*np.zeros((2, 2), dtype=np.int64))
         if has_source:
             nearest_places(plan.path, np.zeros((1, 2)))
 

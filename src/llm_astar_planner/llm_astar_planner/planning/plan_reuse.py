@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.planning._kernels.path_checks import nearest_places
+from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
-from llm_astar_planner.planning.path_validator import passed_cells, via_problem
+from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.segment import length_text
 from llm_astar_planner.planning.types import (
     Endpoints,
