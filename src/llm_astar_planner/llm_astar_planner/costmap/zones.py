@@ -210,9 +210,6 @@ NO_ZONES = Zones()
 SOURCE = 'zones'
 # The zone that the edges of a nav2_route graph make, and its width unless the file has one.
 ROUTE_GRAPH, ROUTE_WIDTH = 'route graph', 1.0
-# Corners of a triangle, the first once more at the end.
-KINDS = POLYGONS + LINES
-LEAST_POINTS = 4
 MAX_NUMBER = 1e9
 # What is expected where something else is found.
 COST_WORDS = f'a whole number from 1 to {KEEPOUT}, which closes the zone,'
@@ -302,7 +299,7 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
     seconds = number_of(properties, 'seconds', None, where, words=SECONDS_WORDS, least=above_zero)
     fields: dict[str, Any] = {
         'id': id_of(feature.get('id', properties.get('id')), where),
-        'geometry': geometry_of(feature, where),
+        'geometry': parse_geometry(part_of(feature, 'geometry'), where, POLYGONS + LINES),
         'cost': int(cost) if cost % 1 == 0 else cost,
         'name': '' if name in (None, '') else parse_name(name, f'{where}: name'),
         'expires': seconds and now + seconds,
@@ -314,25 +311,6 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
         return Zone(**fields)
     except ZonesError as error:
         raise ZonesError(f'{where}: {error}') from None
-
-
-def geometry_of(feature: dict[str, Any], where: str) -> BaseGeometry:
-    """Return the polygons or lines of a feature. Raises ZonesError or PlacesError."""
-    geometry = part_of(feature, 'geometry')
-    kind, found = geometry.get('type'), geometry.get('coordinates')
-    if kind not in KINDS:
-        raise ZonesError(
-            f'{where}: geometry: a {" or ".join(POLYGONS)} is expected, not {short_repr(kind)}'
-        )
-    outlines = {POLYGONS[0]: [found], POLYGONS[1]: found}.get(kind)
-    for outline in outlines if isinstance(outlines, list) else ():
-        for ring in outline if isinstance(outline, list) else ():
-            if isinstance(ring, list) and len(ring) < LEAST_POINTS:
-                raise ZonesError(
-                    f'{where}: coordinates: an outline of {len(ring)} points; it needs three '
-                    'corners, and the first of them once more at the end'
-                )
-    return parse_geometry(geometry, where, KINDS)
 
 
 def number_of(

@@ -169,7 +169,7 @@ def test_nav2s_ways_to_write_a_footprint_are_read():
         ('[[0, 0], [1, 0]]', '2 points; it needs 3 to 64'),
         ('[[]]', 'pair'),
         (str([[math.cos(n / 11), math.sin(n / 11)] for n in range(65)]), '65 points'),
-        ('[[0, 0], [1, 0], [1, 1], [0.5, -1]]', 'edges 1 and 3 of its outline meet'),
+        ('[[0, 0], [1, 0], [1, 1], [0.5, -1]]', 'its outline meets itself (Self-intersection'),
         ('[[0, 0], [2, 0], [2, 1], [1, 0], [0, 1]]', 'meet'),
         ('[[0, 0], [1, 0], [0.5, 0]]', 'meet'),
         ('[[0, 0], [1, 0], [0.5, 1e-9]]', 'no area'),

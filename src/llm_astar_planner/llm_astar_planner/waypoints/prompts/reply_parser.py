@@ -40,7 +40,7 @@ _SELECTED = re.compile(
     r'(?:selected\s+point|"(?:point|coordinates))["\'*`_\s]*[:=][\s"\'*`]{0,8}$', re.IGNORECASE
 )
 # A reply that is an empty list, and nothing else.
-_EMPTY = re.compile(r'\s*(?:```\w*)?\s*\[\s*\]\s*(?:```)?\s*')
+_EMPTY = re.compile(r'(?:```\w*)?\s*\[\s*\](?:\s*```)?')
 _FULL_WIDTH = str.maketrans(
     {'\uff0c': ',', '\uff08': '(', '\uff09': ')', '\uff1a': ':', '\u2212': '-'}
 )
@@ -104,7 +104,7 @@ def labelled_lists(text: str) -> list[tuple[Waypoint, ...]]:
 
 def points_in_text(text: str) -> list[Waypoint] | None:
     """Return the last list of points, else the selected points, else the last bare run."""
-    if _EMPTY.fullmatch(text):
+    if _EMPTY.fullmatch(text.strip()):
         return []
     runs = group_runs(text)
     for run in reversed(runs):

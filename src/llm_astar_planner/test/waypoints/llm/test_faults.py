@@ -67,7 +67,7 @@ ROWS = {
         lambda s: [s.error(429, 'later', headers={'Retry-After': '900'})],
         SourceStatus.REFUSED, 'later', 1,
     ),
-    'Retry-After as a date in the past': (
+    'Retry-After as a date': (
         lambda s: [
             s.error(503, headers={'Retry-After': 'Wed, 21 Oct 2015 07:28:00 GMT'}),
             s.completion(GOOD),
