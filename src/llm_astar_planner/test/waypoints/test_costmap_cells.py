@@ -12,7 +12,7 @@ from llm_astar_planner.waypoints.baselines import (
     visibility_graph,
 )
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.learned.source import EmbeddedSource
+from llm_astar_planner.waypoints.learned import EmbeddedSource
 from llm_astar_planner.waypoints.prompts.map_description import Lattice, describe
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 

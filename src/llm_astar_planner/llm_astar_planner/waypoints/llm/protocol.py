@@ -41,7 +41,7 @@ class Dialect:
         self, model: str, messages: Sequence[Message], schema: dict[str, Any]
     ) -> dict[str, Any]:
         """Return the JSON body of a request that is not streamed."""
-        body = {
+        body: dict[str, Any] = {
             'messages': [message._asdict() for message in messages], 'model': model,
             'temperature': self.temperature, 'seed': self.seed,
         }  # fmt: skip
