@@ -135,12 +135,3 @@ def outline_problem(points: tuple[tuple[float, float], ...]) -> str | None:
     if not outline.is_valid:
         return f'its outline meets itself ({shapely.is_valid_reason(outline)})'
     return 'it encloses no area' if outline.area < MIN_AREA else None
-
-
-def footprint_problem(text: str) -> str | None:
-    """Say why a text cannot be the parameter `footprint`; None where it can."""
-    try:
-        Footprint.parse(text)
-    except FootprintError as error:
-        return str(error)
-    return None

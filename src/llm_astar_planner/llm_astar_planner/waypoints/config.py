@@ -67,7 +67,6 @@ class SourceSettings:
     - `max_concurrent`: How many requests may be in flight at once
     - `max_calls_per_hour`: Most requests in an hour; 0: no limit
     - `max_tokens_per_day`: Most tokens in a day; 0: no limit
-    - `cache_size`: How many replies are cached
     - `transcript`: Transcript that `replay` answers from: a path, or a name in `maps/`
     - `record`: Transcript to which each exchange with `endpoint` is appended; empty: none
     """
@@ -101,7 +100,6 @@ class SourceSettings:
     max_concurrent: int = parameter(2, between=(1, 64))
     max_calls_per_hour: int = parameter(600, between=(0, 1000000))
     max_tokens_per_day: int = parameter(0, between=(0, 2**31 - 1))
-    cache_size: int = parameter(256, between=(1, 1000000))
     transcript: str = parameter('')
     record: str = parameter('')
 

@@ -64,7 +64,6 @@ def test_settings_are_checked_by_name():
         ({'candidates': 0}, 'candidates: 0 is not in 1 to 64'),
         ({'max_calls_per_hour': -1}, 'max_calls_per_hour: -1'),
         ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
-        ({'cache_size': 0}, 'cache_size: 0'),
         ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
         ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, zero_shot, cot, repe"),
         ({'base_url': 'nowhere'}, 'base_url: '),

@@ -226,7 +226,7 @@ def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
-        source, model=settings.model, prompt=template.name, size=settings.cache_size,
+        source, model=settings.model, prompt=template.name,
         timeout_s=settings.timeout_s,
     )  # fmt: skip
 
