@@ -16,7 +16,7 @@ MUTATIONS = 300
 # understood at once; a folder of results is summed up and reported anew.
 FEWER = {
     **dict.fromkeys(('bag_mcap', 'bag_sqlite3', 'bag_metadata', 'bag_definition_idl'), 100),
-    **dict.fromkeys(('solved_samples', 'reply_to_instruction'), 100),
+    'reply_to_instruction': 100,
     **{name: 25 for name in READERS if name.startswith('results_')},
 }
 SOAK_MUTATIONS = int(os.environ.get('FUZZ_MUTATIONS', '100000'))
