@@ -67,6 +67,7 @@ from llm_astar_planner.waypoints.learned import read_weights
 from llm_astar_planner.waypoints.llm.credentials import redact
 from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
+from llm_astar_planner.waypoints.prompts.examples import load_example_library
 from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import load_template, template_path
 from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript
@@ -376,6 +377,9 @@ READERS: dict[str, Reader] = {
     ),
     'template': Reader(
         file('x.txt', template_path('cot').read_bytes()), lambda path: load_template(str(path))
+    ),
+    'solved_samples': Reader(
+        make_barriers, lambda path: load_example_library(str(path), at_least=1)
     ),
     'weights': Reader(make_weights, lambda path: read_weights(path.read_bytes(), str(path))),
     'results_rows': Reader(make_results('results.csv'), read_results),

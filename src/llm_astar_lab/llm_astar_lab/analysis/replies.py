@@ -12,8 +12,9 @@ from functools import lru_cache
 import numpy as np
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.prompts.examples import is_follow_up
 from llm_astar_planner.waypoints.prompts.reply_parser import labelled_lists, parse_reply
-from llm_astar_planner.waypoints.prompts.template import TEMPLATES, is_follow_up, load_template
+from llm_astar_planner.waypoints.prompts.template import TEMPLATES, load_template
 from llm_astar_planner.waypoints.replay import lattice_of
 from llm_astar_planner.waypoints.source import Message, SourceStatus, Waypoint, WaypointReply
 

@@ -23,7 +23,7 @@ from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
@@ -35,7 +35,7 @@ from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
-from llm_astar_lab.runner.sources import GRID_BASELINES, SourceOptions, SourceSpec
+from llm_astar_lab.runner.sources import GRID_BASELINES, RETRIEVED, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
@@ -43,12 +43,12 @@ INSTRUCTION = ('instruction', 'instruction_policy')
 # The parameters that say where a model's replies come from, live or recorded.
 ENDPOINT = (
     'base_url', 'api_key_env', 'api_key_names',
-    'sampling_seed',
+    'retrieved_examples', 'examples_file', 'sampling_seed',
 )  # fmt: skip
 # What is kept of a run, besides what its command adds.
 DECIDING = (
     'seed', 'methods', 'source', 'prompt', 'model', 'base_url',
-    'heuristic', 'weight', 'max_suboptimality', 'price',
+    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'price',
     'jobs', 'sampling_seed',
 )  # fmt: skip
 # The parameters of the search, with the defaults of the benchmark.
@@ -99,7 +99,10 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
         'there and refused on large maps)', type=names, default=[],
     )  # fmt: skip
-    text = f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates'
+    text = (
+        f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates; few_shot'
+        f'{RETRIEVED}5 retrieves 5 examples'
+    )
     option(group, '--prompt NAMES', text, type=names, default=[])
     option(group, '--model NAMES', 'for endpoint and replay', type=names, default=[])
     option(
@@ -235,8 +238,10 @@ def deciding_files(args: argparse.Namespace) -> list[Path]:
     files = [Path(transcript) for transcript in args.transcript]
     files += [find_file(args.places_file, 'maps')] if args.places_file else []
     if 'endpoint' in args.source:
-        names = args.prompt or [DEFAULT_PROMPT]
+        names = [prompt.partition(RETRIEVED)[0] for prompt in args.prompt or [DEFAULT_PROMPT]]
         files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in names]
+        if args.retrieved_examples or names != (args.prompt or names):
+            files.append(find_file(args.examples_file or SAMPLES_FILE, 'maps'))
     return files
 
 

@@ -40,8 +40,10 @@ OLD_RULES = {'unknown_cost': 0}
 COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
     'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
-    'instruction_policy', 'samples',
+    'instruction_policy', 'samples', 'examples_file',
 )  # fmt: skip
+# What runs that do not say it had.
+UNSTATED = {'examples_file': ''}
 # The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'
 # The places that instructions of the run name, if there were any.
@@ -385,7 +387,7 @@ def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[s
         changed.append(f'version ({before["version"]} before, {now["version"]} now)')
     if before['dataset'].get('sha256') != now['dataset']['sha256']:
         changed.append('dataset')
-    old, new = before['parameters'], now['parameters']
+    old, new = UNSTATED | before['parameters'], UNSTATED | now['parameters']
     differ = (name for name in COMPARED_PARAMETERS if old.get(name) != new.get(name))
     return changed + [f'{name} ({before["parameters"].get(name)} before)' for name in differ]
 

@@ -36,6 +36,9 @@ EMBEDDED, REPLAY = 'embedded', 'replay'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
 BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
+MAX_RETRIEVED = 100
+# Behind a prompt's name: so many examples are retrieved in the place of its own.
+RETRIEVED = '+retrieved_'
 RECORDED, ALL = SAMPLES = ('recorded', 'all')
 # Groups of maps that a sentence names; metadata.json has all of them.
 MAX_NAMED = 4
@@ -148,10 +151,13 @@ class SourceOptions:
         if name == 'endpoint' and not self.models:
             raise SettingsError('model: --source endpoint needs --model')
         for model, prompt in self.asked:
-            settings = replace(self.settings, source=name, model=model, prompt=prompt)
+            template, _, count = prompt.partition(RETRIEVED)
+            settings = replace(self.settings, source=name, model=model, prompt=template)
+            if count.isdecimal():
+                settings = replace(settings, retrieved_examples=min(int(count), MAX_RETRIEVED))
             source, label = make_source(settings, self.dataset, self.seed), prompt
             if name == 'endpoint':
-                label = settings.template.name
+                label = settings.prompt_name
             if problem := name_problem(label):
                 raise SettingsError(f'prompt: {problem}')
             yield SourceSpec(source, name, label, model)

@@ -19,8 +19,9 @@ from llm_astar_lab.runner.engine import run_task
 from llm_astar_lab.runner.sources import SourceSpec
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.waypoints.prompts.examples import ASK_FOR_A_LIST
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
-from llm_astar_planner.waypoints.prompts.template import ASK_FOR_A_LIST, load_template
+from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import Message, Provenance, SourceStatus, WaypointReply
 
 # Lattice points have the offset (10, 20) to cells; a wall is between the start and the goal.

@@ -9,7 +9,7 @@ from llm_astar_planner.cli.main import main
 CARD = 'protocol: llm-astar-1000\nmodel: parrot-1\nquantisation: Q4_K_M\nserver: "parrots 2.1"\n'
 
 
-def test_a_run_asks_in_two_ways_with_a_seed_and_says_of_whom(tmp_path, chat_server, capsys):
+def test_a_run_asks_in_three_ways_with_a_seed_and_says_of_whom(tmp_path, chat_server, capsys):
     chat_server.script = [chat_server.completion('Generated Path: [[25, 15]]')]
     card, out = tmp_path / 'card.yaml', tmp_path / 'out'
     card.write_text(f'{CARD}base_url: {chat_server.base_url}\n')
@@ -21,10 +21,10 @@ def test_a_run_asks_in_two_ways_with_a_seed_and_says_of_whom(tmp_path, chat_serv
     written = json.loads((out / 'protocol.json').read_text())
     assert (written['quantisation'], written['server']) == ('Q4_K_M', 'parrots 2.1')
     assert (written['seeds'], written['temperatures']) == ([0], [0.0])
-    assert written['statuses'] == {'OK': 4}
+    assert written['statuses'] == {'OK': 6}
     assert len(written['prompt_digests']) == 2  # of the files of templates
     cases = {case['case'] for case in json.loads((out / 'summary.json').read_text())['cases']}
-    for prompt in ('zero_shot', 'few_shot'):
+    for prompt in ('zero_shot', 'few_shot', 'few_shot+retrieved_5'):
         assert f'llm_astar/endpoint/{prompt}/parrot-1' in cases
     report = (out / 'report.md').read_text()
     assert 'protocol llm-astar-1000' in report

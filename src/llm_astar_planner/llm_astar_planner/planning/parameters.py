@@ -189,7 +189,7 @@ class ClientParameters:
     """What llm_client_node has besides the settings of its source.
 
     - `dataset`: Barrier maps whose ids are the keys of transcripts: a path, or a name in `maps/`
-    - `fixed_endpoint`: Whether `base_url`, `api_key_env`, `prompt`,
+    - `fixed_endpoint`: Whether `base_url`, `api_key_env`, `prompt`, `examples_file`,
       `instruction_examples`, `transcript`, `record`, `dataset` keep the values of the start;
       otherwise any participant of the graph can change where the key is sent and which files are
       read and written
@@ -220,7 +220,7 @@ SEARCH = tuple(parameters_of(SearchParameters).values())
 REQUESTS = tuple(parameters_of(RequestParameters).values())
 # Parameters of llm_client_node that name an address, a key or a file.
 FIXED = (
-    'base_url', 'api_key_env', 'prompt', 'instruction_examples', 'transcript',
+    'base_url', 'api_key_env', 'prompt', 'examples_file', 'instruction_examples', 'transcript',
     'record', 'dataset',
 )  # fmt: skip
 HIDDEN: dict[str, Any] = {'node_only': True, 'cli_default': None, 'cli_reason': ''}

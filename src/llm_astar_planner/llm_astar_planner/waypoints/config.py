@@ -53,6 +53,10 @@ class SourceSettings:
     - `model`: Model to ask; for `replay`, the model whose exchanges are replayed, empty for any
     - `prompt`: Prompt template: `few_shot`, `zero_shot`, `cot`, `repe` or the path of a file;
       empty: `few_shot` for `endpoint`, any for `replay`
+    - `retrieved_examples`: How many solved samples, those most similar to the query, replace the
+      template's own examples; 0: none do
+    - `examples_file`: Dataset of barrier maps that examples are retrieved from: a path, or a name
+      in `maps/`; empty: `samples_1000.json`
     - `instruction_examples`: File of worked examples by which a model learns how to read
       instructions; empty: the shipped ones (`instructions/model/examples.json`)
     - `response_format`: Response format to ask the endpoint for
@@ -61,7 +65,8 @@ class SourceSettings:
     - `temperature`: Sampling temperature sent to the endpoint
     - `sampling_seed`: Seed sent to the endpoint, where it draws words at random; -1: none is sent
     - `max_output_tokens`: Longest reply to request
-    - `max_prompt_tokens`: About how long the description of the map may be
+    - `max_prompt_tokens`: About how long the description of the map may be, with the retrieved
+      examples
     - `timeout_s`: Time limit for one query, retries included; a later reply is cached
     - `max_retries`: How often a failed request is sent again
     - `max_concurrent`: How many requests may be in flight at once
@@ -82,6 +87,8 @@ class SourceSettings:
         ),
     )
     prompt: str = parameter('')
+    retrieved_examples: int = parameter(0, between=(0, 100))
+    examples_file: str = parameter('')
     instruction_examples: str = parameter('')
     response_format: str = parameter('text', choices=sources.RESPONSE_FORMATS)
     candidates: int = parameter(8, between=(1, 64))
@@ -116,9 +123,12 @@ class SourceSettings:
 
         try:
             Endpoint(self.base_url, self.api_key_env, self.api_key_names)
-            _ = self.template
+            template = self.template
         except ValueError as error:
             raise SettingsError(str(error)) from None
+        if self.retrieved_examples and template.thinks:
+            words = f'these hold no thoughts, which the prompt {template.name} asks for'
+            raise SettingsError(f'retrieved_examples: {words}; use few_shot or zero_shot')
 
     @property
     def template(self) -> Template:
@@ -126,6 +136,11 @@ class SourceSettings:
         from llm_astar_planner.waypoints.prompts.template import load_template  # noqa: PLC0415
 
         return load_template(self.prompt or DEFAULT_PROMPT)
+
+    @property
+    def prompt_name(self) -> str:
+        """The name of the prompt in replies, rows and transcripts. Raises TemplateError."""
+        return self.template.prompt_name(self.retrieved_examples)
 
 
 # The parameters, by field name.

@@ -1,4 +1,4 @@
-"""The prompts as options of `llm-astar bench`."""
+"""Retrieved examples as options of `llm-astar bench`."""
 
 import json
 
@@ -28,12 +28,16 @@ def test_rows_and_replays_name_how_a_model_was_asked(
     words += ('--methods', 'llm_astar')
     live = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'parrot-1')
     form = ('--prompt', 'few_shot,zero_shot')
-    assert llm_astar(*words, *live, *form, '--out', tmp_path / 'live') == 0
+    examples = ('--retrieved-examples', '2', '--examples-file', dataset)
+    assert llm_astar(*words, *live, *form, *examples, '--out', tmp_path / 'live') == 0
     cases = {case['case'] for case in json.loads(capsys.readouterr().out)['cases']}
-    prompts = ('few_shot', 'zero_shot')
+    prompts = ('few_shot+retrieved_2', 'zero_shot+retrieved_2')
     assert {f'llm_astar/endpoint/{prompt}/parrot-1' for prompt in prompts} < cases
+    (message,) = chat_server.requests[0]['messages']
+    assert message['content'].count('Start Point') == 3
     metadata = json.loads((tmp_path / 'live' / 'metadata.json').read_text())
-    assert set(metadata['files']) == {'few_shot.txt', 'zero_shot.txt'}
+    assert set(metadata['files']) == {'few_shot.txt', 'zero_shot.txt', 'maps.json'}
+    assert metadata['parameters']['retrieved_examples'] == 2
     transcript = tmp_path / 'live' / 'transcript.jsonl'
     replay = ('--source', 'replay', '--transcript', transcript, '--prompt', prompts[1])
     assert llm_astar(*words, *replay, '--out', tmp_path / 'again') == 0
@@ -45,7 +49,9 @@ def test_rows_and_replays_name_how_a_model_was_asked(
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
-        (('--prompt', 'mine'), "'mine' is none of few_shot, zero_shot, cot, repe"),
+        (('--retrieved-examples', '101'), '101 is not in 0 to 100'),
+        (('--retrieved-examples', '2', '--prompt', 'cot'), 'which the prompt cot asks for'),
+        (('--retrieved-examples', '2', '--examples-file', 'no.json'), "'no.json' is not a file"),
     ],
 )
 def test_options_that_cannot_be_used_are_named(tmp_path, dataset, capsys, options, words):

@@ -66,6 +66,11 @@ def test_settings_are_checked_by_name():
         ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
         ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
         ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, zero_shot, cot, repe"),
+        ({'retrieved_examples': 101}, 'retrieved_examples: 101 is not in 0 to 100'),
+        (
+            {'retrieved_examples': 1, 'prompt': 'cot'},
+            'retrieved_examples: these hold no thoughts, which the prompt cot asks for',
+        ),
         ({'base_url': 'nowhere'}, 'base_url: '),
         ({'api_key_env': 'HOME'}, 'api_key_env: the name must match'),
         ({'model': 'm' * 100_000}, 'model: .* is no name of at most 200 printable'),

@@ -18,6 +18,7 @@ from llm_astar_planner.waypoints.config import SourceContext, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.protocol import Completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
+from llm_astar_planner.waypoints.prompts import examples as prompts
 from llm_astar_planner.waypoints.prompts import map_description as maps
 from llm_astar_planner.waypoints.prompts import template as templates
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
@@ -56,7 +57,7 @@ class EndpointSource:
     """
 
     client: ChatClient
-    template: templates.Template
+    prompt: prompts.Prompt
     settings: SourceSettings = field(default_factory=SourceSettings)
     late_s: float = 0.0
     resolver: SampleResolver = field(default_factory=SampleResolver)
@@ -99,10 +100,11 @@ class Conversation:
     def ask(self) -> None:
         """Ask for a path, and once more where the reply held no list. Raises EndpointFailure."""
         source, (_, lattice) = self.source, self.source.resolver.resolve(self.query)
-        most, template = source.settings.max_prompt_tokens, source.template
+        most, template = source.settings.max_prompt_tokens, source.prompt.template
         description = maps.describe(self.query, lattice=lattice, max_tokens=most)
         self.lattice = description.lattice
-        message = template.render(description)
+        examples = source.prompt.examples(self.query, description, most)
+        message = template.render(description, examples)
         if source.client.dialect.response_format != 'text':
             message = templates.ask_for_json(message, thinks=template.thinks)
         self.turn = WaypointReply(messages=(message,))
@@ -112,7 +114,7 @@ class Conversation:
         if is_list or 2.0 * time.monotonic() - self.started >= self.deadline:
             return
         answer = self.turn.text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
-        again = Message('assistant', answer), Message('user', templates.ASK_FOR_A_LIST)
+        again = Message('assistant', answer), Message('user', prompts.ASK_FOR_A_LIST)
         with contextlib.suppress(EndpointFailure):
             self._send((message, *again))
 
@@ -120,22 +122,22 @@ class Conversation:
         """Return the reply to the query: the turn that counts."""
         source = self.source
         return replace(
-            self.turn, label=source.label, model=source.client.model, prompt=source.template.name,
+            self.turn, label=source.label, model=source.client.model, prompt=source.prompt.name,
             prompt_tokens=self.prompt_tokens, completion_tokens=self.completion_tokens,
             seconds=time.monotonic() - self.started, unit=self.lattice.unit,
         )  # fmt: skip
 
     def _send(self, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer. Raises EndpointFailure."""
-        client, template = self.source.client, self.source.template
-        schema = templates.path_schema(thinks=template.thinks)
+        client, prompt = self.source.client, self.source.prompt
+        schema = templates.path_schema(thinks=prompt.template.thinks)
         completion = client.complete(messages, self.deadline, schema, self.source.late_s)
         self.prompt_tokens += completion.prompt_tokens
         self.completion_tokens += completion.completion_tokens
         answer = answer_of(completion)
         waypoints = self.lattice.to_cells(answer.waypoints, self.query)
         provenance = sources.Provenance(
-            completion.finish_reason[: sources.MAX_NAME], completion.fingerprint, template.digest,
+            completion.finish_reason[: sources.MAX_NAME], completion.fingerprint, prompt.digest,
             temperature=client.dialect.temperature, seed=client.dialect.seed,
         )  # fmt: skip
         self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
@@ -216,17 +218,20 @@ class CachedSource:
 def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     """Make the source that asks a language model, with a cache and, if set, a recording.
 
-    Raises SettingsError, TemplateError or OSError where a setting cannot be used.
+    Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
     """
     settings = context.settings
-    template = settings.template
+    template, count = settings.template, settings.retrieved_examples
+    library = prompts.load_example_library(settings.examples_file, count) if count else None
+    prompt = prompts.Prompt(template, library, count)
     source: sources.WaypointSource = EndpointSource(
-        ChatClient(settings), template, settings, LATE_S, SampleResolver(context.dataset)
+        ChatClient(settings), prompt, settings, LATE_S,
+        SampleResolver(context.dataset),
     )  # fmt: skip
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
-        source, model=settings.model, prompt=template.name,
+        source, model=settings.model, prompt=prompt.name,
         timeout_s=settings.timeout_s,
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource, client_of
+from llm_astar_planner.waypoints.prompts.examples import Prompt
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
@@ -190,7 +191,9 @@ def test_no_server_outlives_the_deadline(chat_server, name, limited_by):
     else:
         # Without a cache around it the request itself ends in time.
         client = client_of(source_for(chat_server))
-        bare = EndpointSource(client, load_template('few_shot'), SourceSettings(timeout_s=0.5))
+        bare = EndpointSource(
+            client, Prompt(load_template('few_shot')), SourceSettings(timeout_s=0.5)
+        )
         reply = bare.waypoints(QUERY)
     assert time.monotonic() - started < 0.5 + GENEROUS
     assert reply.status is SourceStatus.TIMEOUT

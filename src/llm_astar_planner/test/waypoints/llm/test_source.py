@@ -1,6 +1,5 @@
 """The endpoint source without failures: requests, answers, recordings and questions."""
 
-import hashlib
 import json
 from dataclasses import replace
 from datetime import datetime, timezone
@@ -192,18 +191,3 @@ def test_the_client_reports_its_problem_and_counts(chat_server):
     assert client.problem() is None
     assert (client.budget.calls.total, client.budget.tokens.total) == (1, 120)
     assert client_of(make_source(SourceSettings(source='none'))) is None
-
-
-def test_a_recording_says_which_model_and_prompt_its_reply_is_of(chat_server, tmp_path):
-    status, headers, body = chat_server.completion('Generated Path: [[5, 5], [20', 'length')
-    chat_server.script = [(status, headers, body | {'system_fingerprint': 'fp_1\x1b' + 'x' * 500})]
-    record = tmp_path / 't.jsonl'
-    mine = tmp_path / 'mine.txt'
-    mine.write_text('{start} {goal} {horizontal_barriers} {vertical_barriers}')
-    source_for(chat_server, prompt=str(mine), record=str(record), temperature=0.5).waypoints(QUERY)
-    (exchange,) = read_transcript(record)
-    made = exchange.provenance
-    assert (made.finish_reason, made.temperature, made.seed) == ('length', 0.5, None)
-    assert made.model_digest.startswith('fp_1')
-    assert len(made.model_digest) == 200
-    assert made.prompt_digest == hashlib.sha256(mine.read_bytes()).hexdigest()
