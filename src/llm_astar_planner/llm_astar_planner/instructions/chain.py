@@ -31,6 +31,7 @@ from llm_astar_planner.instructions.reader.interpreter import ReaderInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient
+from llm_astar_planner.waypoints.source import MESSAGE
 
 _LOG = logging.getLogger(__name__)
 CACHE_SIZE = 256
@@ -193,7 +194,9 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
         return None
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
+    # The form is that of prompts for waypoints.
     asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
+    asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(ChatClient(asked), examples=examples, recorder=recorder)

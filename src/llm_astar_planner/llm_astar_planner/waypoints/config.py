@@ -53,6 +53,9 @@ class SourceSettings:
     - `model`: Model to ask; for `replay`, the model whose exchanges are replayed, empty for any
     - `prompt`: Prompt template: `few_shot`, `zero_shot`, `cot`, `repe` or the path of a file;
       empty: `few_shot` for `endpoint`, any for `replay`
+    - `prompt_form`: How `endpoint` is asked: `message`, the whole prompt in one message; `turns`,
+      the examples as turns of user and assistant; `completion`, one text for a model without chat,
+      by `/completions`
     - `retrieved_examples`: How many solved samples, those most similar to the query, replace the
       template's own examples; 0: none do
     - `examples_file`: Dataset of barrier maps that examples are retrieved from: a path, or a name
@@ -87,6 +90,7 @@ class SourceSettings:
         ),
     )
     prompt: str = parameter('')
+    prompt_form: str = parameter(sources.MESSAGE, choices=sources.FORMS)
     retrieved_examples: int = parameter(0, between=(0, 100))
     examples_file: str = parameter('')
     instruction_examples: str = parameter('')
@@ -140,7 +144,7 @@ class SourceSettings:
     @property
     def prompt_name(self) -> str:
         """The name of the prompt in replies, rows and transcripts. Raises TemplateError."""
-        return self.template.prompt_name(self.retrieved_examples)
+        return self.template.prompt_name(self.prompt_form, self.retrieved_examples)
 
 
 # The parameters, by field name.

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap
 
 Waypoint = tuple[float, float]
-# The formats that the replies of a language model may be asked for in.
+# How a language model may be asked, and the formats that its replies may be asked for in.
+MESSAGE, TURNS, COMPLETION = FORMS = ('message', 'turns', 'completion')
 RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
 # Which variables may hold a key, unless the start says otherwise.
 KEY_NAMES = '*_API_KEY, *_TOKEN'

@@ -1,4 +1,4 @@
-"""Retrieved examples as options of `llm-astar bench`."""
+"""The forms of prompts and retrieved examples as options of `llm-astar bench`."""
 
 import json
 
@@ -27,14 +27,14 @@ def test_rows_and_replays_name_how_a_model_was_asked(
     words = ('bench', '--map', dataset, '--map-ids', '1', '--limit', '3', '--json')
     words += ('--methods', 'llm_astar')
     live = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'parrot-1')
-    form = ('--prompt', 'few_shot,zero_shot')
+    form = ('--prompt', 'few_shot,zero_shot', '--prompt-form', 'turns')
     examples = ('--retrieved-examples', '2', '--examples-file', dataset)
     assert llm_astar(*words, *live, *form, *examples, '--out', tmp_path / 'live') == 0
     cases = {case['case'] for case in json.loads(capsys.readouterr().out)['cases']}
-    prompts = ('few_shot+retrieved_2', 'zero_shot+retrieved_2')
+    prompts = ('few_shot+turns+retrieved_2', 'zero_shot+turns+retrieved_2')
     assert {f'llm_astar/endpoint/{prompt}/parrot-1' for prompt in prompts} < cases
-    (message,) = chat_server.requests[0]['messages']
-    assert message['content'].count('Start Point') == 3
+    roles = [message['role'] for message in chat_server.requests[0]['messages']]
+    assert roles == ['system', *['user', 'assistant'] * 2, 'user']
     metadata = json.loads((tmp_path / 'live' / 'metadata.json').read_text())
     assert set(metadata['files']) == {'few_shot.txt', 'zero_shot.txt', 'maps.json'}
     assert metadata['parameters']['retrieved_examples'] == 2
@@ -49,6 +49,7 @@ def test_rows_and_replays_name_how_a_model_was_asked(
 @pytest.mark.parametrize(
     ('options', 'words'),
     [
+        (('--prompt-form', 'poem'), "'poem' is not one of message, turns, completion"),
         (('--retrieved-examples', '101'), '101 is not in 0 to 100'),
         (('--retrieved-examples', '2', '--prompt', 'cot'), 'which the prompt cot asks for'),
         (('--retrieved-examples', '2', '--examples-file', 'no.json'), "'no.json' is not a file"),

@@ -66,6 +66,7 @@ def test_settings_are_checked_by_name():
         ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
         ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
         ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, zero_shot, cot, repe"),
+        ({'prompt_form': 'poem'}, "'poem' is not one of message, turns, completion"),
         ({'retrieved_examples': 101}, 'retrieved_examples: 101 is not in 0 to 100'),
         (
             {'retrieved_examples': 1, 'prompt': 'cot'},

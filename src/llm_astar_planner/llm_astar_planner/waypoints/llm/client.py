@@ -27,7 +27,7 @@ from llm_astar_planner.waypoints.llm import protocol, resilience
 from llm_astar_planner.waypoints.llm.credentials import Endpoint, redact
 from llm_astar_planner.waypoints.llm.protocol import Completion, HttpReply
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
-from llm_astar_planner.waypoints.source import Message, SourceStatus
+from llm_astar_planner.waypoints.source import COMPLETION, Message, SourceStatus
 
 # Average characters of a token, for servers that do not count them.
 CHARS_PER_TOKEN = 4
@@ -60,12 +60,16 @@ class ChatClient:
     At most `max_concurrent` requests of the settings run at a time. Thread-safe.
     """
 
-    def __init__(self, settings: SourceSettings) -> None:
-        """Take the endpoint that settings name. Raises EndpointError."""
+    def __init__(self, settings: SourceSettings, stop: str = '') -> None:
+        """Take the endpoint that settings name. Raises EndpointError.
+
+        A text completion ends where the model writes `stop`.
+        """
         self.endpoint = Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names)
         self.model, self._settings = settings.model, settings
         self.dialect = protocol.Dialect(
             settings.max_output_tokens, settings.temperature, settings.response_format,
+            is_completion=settings.prompt_form == COMPLETION, stop=stop,
             seed=settings.sampling_seed if settings.sampling_seed >= 0 else None,
         )  # fmt: skip
         self.budget = resilience.CallBudget(
@@ -90,7 +94,8 @@ class ChatClient:
         with self.breaker.watched():
             if time.monotonic() >= deadline:
                 raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-            return self._ask_again(messages, deadline, schema, late_s)
+            completion = self._ask_again(messages, deadline, schema, late_s)
+        return self.dialect.ended(completion)
 
     def _ask_again(
         self, messages: Sequence[Message], deadline: float, schema: dict[str, Any], late_s: float
@@ -132,7 +137,7 @@ class ChatClient:
         try:
             self.budget.admit()
             reply = post_json(
-                f'{self.endpoint.base_url.rstrip("/")}/chat/completions', body,
+                self.endpoint.url(self.dialect.path), body,
                 {'Authorization': f'Bearer {key}'} if key else {}, deadline - time.monotonic(),
                 use_proxies=not self.endpoint.is_loopback,
             )  # fmt: skip
@@ -149,7 +154,8 @@ class ChatClient:
 def count_tokens(completion: Completion, body: dict[str, Any]) -> int:
     """Return the tokens that the server counted, or an estimate where it counts none."""
     counted = completion.prompt_tokens + completion.completion_tokens
-    asked = sum(len(message['content']) for message in body['messages'])
+    asked = len(body.get('prompt', ''))
+    asked += sum(len(message['content']) for message in body.get('messages', ()))
     return counted or (asked + len(completion.text)) // CHARS_PER_TOKEN
 
 

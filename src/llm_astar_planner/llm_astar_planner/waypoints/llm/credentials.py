@@ -99,6 +99,10 @@ class Endpoint:
             words = 'must not hold a user, query or fragment; api_key_env names the key'
             raise EndpointError(f'base_url: {words}')
 
+    def url(self, path: str) -> str:
+        """Return the address of a path below the base URL."""
+        return f'{self.base_url.rstrip("/")}/{path}'
+
     @property
     def host(self) -> str:
         """The host in lower case."""

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Completions of a chat: the request, how it adapts to an endpoint, the response."""
+"""Completions, of a chat or a text: the request, how it adapts to an endpoint, the response."""
 
 from __future__ import annotations
 
@@ -29,22 +29,32 @@ _STATUS_OF = {401: SourceStatus.AUTH, 403: SourceStatus.AUTH, 429: SourceStatus.
 
 @dataclass(frozen=True)
 class Dialect:
-    """The request fields that an endpoint is known to accept."""
+    """The request fields that an endpoint is known to accept.
+
+    With `is_completion` a model without chat continues a text, until it writes `stop`.
+    """
 
     max_output_tokens: int = 1000
     temperature: float | None = 0.0
     response_format: str = 'text'
     tokens_field: str = 'max_tokens'
+    is_completion: bool = False
+    stop: str = ''
     seed: int | None = None
+
+    @property
+    def path(self) -> str:
+        """Where below the base URL requests are posted to."""
+        return 'completions' if self.is_completion else 'chat/completions'
 
     def body(
         self, model: str, messages: Sequence[Message], schema: dict[str, Any]
     ) -> dict[str, Any]:
         """Return the JSON body of a request that is not streamed."""
-        body: dict[str, Any] = {
-            'messages': [message._asdict() for message in messages], 'model': model,
-            'temperature': self.temperature, 'seed': self.seed,
-        }  # fmt: skip
+        body: dict[str, Any] = {'messages': [message._asdict() for message in messages]}
+        if self.is_completion:
+            body = {'prompt': text_to_complete(messages), 'stop': self.stop and [self.stop]}
+        body |= {'model': model, 'temperature': self.temperature, 'seed': self.seed}
         if self.response_format != 'text':
             body['response_format'] = {'type': self.response_format}
         if self.response_format == 'json_schema':
@@ -55,6 +65,14 @@ class Dialect:
         # What is empty is left to the server.
         given = {name: value for name, value in body.items() if value not in (None, '')}
         return {'stream': False, **given}
+
+    def ended(self, completion: Completion) -> Completion:
+        """Return a completion that ends at `stop`, which some servers ignore."""
+        if not (self.is_completion and self.stop):
+            return completion
+        # A text may begin with the next question at once: there is no line end before it then.
+        text = f'\n{completion.text}'.partition(self.stop)[0]
+        return completion._replace(text=text[1:])
 
     def adapted_to(self, failure: EndpointFailure) -> Dialect | None:
         """Return the dialect to try after a failure, None where another would not help."""
@@ -72,6 +90,20 @@ class Dialect:
         if self.seed is not None and 'seed' in error:
             return replace(self, seed=None)
         return None
+
+
+def text_to_complete(messages: Sequence[Message]) -> str:
+    """Return a conversation as one text for a completion model: it ends where the answer begins.
+
+    The first message holds the prompt. After it come answers, and questions about them that ask
+    for a path.
+    """
+    first, *others = messages
+    text = first.content
+    for role, content in others:
+        answer, question = f' {content.strip()}', f'\n\n{content}\nGenerated Path:'
+        text += answer if role == 'assistant' else question
+    return text
 
 
 class Completion(NamedTuple):
@@ -106,7 +138,8 @@ def read_completion(reply: HttpReply, clean: Clean) -> Completion:
         raise http_failure(reply, data, clean)
     try:
         choice = data['choices'][0]
-        message = choice['message']
+        # The choice of a chat is a message, that of a text completion a text.
+        message = choice['message'] if 'message' in choice else {'content': choice['text']}
         text = message_text(message.get('content'))[-MAX_REPLY_CHARS:]
         refusal = message_text(message.get('refusal'))[:MAX_ERROR_CHARS]
         reason = message_text(choice.get('finish_reason'))[:MAX_ERROR_CHARS]

@@ -104,11 +104,11 @@ class Conversation:
         description = maps.describe(self.query, lattice=lattice, max_tokens=most)
         self.lattice = description.lattice
         examples = source.prompt.examples(self.query, description, most)
-        message = template.render(description, examples)
+        messages = template.render(description, source.prompt.form, examples)
         if source.client.dialect.response_format != 'text':
-            message = templates.ask_for_json(message, thinks=template.thinks)
-        self.turn = WaypointReply(messages=(message,))
-        self._send((message,))
+            messages = templates.ask_for_json(messages, thinks=template.thinks)
+        self.turn = WaypointReply(messages=messages)
+        self._send(messages)
         is_list = self.turn.status is not SourceStatus.MALFORMED
         # Only where an answer as slow as that one would still come in time.
         if is_list or 2.0 * time.monotonic() - self.started >= self.deadline:
@@ -116,7 +116,7 @@ class Conversation:
         answer = self.turn.text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
         again = Message('assistant', answer), Message('user', prompts.ASK_FOR_A_LIST)
         with contextlib.suppress(EndpointFailure):
-            self._send((message, *again))
+            self._send((*messages, *again))
 
     def reply(self) -> WaypointReply:
         """Return the reply to the query: the turn that counts."""
@@ -223,9 +223,9 @@ def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     settings = context.settings
     template, count = settings.template, settings.retrieved_examples
     library = prompts.load_example_library(settings.examples_file, count) if count else None
-    prompt = prompts.Prompt(template, library, count)
+    prompt = prompts.Prompt(template, settings.prompt_form, library, count)
     source: sources.WaypointSource = EndpointSource(
-        ChatClient(settings), prompt, settings, LATE_S,
+        ChatClient(settings, template.stop), prompt, settings, LATE_S,
         SampleResolver(context.dataset),
     )  # fmt: skip
     if settings.record:

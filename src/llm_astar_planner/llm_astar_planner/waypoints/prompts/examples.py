@@ -23,7 +23,7 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts import map_description as descriptions
 from llm_astar_planner.waypoints.prompts.template import Example, Template
-from llm_astar_planner.waypoints.source import WaypointQuery
+from llm_astar_planner.waypoints.source import MESSAGE, WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.
@@ -191,20 +191,21 @@ def is_same_map(barrier_map: BarrierMap, blocked: Bools) -> bool:
 
 @dataclass(frozen=True)
 class Prompt:
-    """How maps are put to a model.
+    """How maps are put to a model; `form` is one of FORMS.
 
     With a `library`, the `retrieved` samples of it that are most similar to the query replace
     the template's own examples.
     """
 
     template: Template
+    form: str = MESSAGE
     library: ExampleLibrary | None = None
     retrieved: int = 0
 
     @property
     def name(self) -> str:
         """The name in replies, rows and transcripts."""
-        return self.template.prompt_name(self.retrieved)
+        return self.template.prompt_name(self.form, self.retrieved)
 
     @property
     def digest(self) -> str:

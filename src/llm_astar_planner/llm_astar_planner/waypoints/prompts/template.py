@@ -3,7 +3,9 @@
 
 """Prompt templates: text files with placeholders in braces, shipped ones or the user's own.
 
-A template is an instruction, solved examples and a question.
+A template is an instruction, solved examples and a question. It is put to a model in one of three
+forms: `message` is one message of a user with the whole text, `turns` has the examples as turns of
+user and assistant, `completion` is one text that a model without chat continues.
 For structured output, a prompt also says which JSON is expected; the schema is sent along.
 """
 
@@ -21,7 +23,7 @@ from llm_astar_msgs_adapter.files import read_text
 
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.prompts.map_description import Description
-from llm_astar_planner.waypoints.source import Message
+from llm_astar_planner.waypoints.source import MESSAGE, TURNS, Message
 
 TEMPLATES = ('few_shot', 'zero_shot', 'cot', 'repe')
 NEEDED = ('start', 'goal', 'horizontal_barriers', 'vertical_barriers')
@@ -56,6 +58,7 @@ class TemplateParts(NamedTuple):
     """The paragraphs of a template; `cue` is how an answer begins, '' where that is open."""
 
     instruction: str
+    examples: tuple[Example, ...]
     question: str
     cue: str
 
@@ -77,9 +80,20 @@ class Template:
         """The instruction, the examples and the question of the template."""
         return split_template(self.text)
 
-    def prompt_name(self, retrieved: int) -> str:
-        """Return the name in replies, rows and transcripts; it says how many examples it got."""
-        return f'{self.name}+retrieved_{retrieved}' if retrieved else self.name
+    @property
+    def stop(self) -> str:
+        """What a model that goes on after its answer would write next; '' where unknown."""
+        label = line_labels(self.parts.question)[0].strip()
+        return f'\n{label}' if label else ''
+
+    def prompt_name(self, form: str, retrieved: int) -> str:
+        """Return the name of a prompt in replies, rows and transcripts, such as `few_shot+turns`.
+
+        It says which template it was, in which form if that is not `message`, and how many
+        examples were retrieved if any were.
+        """
+        parts = [self.name] if form == MESSAGE else [self.name, form]
+        return '+'.join(parts + ([f'retrieved_{retrieved}'] if retrieved else []))
 
     def example(self, description: Description, path: Sequence[Cell]) -> Example:
         """Return a solved question in the template's words; `path` has lattice points (x, y)."""
@@ -89,15 +103,29 @@ class Template:
         return Example(fill(self.parts.question, values), f'{cue} {points}')
 
     def render(
-        self, description: Description, examples: Sequence[Example] | None = None
-    ) -> Message:
-        """Return the message that asks for a path on a map; `examples` replace its own."""
-        text, parts = self.text, self.parts
+        self,
+        description: Description,
+        form: str = MESSAGE,
+        examples: Sequence[Example] | None = None,
+    ) -> tuple[Message, ...]:
+        """Return the messages that ask for a path on a described map, in one of FORMS.
+
+        `examples` replace the template's own. In the form `completion` the one message holds the
+        text to complete.
+        """
+        values, parts = description.values(), self.parts
+        if form == TURNS:
+            system = [Message('system', parts.instruction)] if parts.instruction else []
+            shown = parts.examples if examples is None else examples
+            turns = (turn for example in shown for turn in zip(('user', 'assistant'), example))
+            asked = (*system, *turns, ('user', parts.question))
+            return tuple(Message(role, fill(content, values)) for role, content in asked)
+        text = self.text
         if examples is not None:
             solved = (f'{question}\n{answer}' for question, answer in examples)
             question = f'{parts.question}\n{parts.cue}'
             text = '\n\n'.join((parts.instruction, *solved, question))
-        return Message('user', fill(text, description.values()))
+        return (Message('user', fill(text, values)),)
 
 
 def split_template(text: str) -> TemplateParts:
@@ -114,15 +142,22 @@ def split_template(text: str) -> TemplateParts:
     if lines[-1].endswith(':'):
         end = 1 + max(next(i for i, line in enumerate(lines) if name in line) for name in _NEEDED)
     question, cue = '\n'.join(lines[:end]), '\n'.join(lines[end:])
-    labels = [_PLACEHOLDER.split(line)[0] for line in question.split('\n')]
-    others = [item for item in paragraphs[:begin] if not is_example(item, labels)]
-    return TemplateParts('\n\n'.join(others), question, cue)
+    found = [(item, read_example(item, line_labels(question))) for item in paragraphs[:begin]]
+    instruction = '\n\n'.join(item for item, example in found if example is None)
+    return TemplateParts(instruction, tuple(e for _, e in found if e is not None), question, cue)
 
 
-def is_example(paragraph: str, labels: Sequence[str]) -> bool:
-    """Tell whether the lines of a paragraph begin as those of the question do, and go on."""
-    lines = paragraph.split('\n')
-    return len(lines) > len(labels) and any(labels) and all(map(str.startswith, lines, labels))
+def line_labels(question: str) -> list[str]:
+    """Return what stands before the first placeholder of each line of a question."""
+    return [_PLACEHOLDER.split(line)[0] for line in question.split('\n')]
+
+
+def read_example(paragraph: str, labels: Sequence[str]) -> Example | None:
+    """Return the example that a paragraph holds if its lines begin with `labels`, else None."""
+    lines, count = paragraph.split('\n'), len(labels)
+    if len(lines) > count and any(labels) and all(map(str.startswith, lines, labels)):
+        return Example('\n'.join(lines[:count]), '\n'.join(lines[count:]))
+    return None
 
 
 def fill(text: str, values: Mapping[str, str]) -> str:
@@ -169,7 +204,8 @@ def json_object(properties: Mapping[str, Any]) -> dict[str, Any]:
     return {'type': 'object', 'properties': properties, **closed}
 
 
-def ask_for_json(message: Message, *, thinks: bool) -> Message:
-    """Return a message that also says which JSON is expected."""
+def ask_for_json(messages: tuple[Message, ...], *, thinks: bool) -> tuple[Message, ...]:
+    """Return the messages; the last one now says which JSON is expected."""
+    *before, last = messages
     request = _JSON_REQUEST.format(thought='{"thought": "...", ' if thinks else '{')
-    return message._replace(content=f'{message.content}\n\n{request}')
+    return (*before, Message(last.role, f'{last.content}\n\n{request}'))

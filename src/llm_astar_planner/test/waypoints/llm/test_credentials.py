@@ -29,6 +29,9 @@ def test_loopback_hosts_are_recognised():
     assert all(Endpoint(f'http://{host}:8080/v1').is_loopback for host in hosts)
     others = ('10.0.0.1', 'robot', 'localhost.example.com', '0.0.0.0', '[::2]')  # noqa: S104
     assert not any(Endpoint(f'http://{host}/v1').is_loopback for host in others)
+    assert Endpoint('http://localhost:8080/v1/').url('completions') == (
+        'http://localhost:8080/v1/completions'
+    )
 
 
 def test_openai_gets_its_own_key_by_default(monkeypatch):

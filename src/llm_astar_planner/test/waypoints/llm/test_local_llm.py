@@ -62,6 +62,22 @@ def test_a_real_model_keeps_to_the_schema(server, monkeypatch):
 
 
 @needs_llm
+def test_a_real_server_completes_a_text(server, monkeypatch, tmp_path):
+    monkeypatch.setenv('LOCAL_API_KEY', KEY)
+    path = tmp_path / 'short.txt'
+    path.write_text(
+        'From: [1, 1]\nTo: [4, 4]\nWalls: [] []\nPath: [[1, 1], [4, 4]]\n\n'
+        'From: {start}\nTo: {goal}\nWalls: {horizontal_barriers} {vertical_barriers}\nPath:'
+    )
+    _, reply = ask(server, prompt=str(path), prompt_form='completion')
+    assert reply.prompt == 'short+completion'
+    assert reply.status in ANSWERED, reply
+    assert reply.text
+    assert '\nFrom:' not in reply.text
+    assert reply.prompt_tokens > 60
+
+
+@needs_llm
 def test_a_real_server_rejects_a_wrong_key(server, monkeypatch):
     _, reply = ask(server, api_key_env='')
     assert reply.status is SourceStatus.AUTH

@@ -150,7 +150,7 @@ def test_tiles_tell_where_obstacles_are():
 def test_examples_keep_to_the_tokens_of_a_prompt(library):
     query = query_of(MAPS[0])
     description = describe(query)
-    prompt = Prompt(load_template('few_shot'), library, 8)
+    prompt = Prompt(load_template('few_shot'), 'message', library, 8)
     every = prompt.examples(query, description, 100_000)
     assert len(every) == 8
     nearest = [prompt.template.example(*solved) for solved in islice(library.nearest(query), 8)]

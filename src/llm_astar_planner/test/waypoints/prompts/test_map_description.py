@@ -90,7 +90,7 @@ def test_demonstrations_think_as_their_prompt_asks():
 @pytest.mark.parametrize('name', TEMPLATES)
 def test_a_prompt_states_the_whole_question(name):
     description = describe(WaypointQuery(Costmap(MAP.to_grid()), (39, 22), (3, 14)))
-    message = load_template(name).render(description)
+    (message,) = load_template(name).render(description)
     assert message.role == 'user'
     question = message.content[message.content.rindex('Start Point') :]
     assert question.startswith('Start Point: [39, 22]\nGoal Point: [3, 14]\n')
@@ -107,7 +107,7 @@ def test_a_users_template(tmp_path):
     path.write_text('{"from": {start}, "to": {goal}} {horizontal_barriers}{vertical_barriers} {x}')
     template = load_template(str(path))
     description = describe(WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20)))
-    text = template.render(description).content
+    text = template.render(description)[0].content
     assert template.name == 'mine'
     assert text.startswith('{"from": [5, 5], "to": [20, 20]} [[')
     assert text.endswith('{x}')
