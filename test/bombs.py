@@ -32,7 +32,7 @@ from llm_astar_msgs_adapter.maps import map_server, movingai
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 from llm_astar_planner.planning.parameters import read_parameter_files
-from llm_astar_planner.waypoints.learned.network import read_weights
+from llm_astar_planner.waypoints.learned import read_weights
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 BYTES_A_CELL = 10

@@ -63,7 +63,7 @@ from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import read_parameter_files
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.learned.network import read_weights
+from llm_astar_planner.waypoints.learned import read_weights
 from llm_astar_planner.waypoints.llm.credentials import redact
 from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure

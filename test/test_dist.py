@@ -118,11 +118,11 @@ def take_compiled(package):
     test_compile.py.
     """
     here = Path(llm_astar_planner.__file__).parent
-    for path in here.rglob('_kernels/*.py'):
+    for path in (*here.rglob('_kernels.py'), *here.rglob('_kernels/*.py')):
         copy = package / path.relative_to(here)
         assert copy.read_bytes() == path.read_bytes()
         os.utime(copy, ns=(path.stat().st_mtime_ns,) * 2)
-    for path in here.rglob('_kernels/__pycache__/*.nb?'):
+    for path in here.rglob('__pycache__/*.nb?'):
         copy = package / path.relative_to(here)
         copy.parent.mkdir(exist_ok=True)
         shutil.copy(path, copy)

@@ -123,7 +123,7 @@ def test_the_parameter_counts_from_the_next_plan_on_and_a_bad_one_changes_nothin
     wait_for(lambda: robot.values.get('footprint_radii') == [0.25, 0.559], 'the radii')
     for text, words in (
         ('[[0, 0], [1, 0]]', '2 points; it needs 3 to 64'),
-        ('[[0, 0], [1, 1], [1, 0], [0, 1]]', 'edges 1 and 3 of its outline meet'),
+        ('[[0, 0], [1, 1], [1, 0], [0, 1]]', 'its outline meets itself (Self-intersection'),
         ('a circle', 'not of the form'),
     ):
         answer = robot.set(text)

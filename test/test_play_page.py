@@ -374,8 +374,8 @@ def test_a_typed_reply_shows_what_became_of_each_waypoint(open_page):
     shown = page.locator('#waypoints li')
     expect(shown.filter(has_text='(60, 99) out of bounds')).to_be_visible()
     statuses = [re.sub(r'.*\) ', '', text) for text in shown.all_text_contents()]
-    assert statuses == ['accepted', 'accepted', 'out of order', 'occupied', 'out of bounds']
-    expect(page.locator('#legend')).to_contain_text('waypoint out of order')
+    assert statuses == ['accepted', 'accepted', 'accepted', 'occupied', 'out of bounds']
+    expect(page.locator('#legend')).to_contain_text('waypoint occupied')
 
 
 def test_an_instruction_shows_the_outcome_of_each_clause(open_page):

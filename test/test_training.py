@@ -11,7 +11,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.any_angle import LineOfSightChecker
 from llm_astar_planner.waypoints.baselines import shortest_route
-from llm_astar_planner.waypoints.learned.network import (
+from llm_astar_planner.waypoints.learned import (
     featurise,
     hop_logits,
     place_nodes,

@@ -42,7 +42,7 @@ PLAN = MonitorEvent(
         'operation': 49,
         'length': 43.699,
         'ratio': 1.0,
-        'waypoints': ((1.0, 2.0, 'accepted'), (3.0, 2.0, 'out_of_order'), (1.0, 1.0, 'accepted')),
+        'waypoints': ((1.0, 2.0, 'accepted'), (3.0, 2.0, 'out_of_bounds'), (1.0, 1.0, 'accepted')),
     },
 )
 INSTRUCTED = {
@@ -140,7 +140,7 @@ def test_a_line_has_the_figures_of_the_plan():
         '43.70 m',
         'proven within 1.000 of the shortest',
         '0.0 ms to search',
-        'waypoints 2 accepted, 1 out of order, from replay: x',
+        'waypoints 2 accepted, 1 out of bounds, from replay: x',
     ):
         assert words in line
     assert 'NONE' not in line

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from llm_astar_planner.waypoints.learned.source import Route, follow
+from llm_astar_planner.waypoints.learned import Route, follow
 
 from llm_astar_training import maps
 from llm_astar_training.maps import Flags, Floats, Ints

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from llm_astar_planner.search.arrays import Float32s
-from llm_astar_planner.waypoints.learned.network import FORMAT
+from llm_astar_planner.waypoints.learned import FORMAT
 
 
 def write_weights(path: Path, arrays: Mapping[str, Float32s], shape: Mapping[str, int]) -> None:

@@ -1,4 +1,4 @@
-"""The network in torch; `llm_astar_planner.waypoints.learned.network` is the same in numpy.
+"""The network in torch; `llm_astar_planner.waypoints.learned` is the same in numpy.
 
 A transformer over the nodes. Its attention and its next-hop logits add a learned term for every
 pair of nodes: bilinear forms of how the two nodes lie relative to each barrier, through a small
@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from llm_astar_planner.waypoints.learned.network import (
+from llm_astar_planner.waypoints.learned import (
     BARRIER_FEATURES,
     NODE_FEATURES,
     PAIR_FEATURES,

@@ -1,7 +1,7 @@
 """Training labels, compiled: how good each next hop on the way to the goal is.
 
 The nodes are the start, the goal and the cells just beyond both ends of each barrier; see
-`llm_astar_planner.waypoints.learned.network`. A line of sight is one in the sense of
+`llm_astar_planner.waypoints.learned`. A line of sight is one in the sense of
 `llm_astar_planner.search.any_angle`: it touches no barrier, and blocked cells that share a side
 are connected. Shortest ways over the visibility graph of the nodes give the labels.
 """

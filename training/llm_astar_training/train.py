@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import torch
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_planner.waypoints.learned.network import featurise
+from llm_astar_planner.waypoints.learned import featurise
 from torch import Tensor
 from torch.nn import functional as fn
 from tqdm import tqdm

@@ -31,6 +31,15 @@ class ParameterError(LlmAstarError, ValueError):
     """A parameter that does not exist or a value it cannot have; the message names both."""
 
 
+def problem_of(read: Callable[[str], object], text: str) -> str | None:
+    """Say why a text cannot be read, None where it can."""
+    try:
+        read(text)
+    except LlmAstarError as error:
+        return str(error)
+    return None
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter. Its default gives its type.

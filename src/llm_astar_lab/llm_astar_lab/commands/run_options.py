@@ -42,12 +42,12 @@ LIVE_JOBS = 8
 INSTRUCTION = ('instruction', 'instruction_policy')
 # The parameters that say where a model's replies come from, live or recorded.
 ENDPOINT = (
-    'base_url', 'api_key_env', 'api_key_names', 'repair_rounds', 'prompt_form',
+    'base_url', 'api_key_env', 'api_key_names', 'prompt_form',
     'retrieved_examples', 'examples_file', 'sampling_seed',
 )  # fmt: skip
 # What is kept of a run, besides what its command adds.
 DECIDING = (
-    'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'prompt_form',
+    'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'prompt_form',
     'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'price',
     'jobs', 'sampling_seed',
 )  # fmt: skip

@@ -39,7 +39,6 @@ GOAL = Mark('#e0218a', 'D', '◆', 'goal')
 VIA = Mark('#f0e442', '^', '▲', 'via point')
 WAYPOINTS = {
     'accepted': Mark('#009e73', '*', '★', 'waypoint, accepted'),
-    'out_of_order': Mark('#e69f00', 'P', '✚', 'waypoint, out of order'),
     'unreachable': Mark('#8e44ad', 'v', '▼', 'waypoint, unreachable'),
     'occupied': Mark('#d55e00', 'X', '✖', 'waypoint, occupied'),
     'out_of_bounds': Mark('#7f7f7f', 'H', '⬢', 'waypoint, out of bounds'),

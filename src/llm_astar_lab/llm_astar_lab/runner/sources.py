@@ -147,10 +147,7 @@ class SourceOptions:
         ]
 
     def of_models(self, name: str) -> Iterator[SourceSpec]:
-        """Make a source once per model and prompt; an endpoint's label says how often it repairs.
-
-        Raises ValueError where one cannot be made.
-        """
+        """Make a source once per model and prompt. Raises ValueError where one cannot be made."""
         if name == 'endpoint' and not self.models:
             raise SettingsError('model: --source endpoint needs --model')
         for model, prompt in self.asked:
@@ -160,8 +157,7 @@ class SourceOptions:
                 settings = replace(settings, retrieved_examples=min(int(count), MAX_RETRIEVED))
             source, label = make_source(settings, self.dataset, self.seed), prompt
             if name == 'endpoint':
-                rounds = settings.repair_rounds
-                label = settings.prompt_name + (f', repaired up to {rounds}x' if rounds else '')
+                label = settings.prompt_name
             if problem := name_problem(label):
                 raise SettingsError(f'prompt: {problem}')
             yield SourceSpec(source, name, label, model)

@@ -30,7 +30,6 @@ Colour = tuple[float, float, float]
 # Colours by waypoint status; they stand out on a light and on a dark background.
 STATUS_COLOURS = {
     'accepted': (0.16, 0.63, 0.17),
-    'out_of_order': (1.00, 0.65, 0.00),
     'unreachable': (0.58, 0.40, 0.74),
     'occupied': (0.84, 0.15, 0.16),
     'out_of_bounds': (0.50, 0.50, 0.50),

@@ -185,9 +185,9 @@ def compiled() -> str:
 
 def embedded_model() -> str:
     """Read the weights of the embedded model, a file that an installation may lack."""
-    from llm_astar_planner.waypoints.learned import network  # noqa: PLC0415
+    from llm_astar_planner.waypoints import learned  # noqa: PLC0415
 
-    return f'learned waypoint model {network.packaged_weights().digest}, not an LLM'
+    return f'learned waypoint model {learned.packaged_weights().digest}, not an LLM'
 
 
 def plugin_findings() -> Iterator[Finding]:

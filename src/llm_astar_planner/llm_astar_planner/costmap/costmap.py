@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 
-from llm_astar_planner.costmap._kernels import inflation as kernels
+from llm_astar_planner.costmap import _kernels as kernels
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
 from llm_astar_planner.search.arrays import Bools, DoubleBuffer, Int8s, Int64s
 from llm_astar_planner.search.grid_graph import GridGraph, whole

@@ -12,7 +12,7 @@ import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_planner.costmap._kernels import raster as kernels
+from llm_astar_planner.costmap import _kernels as kernels
 from llm_astar_planner.search.arrays import Bools, Int64s
 
 # Parts of a boundary that lie this near to the border of a cell, in cells, run along it.

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, UNKNOWN, GridMap
 
-from llm_astar_planner.costmap._kernels import raster as kernels
+from llm_astar_planner.costmap import _kernels as kernels
 from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
 from llm_astar_planner.costmap.raster import Window, cover_window, window_of
 from llm_astar_planner.costmap.zone_rules import forbidden_moves

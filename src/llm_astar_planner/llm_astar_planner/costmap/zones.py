@@ -210,13 +210,7 @@ NO_ZONES = Zones()
 SOURCE = 'zones'
 # The zone that the edges of a nav2_route graph make, and its width unless the file has one.
 ROUTE_GRAPH, ROUTE_WIDTH = 'route graph', 1.0
-# Corners of a triangle, the first once more at the end.
-KINDS = POLYGONS + LINES
-LEAST_POINTS = 4
-MAX_NUMBER = 1e9
-# What is expected where something else is found.
-COST_WORDS = f'a whole number from 1 to {KEEPOUT}, which closes the zone,'
-SECONDS_WORDS = 'a number above 0, or none for a zone that stays,'
+MAX_NUMBER, LEAST_SECONDS = 1e9, 0.001
 
 
 def zones_from_text(text: str, now: float = 0.0) -> tuple[tuple[Zone, ...], str]:
@@ -295,14 +289,11 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
     )
     name, kind = properties.get('name'), str(properties.get('kind') or AREA)
     usual = COSTS.get(kind, KEEPOUT)
-    cost = number_of(
-        properties, 'cost', usual, where, words=COST_WORDS, least=min(usual, 1), most=KEEPOUT
-    )
-    above_zero = math.ulp(0.0)
-    seconds = number_of(properties, 'seconds', None, where, words=SECONDS_WORDS, least=above_zero)
+    cost = number_of(properties, 'cost', usual, where, (min(usual, 1), KEEPOUT))
+    seconds = number_of(properties, 'seconds', None, where, (LEAST_SECONDS, MAX_NUMBER))
     fields: dict[str, Any] = {
         'id': id_of(feature.get('id', properties.get('id')), where),
-        'geometry': geometry_of(feature, where),
+        'geometry': parse_geometry(part_of(feature, 'geometry'), where, POLYGONS + LINES),
         'cost': int(cost) if cost % 1 == 0 else cost,
         'name': '' if name in (None, '') else parse_name(name, f'{where}: name'),
         'expires': seconds and now + seconds,
@@ -316,36 +307,16 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
         raise ZonesError(f'{where}: {error}') from None
 
 
-def geometry_of(feature: dict[str, Any], where: str) -> BaseGeometry:
-    """Return the polygons or lines of a feature. Raises ZonesError or PlacesError."""
-    geometry = part_of(feature, 'geometry')
-    kind, found = geometry.get('type'), geometry.get('coordinates')
-    if kind not in KINDS:
-        raise ZonesError(
-            f'{where}: geometry: a {" or ".join(POLYGONS)} is expected, not {short_repr(kind)}'
-        )
-    outlines = {POLYGONS[0]: [found], POLYGONS[1]: found}.get(kind)
-    for outline in outlines if isinstance(outlines, list) else ():
-        for ring in outline if isinstance(outline, list) else ():
-            if isinstance(ring, list) and len(ring) < LEAST_POINTS:
-                raise ZonesError(
-                    f'{where}: coordinates: an outline of {len(ring)} points; it needs three '
-                    'corners, and the first of them once more at the end'
-                )
-    return parse_geometry(geometry, where, KINDS)
-
-
 def number_of(
-    properties: dict[str, Any], name: str, default: float | None, where: str, *,
-    words: str = 'a number', least: float = -MAX_NUMBER, most: float = MAX_NUMBER,
+    properties: dict[str, Any], name: str, default: float | None, where: str,
+    between: tuple[float, float] = (-MAX_NUMBER, MAX_NUMBER),
 ) -> Any:  # noqa: ANN401 - a number, or the default  # fmt: skip
-    """Return a number among properties. Raises ZonesError: `words` are expected."""
+    """Return a number among properties, or the default. Raises ZonesError."""
     value: Any = properties.get(name, default)
-    if name not in properties or (value is None and default is None):
-        return value
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not (is_number and least <= value <= most):
-        raise ZonesError(f'{where}: {name}: {words} is expected, not {short_repr(value)}')
+    if value is not default and not (is_number and between[0] <= value <= between[1]):
+        words = 'a number from {:g} to {:g} is expected'.format(*between)
+        raise ZonesError(f'{where}: {name}: {words}, not {short_repr(value)}')
     return value
 
 
@@ -372,4 +343,4 @@ def seconds_left(zone: Zone, now: float) -> float | None:
     """Return in how many seconds a zone expires, None for never."""
     if zone.expires is None or not math.isfinite(now):
         return None
-    return round(max(zone.expires - now, 0.001), 3)
+    return round(max(zone.expires - now, LEAST_SECONDS), 3)

@@ -9,7 +9,6 @@ all requests in the background, and commands say meanwhile how far it is.
 
 from __future__ import annotations
 
-import os
 import sys
 import threading
 import time
@@ -30,7 +29,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.zone_layer import FilterInfo, FilterKind, FilterMask, ZoneLayer
 from llm_astar_planner.costmap.zones import ONE_WAY, Zone
-from llm_astar_planner.planning._kernels.path_checks import nearest_places
+from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
@@ -53,8 +52,6 @@ REPORT_SECONDS = 4.0
 POLL_SECONDS = 0.02
 # Seconds to wait in `close` until the kernel that is being compiled is ready.
 LONGEST_KERNEL = 3.0
-# The ANSI sequence that clears a line from the cursor on.
-CLEAR = '\r\x1b[K'
 # Without and with what lethal cells do to others, which takes other kernels.
 CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0))
 WAYPOINTS = FixedReply('[[2, 2]]')
@@ -152,6 +149,7 @@ def compile_plans(
             footprint=None, time_limit=PATIENCE,
         )  # fmt: skip
         plan = planner.direct_plan(request, no_stop())
+        passed_cells(*np.zeros((2, 2), dtype=np.int64))
         if has_source:
             nearest_places(plan.path, np.zeros((1, 2)))
 
@@ -269,18 +267,10 @@ class CompileReport:
     Nothing where they are only loaded.
     """
 
-    def __init__(
-        self,
-        say: Callable[[str], None],
-        announcement: str,
-        show: Callable[[str], None] | None = None,
-    ) -> None:
-        """Take what gets the sentences: `say` the announcement, how far it is and the end.
-
-        `show` if given gets instead of the first two how far it is at each function.
-        """
+    def __init__(self, say: Callable[[str], None], announcement: str) -> None:
+        """Take what gets the sentences: the announcement, how far it is and the end."""
         self.is_compiling = False
-        self._say, self._show, self._announcement = say, show, announcement
+        self._say, self._announcement = say, announcement
         self._began = self._reported = 0.0
 
     def note(self, function: str, *, is_waited_for: bool = True) -> None:
@@ -289,15 +279,11 @@ class CompileReport:
         is_first, self.is_compiling = not self.is_compiling, True
         if is_first:
             self._began = self._reported = now
-        seconds = f'{now - self._began:.0f} s of about {EXPECTED_SECONDS} s'
-        progress = f'compiling the searches: {seconds} ({function})'
-        if self._show is not None:
-            self._show(progress)
-        elif is_first:
             self._say(self._announcement)
         elif is_waited_for and now - self._reported >= REPORT_SECONDS:
             self._reported = now
-            self._say(progress)
+            seconds = f'{now - self._began:.0f} s of about {EXPECTED_SECONDS} s'
+            self._say(f'compiling the searches: {seconds} ({function})')
 
     def finish(self, what: str = '') -> None:
         """Report that `what` is compiled, if anything had to be."""
@@ -308,16 +294,9 @@ class CompileReport:
 
 @contextmanager
 def compile_progress(stream: TextIO | None = None) -> Iterator[None]:
-    """Show what this thread compiles: a live line on a terminal, else sentences."""
-    stream = stream or sys.stderr
-    is_live = stream.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
-
-    def write(line: str, end: str = '\n') -> None:
-        stream.write(f'{CLEAR if is_live else ""}{line}{end}')
-        stream.flush()
-
-    announcement = f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s'
-    report = CompileReport(write, announcement, partial(write, end='') if is_live else None)
+    """Say what this thread compiles."""
+    say = partial(print, file=stream or sys.stderr, flush=True)
+    report = CompileReport(say, f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s')
     try:
         with compilations(report.note):
             yield

@@ -129,26 +129,9 @@ def outline_problem(points: tuple[tuple[float, float], ...]) -> str | None:
     for number, point in enumerate(points, start=1):
         if not all(map(math.isfinite, point)) or math.hypot(*point) > MAX_RADIUS:
             return f'point {number}, {point}, is not within {MAX_RADIUS:g} m of the origin'
-    edges = list(zip(points, points[1:] + points[:1]))
-    if any(begin == end for begin, end in edges):
+    if any(begin == end for begin, end in zip(points, points[1:] + points[:1])):
         return 'two points in a row are the same'
-    lines = shapely.linestrings(edges)
-    one, other = np.triu_indices(count, 1)
-    # Neighbours share an end; they meet elsewhere where one folds back onto the other.
-    is_neighbour = np.isin(other - one, (1, count - 1))
-    folds_back = shapely.length(shapely.intersection(lines[one], lines[other])) > 0.0
-    meet = np.where(is_neighbour, folds_back, shapely.intersects(lines[one], lines[other]))
-    if meet.any():
-        first = int(meet.argmax())
-        return f'edges {one[first] + 1} and {other[first] + 1} of its outline meet'
-    area = shapely.area(shapely.Polygon(points))
-    return 'it encloses no area' if area < MIN_AREA else None
-
-
-def footprint_problem(text: str) -> str | None:
-    """Say why a text cannot be the parameter `footprint`; None where it can."""
-    try:
-        Footprint.parse(text)
-    except FootprintError as error:
-        return str(error)
-    return None
+    outline = shapely.Polygon(points)
+    if not outline.is_valid:
+        return f'its outline meets itself ({shapely.is_valid_reason(outline)})'
+    return 'it encloses no area' if outline.area < MIN_AREA else None

@@ -114,7 +114,7 @@ class FootprintSearch:
         self.start_yaw = None if request.start_pose is None else request.start_pose.yaw - yaw
         self.goal_yaw = None if request.goal_yaw is None else request.goal_yaw - yaw
         pose = request.start_pose
-        if pose is not None and self.checker.first_collision(pose) is not None:
+        if pose is not None and self.checker.collisions(pose).any():
             self.warn(CLEARED)
             self.checker = self.checker.cleared(pose)
 
@@ -354,16 +354,11 @@ class FootprintChecker:
         places = self.grid_map.world_to_grid(world[:, :2])
         return np.column_stack([places, world[:, 2] - self.grid_map.origin.yaw])
 
-    def first_collision(self, poses: ArrayLike) -> int | None:
-        """Return the index of the first pose (x, y, yaw) [n, 3] that collides, or None.
-
-        Poses are in metres and radians, in the map's frame. One that is not finite collides.
-        """
-        found = np.flatnonzero(self.collisions(poses))
-        return int(found[0]) if len(found) else None
-
     def collisions(self, poses: ArrayLike) -> Bools:
-        """Tell for each pose (x, y, yaw) [n, 3] in metres whether it collides: bool [n]."""
+        """Tell for each pose (x, y, yaw) [n, 3] whether it collides: bool [n].
+
+        Metres and radians of the map's frame. One that is not finite collides.
+        """
         return self.collisions_on_grid(self.to_grid(poses))
 
     def collisions_on_grid(self, poses: Float64s) -> Bools:

@@ -24,25 +24,21 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.text import (
     POLICIES,
     PREFER,
-    InstructionError,
     clean_instruction,
 )
-from llm_astar_planner.parameter import Parameter, ParameterError, Scalar, parameter, parameters_of
-from llm_astar_planner.planning.footprint import Footprint, footprint_problem
+from llm_astar_planner.parameter import (
+    Parameter,
+    ParameterError,
+    Scalar,
+    parameter,
+    parameters_of,
+    problem_of,
+)
+from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.methods import GUIDED, HEURISTIC_NAMES, METHODS, SEARCH_METHODS
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
-
-
-def instruction_problem(instruction: str) -> str | None:
-    """Say why a text cannot be an instruction; None where it can."""
-    try:
-        clean_instruction(instruction)
-    except InstructionError as error:
-        return str(error)
-    return None
-
 
 # Those that only nodes have, and of these those that are fixed at their start.
 for_nodes = partial(parameter, node_only=True)
@@ -123,7 +119,7 @@ class RequestParameters:
     - `places_file`: GeoJSON file with the named places of the map, in metres of its frame
     """
 
-    footprint = parameter('', check=footprint_problem)
+    footprint = parameter('', check=partial(problem_of, Footprint.parse))
     max_planning_time = parameter(
         5.0,
         unit='s',
@@ -157,7 +153,7 @@ class RequestParameters:
         cli_default=3600.0,
         cli_reason='since there `timeout_s` alone limits how long a source is waited for',
     )
-    instruction = parameter('', check=instruction_problem)
+    instruction = parameter('', check=partial(problem_of, clean_instruction))
     instruction_policy = parameter(PREFER, choices=POLICIES)
     places_file = parameter('')
 

@@ -38,7 +38,6 @@ from llm_astar_planner.planning.segment import (
     NOT_SEARCHED,
     SegmentPlanner,
     concatenate_results,
-    mark_out_of_order,
     not_asked,
     success_message,
 )
@@ -61,7 +60,7 @@ from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
-from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus, empty_path
+from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.waypoints.async_query import name_of
 
 if TYPE_CHECKING:
@@ -321,8 +320,7 @@ class PathPlanner:
         if request.source is not None and not (first and first.is_asked):
             reply = not_asked(request, self.costmap)
         if first and first.checked_waypoints:
-            path = empty_path() if result is None else result.path
-            fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
+            fields['checked_waypoints'] = first.checked_waypoints
             fields['guided_by'] = first.reply.label if first.guiding_waypoints else 'none'
         return Plan(
             code=getattr(failure, 'code', ResultCode.UNKNOWN) if failure else ResultCode.NONE,

@@ -97,7 +97,7 @@ class CollisionChecker:
         cells = curve_cells(points)
         return self.path_problem(cells, tuple(cells[0]), tuple(cells[-1])) is None
 
-    def path_problem(self, path: Int32s, start: Cell, goal: Cell) -> str | None:
+    def path_problem(self, path: NDArray[np.integer[Any]], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2], or None.
 
         It must run from start to goal, on the map, over free cells, by steps to one of the eight
@@ -124,15 +124,11 @@ class CollisionChecker:
         cut. From cell to cell it must make no move against a rule of the road. (The search has
         its own line of sight; this one is written apart from it on purpose.)
         """
-        cells = np.ascontiguousarray(points, np.int64)
-        for begin, end in pairwise(cells):
-            fault, x, y = kernels.segment_fault(self.rules, begin, end, self._cuts_corners)
-            if fault == kernels.CORNER:
-                return f'the segment from {cell_text(begin)} cuts a corner'
-            if fault != kernels.FINE:
-                return f'the segment from {cell_text(begin)} {FAULTS[fault][3:]} ({x}, {y})'
-            if self.first_against(passed_cells(begin, end)) >= 0:
-                return f'the segment from {cell_text(begin)} goes against a rule of the road'
+        for begin, end in pairwise(np.ascontiguousarray(points, np.int64)):
+            ends: list[Cell] = [(int(x), int(y)) for x, y in (begin, end)]
+            problem = self.path_problem(kernels.passed_cells(begin, end), *ends)
+            if problem is not None:
+                return f'the segment from {cell_text(begin)} {problem.removeprefix("it ")}'
         return None
 
     def measure(self, path: Int32s) -> PathMetrics:
@@ -157,22 +153,6 @@ def curve_cells(points: Float64s) -> Int32s:
     cells = np.insert(cells, aside + 1, third, axis=0).astype(np.int32)
     moves: Bools = (np.diff(cells, axis=0) != 0).any(axis=1)
     return np.asarray(cells[np.concatenate([[True], moves])])
-
-
-def passed_cells(begin: Int64s, end: Int64s) -> Int64s:
-    """Return the cells [n, 2] that a straight line between two cells passes, in turn.
-
-    A move between them is diagonal where the line meets a corner of cells exactly.
-    """
-    counts, signs = np.abs(end - begin), np.sign(end - begin)
-    # The line meets its border number i in x after the part (2 i + 1) / (2 counts[0]) of it, and
-    # those in y likewise: both times twice the product of the counts, these are whole numbers.
-    crossings = [(2 * np.arange(counts[axis]) + 1) * counts[1 - axis] for axis in (0, 1)]
-    if not counts.all():
-        crossings = [np.arange(count) for count in counts]
-    passed = np.unique(np.concatenate(crossings))
-    steps = [np.searchsorted(borders, passed, side='right') for borders in crossings]
-    return np.concatenate((begin[None], begin + np.column_stack(steps) * signs))
 
 
 def via_problem(path: Int32s, via: Sequence[Cell]) -> str | None:
@@ -217,7 +197,7 @@ def invalid_poses(
     invalid: Bools = kernels.invalid_poses(rules, path, cost_limit)
     for n in range(1, len(path) if checker.forbidden.size else 0):
         if not (invalid[n - 1] or invalid[n]):
-            invalid[n] = checker.first_against(passed_cells(*path[n - 1 : n + 1])) >= 0
+            invalid[n] = checker.first_against(kernels.passed_cells(*path[n - 1 : n + 1])) >= 0
     return invalid
 
 
@@ -226,7 +206,7 @@ def nearest_pose(points: Float64s, x: float, y: float) -> int:
     return int(np.argmin(np.hypot(points[:, 0] - x, points[:, 1] - y)))
 
 
-def cell_text(cell: Int32s) -> str:
+def cell_text(cell: NDArray[np.integer[Any]]) -> str:
     """Return a cell [2] as a message shows it."""
     return f'({cell[0]}, {cell[1]})'
 

@@ -14,7 +14,7 @@ import math
 import threading
 import time
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.planning._kernels.path_checks import nearest_places
+from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
-from llm_astar_planner.planning.path_validator import passed_cells, via_problem
+from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.segment import length_text
 from llm_astar_planner.planning.types import (
     Endpoints,
@@ -43,7 +43,7 @@ from llm_astar_planner.planning.types import (
 from llm_astar_planner.search.arrays import Bools, Int32s, Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import path_cost, path_length
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
@@ -374,38 +374,16 @@ def reuse_problem(
     return problem
 
 
-@dataclass(frozen=True)
-class CachedWaypoints:
-    """The waypoints as the source gave them, the map they were for, and the path they led to.
+class CachedWaypoints(NamedTuple):
+    """The waypoints as the source gave them, the path they led to, and the map they were for.
 
     Of the map only its digest and where its cells lie is kept, without the cells themselves.
     """
 
-    digest: str
-    layout: tuple[object, ...]
     reply: WaypointReply
     path: Int32s
-
-    def ahead_of(self, start: Cell) -> tuple[Waypoint, ...] | None:
-        """Return the waypoints not passed by a robot at `start`; None if it is off the path."""
-        place, distance = nearest_on_path(self.path, start)
-        if distance > MAX_DEVIATION:
-            return None
-        if place == 0:
-            return self.reply.waypoints
-        return tuple(
-            point for point in self.reply.waypoints if nearest_on_path(self.path, point)[0] > place
-        )
-
-    def can_reach(self, waypoints: tuple[Waypoint, ...], query: WaypointQuery) -> bool:
-        """Tell whether every waypoint is still free and reachable from the query's start."""
-        components = query.costmap.components
-        here = components.at(query.start)
-        return (
-            self.layout == query.grid_map.layout
-            and here > 0
-            and all(components.at((round(x), round(y))) == here for x, y in waypoints)
-        )
+    digest: str
+    layout: tuple[object, ...]
 
 
 class WaypointCache:
@@ -427,12 +405,21 @@ class WaypointCache:
         """Return the reply with the waypoints that hold, None where the source is to be asked."""
         with self._lock:
             cached = self._cached.get(query.goal)
-        waypoints = None if cached is None else cached.ahead_of(query.start)
-        if cached is None or waypoints is None:
+        if cached is None or cached.layout != query.grid_map.layout:
             return None
+        place, distance = nearest_on_path(cached.path, query.start)
+        waypoints = tuple(
+            point
+            for point in cached.reply.waypoints
+            if place == 0 or nearest_on_path(cached.path, point)[0] > place
+        )
+        components = query.costmap.components
+        here = components.at(query.start)
+        cells = [(round(x), round(y)) for x, y in waypoints]
+        holds = here > 0 and all(components.at(cell) == here for cell in cells)
         is_same_map = cached.digest == query.grid_map.digest
         is_same_query = is_same_map and waypoints == cached.reply.waypoints
-        if is_same_query or not cached.can_reach(waypoints, query):
+        if is_same_query or not holds or distance > MAX_DEVIATION:
             return None
         detail = f'kept from the plan on map {cached.digest}'
         return replace(
@@ -457,7 +444,7 @@ class WaypointCache:
         accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
         if not (good and plan.checked_waypoints and accepted):
             return
-        cached = CachedWaypoints(grid_map.digest, grid_map.layout, plan.reply, plan.path)
+        cached = CachedWaypoints(plan.reply, plan.path, grid_map.digest, grid_map.layout)
         with self._lock:
             if started > self._cleared:
                 self._cached[plan.goal] = cached

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 import time
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning._kernels.path_checks import nearest_places
 from llm_astar_planner.planning.types import (
     NOT_ASKED,
     CheckedWaypoint,
@@ -67,8 +65,6 @@ HEAD_START = 0.03
 PAPER_EDGE = 2
 # The paper's methods drop a waypoint only if no robot can be there.
 KEPT_BY_PAPER = frozenset(WaypointStatus) - {WaypointStatus.OUT_OF_BOUNDS, WaypointStatus.OCCUPIED}
-# Which waypoints the guided search uses. OUT_OF_ORDER is known only after it, so it was used.
-GUIDING = frozenset({WaypointStatus.ACCEPTED, WaypointStatus.OUT_OF_ORDER})
 # How a source replied that has not failed: in time, with whatever it found.
 NO_FAILURE = frozenset({
     SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.LATE
@@ -248,11 +244,13 @@ class SegmentPlanner:
         occupied = costmap.rejected_cells if is_published else costmap.blocked
         edge = PAPER_EDGE if is_published else 0
         checked = check_waypoints(reply.waypoints, occupied, costmap.components, start, edge)
-        usable = KEPT_BY_PAPER if is_published else GUIDING
-        self.guiding_waypoints = [point for point in checked if point.status in usable]
-        self.accepted = sum(point.status in GUIDING for point in checked)
-        self.checked_waypoints = checked
-        return target_list(checked, start, goal)[1:] if is_published else guiding_points(checked)
+        accepted = [point for point in checked if point.status is WaypointStatus.ACCEPTED]
+        self.checked_waypoints, self.accepted = checked, len(accepted)
+        self.guiding_waypoints = accepted
+        if not is_published:
+            return guiding_points(checked)
+        self.guiding_waypoints = [point for point in checked if point.status in KEPT_BY_PAPER]
+        return target_list(checked, start, goal)[1:]
 
 
 def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
@@ -367,7 +365,7 @@ def check_waypoints(
 
 def guiding_points(waypoints: Sequence[CheckedWaypoint]) -> list[Waypoint]:
     """Return the waypoints that the guided search uses: those a path can be at."""
-    return [(point.x, point.y) for point in waypoints if point.status in GUIDING]
+    return [(point.x, point.y) for point in waypoints if point.status is WaypointStatus.ACCEPTED]
 
 
 def target_list(waypoints: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
@@ -382,31 +380,6 @@ def target_list(waypoints: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -
     return targets
 
 
-def mark_out_of_order(
-    waypoints: Sequence[CheckedWaypoint], path: Int32s
-) -> tuple[CheckedWaypoint, ...]:
-    """Mark the accepted waypoints that the path passes in another order than given.
-
-    Each is placed at its nearest cell of the path [n, 2]. Those outside the longest run of places
-    that never goes back are out of order.
-    """
-    if len(path) == 0 or len(waypoints) < 2:
-        return tuple(waypoints)
-    marked, accepted, points = list(waypoints), list[int](), list[Waypoint]()
-    for i, point in enumerate(waypoints):
-        if point.status is WaypointStatus.ACCEPTED:
-            accepted.append(i)
-            points.append((point.x, point.y))
-    if len(accepted) < 2:
-        return tuple(marked)
-    places = nearest_places(path, np.array(points)).tolist()
-    if sorted(places) != places:
-        in_order = {accepted[i] for i in longest_rising_run(places)}
-        for i in set(accepted) - in_order:
-            marked[i] = replace(marked[i], status=WaypointStatus.OUT_OF_ORDER)
-    return tuple(marked)
-
-
 def snap(value: float, tolerance: float = 1e-6) -> float:
     """Return the whole number within `tolerance` of a grid coordinate, else the coordinate.
 
@@ -416,20 +389,3 @@ def snap(value: float, tolerance: float = 1e-6) -> float:
         return value
     nearest = float(round(value))
     return nearest if abs(value - nearest) <= tolerance else value
-
-
-def longest_rising_run(places: list[int]) -> list[int]:
-    """Return the indices of a longest non-decreasing subsequence, in O(n log n)."""
-    # levels[k]: indices that end a run of length k + 1; within a level the places decrease.
-    levels: list[list[int]] = []
-    ends: list[int] = []
-    for i, place in enumerate(places):
-        level = bisect_right(ends, place)
-        ends[level : level + 1] = [place]
-        if level == len(levels):
-            levels.append([])
-        levels[level].append(i)
-    run = [levels[-1][0]]
-    for before in reversed(levels[:-1]):
-        run.append(next(i for i in before if places[i] <= places[run[-1]]))
-    return run[::-1]

@@ -85,7 +85,6 @@ class WaypointStatus(str, Enum):
     OUT_OF_BOUNDS = 'out_of_bounds'
     OCCUPIED = 'occupied'
     UNREACHABLE = 'unreachable'
-    OUT_OF_ORDER = 'out_of_order'
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap._kernels.inflation import changed_windows
+from llm_astar_planner.costmap._kernels import changed_windows
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap, inflate, inflation_reach, squared_cells
 from llm_astar_planner.instructions.route import Route

@@ -70,14 +70,11 @@ class SourceSettings:
     - `max_output_tokens`: Longest reply to request
     - `max_prompt_tokens`: About how long the description of the map may be, with the retrieved
       examples
-    - `timeout_s`: Time limit for one query, retries and repairs included; a later reply is cached
+    - `timeout_s`: Time limit for one query, retries included; a later reply is cached
     - `max_retries`: How often a failed request is sent again
     - `max_concurrent`: How many requests may be in flight at once
-    - `repair_rounds`: How often the model is asked again with the segments of its route that
-      collide
     - `max_calls_per_hour`: Most requests in an hour; 0: no limit
     - `max_tokens_per_day`: Most tokens in a day; 0: no limit
-    - `cache_size`: How many replies are cached
     - `transcript`: Transcript that `replay` answers from: a path, or a name in `maps/`
     - `record`: Transcript to which each exchange with `endpoint` is appended; empty: none
     """
@@ -112,10 +109,8 @@ class SourceSettings:
     )
     max_retries: int = parameter(2, between=(0, 10))
     max_concurrent: int = parameter(2, between=(1, 64))
-    repair_rounds: int = parameter(0, between=(0, 10))
     max_calls_per_hour: int = parameter(600, between=(0, 1000000))
     max_tokens_per_day: int = parameter(0, between=(0, 2**31 - 1))
-    cache_size: int = parameter(256, between=(1, 1000000))
     transcript: str = parameter('')
     record: str = parameter('')
 

@@ -308,7 +308,7 @@ SOURCES = Plugins(
     {
         'auto': f'{HERE}.config:AutoSource',
         'none': f'{HERE}.replay:NoSource',
-        'embedded': f'{HERE}.learned.source:make_embedded',
+        'embedded': f'{HERE}.learned:make_embedded',
         'replay': f'{HERE}.replay:make_replay',
         'endpoint': f'{HERE}.llm.source:make_endpoint',
         **dict.fromkeys(BASELINE_NAMES, f'{HERE}.baselines:make_baseline'),

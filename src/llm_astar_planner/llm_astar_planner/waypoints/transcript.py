@@ -14,7 +14,6 @@ from __future__ import annotations
 import errno
 import json
 import logging
-import math
 import mmap
 import os
 import threading
@@ -95,13 +94,11 @@ _TYPES: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(('seconds', 'temperature'), (int, float)),
     'messages': (list,),
 }
-# The least and the greatest value of a number, and what it is then.
-_LIMITS = {
-    **dict.fromkeys(('scale', 'unit'), (1, math.inf, '1 or more')),
-    **dict.fromkeys(
-        ('prompt_tokens', 'completion_tokens', 'seconds'), (0, MAX_NUMBER, f'0 to {MAX_NUMBER:g}')
-    ),
-    **dict.fromkeys(('seed', 'temperature'), (-MAX_NUMBER, MAX_NUMBER, 'a usual number')),
+# The least values of numbers; the greatest is MAX_NUMBER.
+_LEAST = {
+    **dict.fromkeys(('scale', 'unit'), 1),
+    **dict.fromkeys(('prompt_tokens', 'completion_tokens', 'seconds'), 0),
+    **dict.fromkeys(('seed', 'temperature'), -MAX_NUMBER),
 }
 # The fields that stand in logs and tables, and those that a line may leave out.
 _NAMES = {'model', 'prompt', *Provenance._fields}
@@ -180,8 +177,8 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
 def check_field(name: str, value: Any, where: str) -> None:  # noqa: ANN401 - any JSON value
     """Raise TranscriptError where a field of an exchange cannot have a value."""
     check_type(value, _TYPES.get(name, (str,)), f'{where}: {name}')
-    least, most, words = _LIMITS.get(name, (value, value, ''))
-    if not least <= value <= most:
+    if name in _LEAST and not _LEAST[name] <= value <= MAX_NUMBER:
+        words = f'{_LEAST[name]:g} to {MAX_NUMBER:g}'
         raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not {words}')
     if name in _NAMES and isinstance(value, str):
         check_names({name: value}, where, name)

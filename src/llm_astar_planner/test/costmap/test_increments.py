@@ -9,7 +9,7 @@ import pytest
 from grids import held_bytes
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import updated
-from llm_astar_planner.costmap._kernels.inflation import changed_windows
+from llm_astar_planner.costmap._kernels import changed_windows
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner

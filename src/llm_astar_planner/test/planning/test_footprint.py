@@ -8,11 +8,8 @@ import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.footprint import (
-    Footprint,
-    FootprintError,
-    footprint_problem,
-)
+from llm_astar_planner.parameter import problem_of
+from llm_astar_planner.planning.footprint import Footprint, FootprintError
 from llm_astar_planner.planning.footprint_search import FootprintChecker
 from shapely import affinity
 
@@ -80,14 +77,13 @@ def test_collisions_are_those_that_shapely_finds(seed):
         checker = FootprintChecker(Costmap(grid_map, config), footprint)
         assert checker.collisions(poses).tolist() == expected
         assert 0 < sum(expected) < 60
-        assert checker.first_collision(poses) == expected.index(True)
 
 
 def test_an_obstacle_inside_of_the_outline_is_a_collision():
     cells = np.zeros((40, 40))
     cells[20, 20] = 100
     checker = checker_of(cells, Footprint.parse('[[1, 1], [1, -1], [-1, -1], [-1, 1]]'))
-    assert checker.first_collision([(2.05, 2.05, 0.3)]) == 0
+    assert checker.collisions([(2.05, 2.05, 0.3)]).all()
 
 
 def test_the_gap_of_a_concave_robot_is_free():
@@ -105,18 +101,18 @@ def test_inscribed_cells_of_a_costmap_are_no_obstacles_but_lethal_ones_are():
     cells[20, 20] = 99
     footprint = Footprint.parse(RECTANGLE)
     pose = [(2.05, 2.05, 0.0)]
-    assert checker_of(cells, footprint, occupied_threshold=99).first_collision(pose) is None
-    assert checker_of(cells, footprint, occupied_threshold=65).first_collision(pose) == 0
+    assert not checker_of(cells, footprint, occupied_threshold=99).collisions(pose).any()
+    assert checker_of(cells, footprint, occupied_threshold=65).collisions(pose).all()
     cells[20, 20] = 100
-    assert checker_of(cells, footprint, occupied_threshold=99).first_collision(pose) == 0
+    assert checker_of(cells, footprint, occupied_threshold=99).collisions(pose).all()
 
 
 def test_unknown_cells_are_obstacles_as_the_costmap_or_the_caller_says():
     costmap = Costmap(GridMap(np.full((40, 40), -1, np.int8), 0.1))
     footprint, pose = Footprint.parse(RECTANGLE), [(2.0, 2.0, 0.0)]
-    assert FootprintChecker(costmap, footprint).first_collision(pose) is None
+    assert not FootprintChecker(costmap, footprint).collisions(pose).any()
     strict = FootprintChecker(costmap, footprint, allow_unknown=False)
-    assert strict.first_collision(pose) == 0
+    assert strict.collisions(pose).all()
 
 
 @pytest.mark.parametrize(
@@ -124,7 +120,7 @@ def test_unknown_cells_are_obstacles_as_the_costmap_or_the_caller_says():
 )
 def test_a_polygon_that_leaves_the_map_collides(pose):
     checker = checker_of(np.zeros((40, 40)), Footprint.parse(RECTANGLE))
-    assert checker.first_collision([(2, 2, 0), pose]) == 1
+    assert checker.collisions([(2, 2, 0), pose]).tolist() == [False, True]
 
 
 @pytest.mark.parametrize(
@@ -133,7 +129,7 @@ def test_a_polygon_that_leaves_the_map_collides(pose):
 def test_a_pose_that_is_not_finite_or_far_away_collides(pose):
     checker = checker_of(np.zeros((40, 40)), Footprint.parse(RECTANGLE))
     with np.errstate(invalid='ignore'):
-        assert checker.first_collision([pose]) == 0
+        assert checker.collisions([pose]).all()
 
 
 def test_the_radii_are_those_of_the_nearest_edge_and_the_farthest_point():
@@ -154,7 +150,7 @@ def test_the_radii_are_those_of_the_nearest_edge_and_the_farthest_point():
 @pytest.mark.parametrize('text', ['', ' ', '[]', '[ ]'])
 def test_no_footprint_is_a_footprint_of_no_points(text):
     assert Footprint.parse(text) is None
-    assert footprint_problem(text) is None
+    assert problem_of(Footprint.parse, text) is None
 
 
 def test_nav2s_ways_to_write_a_footprint_are_read():
@@ -169,7 +165,7 @@ def test_nav2s_ways_to_write_a_footprint_are_read():
         ('[[0, 0], [1, 0]]', '2 points; it needs 3 to 64'),
         ('[[]]', 'pair'),
         (str([[math.cos(n / 11), math.sin(n / 11)] for n in range(65)]), '65 points'),
-        ('[[0, 0], [1, 0], [1, 1], [0.5, -1]]', 'edges 1 and 3 of its outline meet'),
+        ('[[0, 0], [1, 0], [1, 1], [0.5, -1]]', 'its outline meets itself (Self-intersection'),
         ('[[0, 0], [2, 0], [2, 1], [1, 0], [0, 1]]', 'meet'),
         ('[[0, 0], [1, 0], [0.5, 0]]', 'meet'),
         ('[[0, 0], [1, 0], [0.5, 1e-9]]', 'no area'),
@@ -187,7 +183,7 @@ def test_nav2s_ways_to_write_a_footprint_are_read():
     ],
 )
 def test_what_is_no_footprint_is_refused_with_the_reason(text, words):
-    assert words in footprint_problem(text)
+    assert words in problem_of(Footprint.parse, text)
 
 
 @pytest.mark.parametrize('seed', range(20))

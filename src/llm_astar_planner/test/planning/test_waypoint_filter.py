@@ -1,5 +1,3 @@
-from itertools import combinations, product
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +9,6 @@ from llm_astar_planner.planning.segment import (
     CheckedWaypoint,
     WaypointStatus,
     check_waypoints,
-    mark_out_of_order,
     snap,
     target_list,
 )
@@ -95,37 +92,6 @@ def test_start_equal_to_goal_is_one_target():
 
 
 PATH = np.array([[x, 5] for x in range(10)], dtype=np.int32)
-
-
-def test_waypoints_the_path_passes_in_another_order_are_marked():
-    places = [(2, 4), (7, 6), (4, 5), (5, 5)]
-    points = checked(*((x, y, 'accepted') for x, y in places))
-    marked = [point.status.value for point in mark_out_of_order(points, PATH)]
-    assert marked == ['accepted', 'out_of_order', 'accepted', 'accepted']
-
-
-def test_as_few_waypoints_as_possible_are_out_of_order():
-    for places in product(range(1, 5), repeat=5):
-        marked = mark_out_of_order(checked(*((x, 5, 'accepted') for x in places)), PATH)
-        kept = [point.x for point in marked if point.status.value == 'accepted']
-        longest = max(
-            length
-            for length in range(6)
-            for run in combinations(places, length)
-            if list(run) == sorted(run)
-        )
-        assert kept == sorted(kept)
-        assert len(kept) == longest
-
-
-def test_only_accepted_waypoints_can_be_out_of_order():
-    points = checked((7, 5, 'accepted'), (1, 5, 'occupied'), (8, 5, 'accepted'))
-    assert mark_out_of_order(points, PATH) == tuple(points)
-
-
-def test_without_a_path_there_is_no_order():
-    points = checked((7, 5, 'accepted'), (1, 5, 'accepted'))
-    assert mark_out_of_order(points, PATH[:0]) == tuple(points)
 
 
 def test_snapping_only_undoes_rounding_errors():

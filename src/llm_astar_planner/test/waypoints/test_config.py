@@ -61,11 +61,9 @@ def test_settings_are_checked_by_name():
         ({'max_concurrent': 0}, 'max_concurrent: 0'),
         ({'max_output_tokens': 0}, 'max_output_tokens: 0'),
         ({'max_prompt_tokens': 1}, 'max_prompt_tokens: 1'),
-        ({'repair_rounds': -1}, 'repair_rounds: -1'),
         ({'candidates': 0}, 'candidates: 0 is not in 1 to 64'),
         ({'max_calls_per_hour': -1}, 'max_calls_per_hour: -1'),
         ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
-        ({'cache_size': 0}, 'cache_size: 0'),
         ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
         ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, zero_shot, cot, repe"),
         ({'prompt_form': 'poem'}, "'poem' is not one of message, turns, completion"),
@@ -98,5 +96,5 @@ def test_settings_hold_the_parameters_of_the_design():
     names = {field.name for field in fields(SourceSettings)}
     assert names >= {'source', 'base_url', 'model', 'prompt', 'timeout_s', 'max_retries'}
     assert names >= {'max_output_tokens', 'temperature', 'response_format', 'api_key_env'}
-    assert names >= {'repair_rounds', 'max_calls_per_hour', 'max_tokens_per_day'}
+    assert names >= {'max_calls_per_hour', 'max_tokens_per_day'}
     assert WaypointReply().messages == ()

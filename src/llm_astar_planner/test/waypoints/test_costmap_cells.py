@@ -12,8 +12,7 @@ from llm_astar_planner.waypoints.baselines import (
     visibility_graph,
 )
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.learned.source import EmbeddedSource
-from llm_astar_planner.waypoints.prompts.examples import find_faults
+from llm_astar_planner.waypoints.learned import EmbeddedSource
 from llm_astar_planner.waypoints.prompts.map_description import Lattice, describe
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
@@ -97,14 +96,6 @@ def test_a_prompt_shows_the_gap_where_the_search_may_pass_it(grid_map, config, i
         if barrier.line == GAP[0] and barrier.first <= GAP[1] <= barrier.last
     ]
     assert bool(through) != is_open
-
-
-@CASES
-def test_feedback_on_a_route_knows_the_gap(grid_map, config, is_open):
-    faults = find_faults(WaypointQuery(Costmap(grid_map, config), START, GOAL), [GAP], Lattice())
-    words = [] if is_open else ['lies on a barrier', 'meets a barrier']
-    assert len(faults) == len(words)
-    assert all(word in fault for word, fault in zip(words, faults))
 
 
 @CASES

@@ -136,7 +136,7 @@ def test_nothing_but_a_regular_file_is_recorded_to(tmp_path):
     ('change', 'words'),
     [
         ({'map': None}, 'line 2: map: int or str is expected'),
-        ({'scale': 0}, 'line 2: scale: 0 is not 1 or more'),
+        ({'scale': 0}, 'line 2: scale: 0 is not 1 to 1e'),
         ({'scale': True}, 'line 2: scale: int is expected'),
         ({'messages': [{'role': 'user'}]}, r'line 2: messages\[0\]: content'),
         ({'messages': ['hello']}, r'line 2: messages\[0\]: an object'),

@@ -39,7 +39,6 @@ const SHAPES = {
   down: polygon(3, TAU / 4).map(([x, y]) => [1.15 * x, 1.15 * y]),
   hexagon: polygon(6),
   star,
-  plus,
   cross: turned(plus, TAU / 8),
 };
 

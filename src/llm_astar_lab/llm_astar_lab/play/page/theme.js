@@ -2,7 +2,6 @@
 
 const NAMES = {
   accepted: 'accepted',
-  out_of_order: 'out of order',
   unreachable: 'unreachable',
   occupied: 'occupied',
   out_of_bounds: 'out of bounds',
@@ -24,7 +23,6 @@ const FALLBACK = {
   clause: { KEPT: '#009e73', NOT_KEPT: '#c8102e', AS_FAR_AS_POSSIBLE: '#b8860b', UNSURE: '#e08a00' },
   waypoint: {
     accepted: '#009e73',
-    out_of_order: '#e69f00',
     unreachable: '#8e44ad',
     occupied: '#d55e00',
     out_of_bounds: '#7f7f7f',
@@ -32,7 +30,6 @@ const FALLBACK = {
 };
 const SHAPES = {
   accepted: 'star',
-  out_of_order: 'plus',
   unreachable: 'down',
   occupied: 'cross',
   out_of_bounds: 'hexagon',

@@ -60,7 +60,7 @@ def room_of(
     """Return the squared distance to the nearest lethal cell: [height + 2, width + 2].
 
     In cells: 0 where the group is not open, and the most, one beyond `reach` squared, where the
-    other group is wide. Axis by axis, see `costmap._kernels.inflation`.
+    other group is wide. Axis by axis, see `costmap._kernels`.
     """
     height, width = lethal.shape
     squared = np.zeros((height + 2, width + 2), dtype=np.int32)

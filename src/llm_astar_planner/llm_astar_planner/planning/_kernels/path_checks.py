@@ -244,49 +244,24 @@ def path_fault(
 
 
 @jit
-def segment_fault(
-    rules: Rules, begin: Int64s, end: Int64s, corner_cutting: bool
-) -> tuple[int, int, int]:
-    """Return the rule that a straight segment between two cells breaks, and the cell (x, y).
+def passed_cells(begin: Int64s, end: Int64s) -> Int64s:
+    """Return the cells [n, 2] that a straight line between two cells passes, in turn.
 
-    Every cell that it passes through is looked at; then, unless `corner_cutting`, the two cells
-    beside each corner of cells that it passes exactly over. Whole numbers, so exactly.
+    A move between them is diagonal where the line meets a corner of cells exactly.
     """
-    height, width = rules[0].shape
     far_x, far_y = abs(end[0] - begin[0]), abs(end[1] - begin[1])
     step_x, step_y = np.sign(end[0] - begin[0]), np.sign(end[1] - begin[1])
     passed = np.empty((far_x + far_y + 1, 2), dtype=np.int64)
-    corners = np.empty((2 * min(far_x, far_y), 2), dtype=np.int64)
-    count = corner_count = 0
-    x, y = begin[0], begin[1]
-    # It leaves the column after (2 * steps + 1) / (2 * far_x) of its length, and so the row.
-    across, along = 0, 0
-    while True:
-        if not (0 <= x < width and 0 <= y < height):
-            return OUTSIDE, x, y
-        passed[count, 0], passed[count, 1] = x, y
-        count += 1
-        if across == far_x and along == far_y:
-            break
+    passed[0, 0], passed[0, 1] = begin[0], begin[1]
+    across = along = count = 0
+    while across < far_x or along < far_y:
+        # It leaves the column after (2 * across + 1) / (2 * far_x) of its length, and so the row.
         to_column, to_row = (2 * across + 1) * far_y, (2 * along + 1) * far_x
-        if to_column == to_row:
-            corners[corner_count, 0], corners[corner_count, 1] = x + step_x, y
-            corners[corner_count + 1, 0], corners[corner_count + 1, 1] = x, y + step_y
-            corner_count += 2
-        if to_column <= to_row:
-            x += step_x
-            across += 1
-        if to_row <= to_column:
-            y += step_y
-            along += 1
-    n = first_blocked(rules, passed[:count])
-    if n >= 0:
-        return OBSTACLE, passed[n, 0], passed[n, 1]
-    if not corner_cutting:
-        n = first_blocked(rules, corners[:corner_count])
-        if n >= 0:
-            return CORNER, corners[n, 0], corners[n, 1]
-    return FINE, 0, 0
+        across += to_column <= to_row
+        along += to_row <= to_column
+        count += 1
+        passed[count, 0], passed[count, 1] = begin[0] + across * step_x, begin[1] + along * step_y
+    return passed[: count + 1]
 
 
 @jit
@@ -382,5 +357,5 @@ def invalid_poses(rules: Rules, path: Int64s, cost_limit: int) -> Bools:
     for n in range(1, len(path)):
         far = max(abs(path[n, 0] - path[n - 1, 0]), abs(path[n, 1] - path[n - 1, 1])) > 1
         if far and not (blocked[n - 1] or blocked[n]):
-            invalid[n] = segment_fault(rules, path[n - 1], path[n], True)[0] != FINE
+            invalid[n] = first_blocked(rules, passed_cells(path[n - 1], path[n])) >= 0
     return invalid

@@ -20,12 +20,6 @@ from llm_astar_planner.waypoints.source import RESPONSE_FORMATS, Message, Source
 
 # Removes the key from a text.
 Clean = Callable[[str], str]
-# What servers write when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.
-_TOO_LONG = re.compile(
-    'context[_ ]length|context size|context window|exceed_context|maximum context'
-    '|prompt is too long|prompt too long|too many tokens',
-    re.IGNORECASE,
-)
 _NAMES_FORMAT = re.compile('response_format|json_schema|json_object|grammar', re.IGNORECASE)
 MAX_ERROR_CHARS, MAX_CODE_CHARS = 2000, 60
 # Control characters in the text of a model become blanks, but for the ends of lines and tabs.
@@ -82,7 +76,7 @@ class Dialect:
 
     def adapted_to(self, failure: EndpointFailure) -> Dialect | None:
         """Return the dialect to try after a failure, None where another would not help."""
-        if failure.http not in (400, 422) or is_context_too_long(failure.body):
+        if failure.http not in (400, 422):
             return None
         error = failure.body.lower()
         if self.response_format != 'text' and _NAMES_FORMAT.search(failure.body):
@@ -110,11 +104,6 @@ def text_to_complete(messages: Sequence[Message]) -> str:
         answer, question = f' {content.strip()}', f'\n\n{content}\nGenerated Path:'
         text += answer if role == 'assistant' else question
     return text
-
-
-def is_context_too_long(error: str) -> bool:
-    """Return whether an error text says that the prompt does not fit the model's context."""
-    return _TOO_LONG.search(error) is not None
 
 
 class Completion(NamedTuple):

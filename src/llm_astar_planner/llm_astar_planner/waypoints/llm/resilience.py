@@ -13,7 +13,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
-from email.utils import parsedate_to_datetime
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
@@ -79,15 +78,12 @@ def is_retryable(http: int, body: str) -> bool:
 
 
 def retry_after(headers: Mapping[str, str]) -> float | None:
-    """Return the seconds that a Retry-After header (in seconds or as a date) asks to wait."""
+    """Return the seconds that a Retry-After header asks to wait; None for none, or a date."""
     value = {name.lower(): text for name, text in headers.items()}.get('retry-after', '')
     try:
         seconds = float(value)
     except ValueError:
-        try:
-            seconds = parsedate_to_datetime(value).timestamp() - time.time()
-        except (ValueError, TypeError, OverflowError):
-            return None
+        return None
     return max(0.0, seconds) if math.isfinite(seconds) else None
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from llm_astar_planner.caches import Recent
@@ -16,7 +16,7 @@ from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask, start_query
 from llm_astar_planner.waypoints.config import SourceContext, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient
-from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
+from llm_astar_planner.waypoints.llm.protocol import Completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts import examples as prompts
 from llm_astar_planner.waypoints.prompts import map_description as maps
@@ -51,9 +51,8 @@ def answer_of(completion: Completion) -> WaypointReply:
 class EndpointSource:
     """Describes the map to a model, reads its reply, and asks again where that may help.
 
-    A reply without a list of points is asked for once more. With `repair_rounds` in the
-    `settings`, the model is asked to correct a route that collides. A request that is running
-    when the time is up goes on for `late_s` seconds, for callers that keep a late answer.
+    A reply without a list of points is asked for once more. A request that is running when the
+    time is up goes on for `late_s` seconds, for callers that keep a late answer.
     `resolver` makes prompts use the coordinates of the maps of a dataset.
     """
 
@@ -75,9 +74,7 @@ class EndpointSource:
         deadline = time.monotonic() + min(self.settings.timeout_s, query.time_limit)
         conversation = Conversation(self, query, deadline)
         try:
-            conversation.begin()
-            conversation.ask_for_a_list()
-            conversation.repair(self.settings.repair_rounds)
+            conversation.ask()
         except EndpointFailure as failure:
             return replace(conversation.reply(), status=failure.status, detail=str(failure))
         return conversation.reply()
@@ -98,59 +95,28 @@ class Conversation:
     lattice: maps.Lattice = field(default_factory=maps.Lattice)
     prompt_tokens: int = 0
     completion_tokens: int = 0
-    last_seconds: float = 0.0
     started: float = field(default_factory=time.monotonic)
 
-    def begin(self) -> None:
-        """Ask; if that is too long, once more with a coarser map and half of the examples.
-
-        Raises EndpointFailure.
-        """
-        _, lattice = self.source.resolver.resolve(self.query)
-        most = self.source.settings.max_prompt_tokens
+    def ask(self) -> None:
+        """Ask for a path, and once more where the reply held no list. Raises EndpointFailure."""
+        source, (_, lattice) = self.source, self.source.resolver.resolve(self.query)
+        most, template = source.settings.max_prompt_tokens, source.prompt.template
         description = maps.describe(self.query, lattice=lattice, max_tokens=most)
-        examples = self.source.prompt.examples(self.query, description, most)
-        try:
-            self._ask(description, examples)
-        except EndpointFailure as failure:
-            if not (failure.http == 413 or is_context_too_long(failure.body)):
-                raise
-            coarser = maps.describe_coarser(description, self.query)
-            # The most similar examples come last.
-            self._ask(coarser, examples and examples[(len(examples) + 1) // 2 :])
-
-    def _ask(
-        self, description: maps.Description, examples: Sequence[templates.Example] | None
-    ) -> None:
-        """Ask for a path on the described map; `examples` replace the template's own."""
-        prompt = self.source.prompt
         self.lattice = description.lattice
-        messages = prompt.template.render(description, prompt.form, examples)
-        if self.source.client.dialect.response_format != 'text':
-            messages = templates.ask_for_json(messages, thinks=prompt.template.thinks)
+        examples = source.prompt.examples(self.query, description, most)
+        messages = template.render(description, source.prompt.form, examples)
+        if source.client.dialect.response_format != 'text':
+            messages = templates.ask_for_json(messages, thinks=template.thinks)
         self.turn = WaypointReply(messages=messages)
         self._send(messages)
-
-    def ask_for_a_list(self) -> None:
-        """Ask once more where the reply held no list; a failure of that changes nothing."""
-        if self.turn.status is SourceStatus.MALFORMED and self._has_time():
-            with contextlib.suppress(EndpointFailure):
-                self._follow_up(prompts.ASK_FOR_A_LIST)
-
-    def repair(self, rounds: int) -> None:
-        """Tell the model what collides, up to `rounds` times; keep the route with least faults."""
-        faults = self._faults() if rounds else []
-        for _ in range(rounds):
-            before, known = self.turn, len(faults)
-            if not faults or before.status is not SourceStatus.OK or not self._has_time():
-                return
-            with contextlib.suppress(EndpointFailure):
-                self._follow_up(prompts.follow_up(faults))
-            faults = self._faults()
-            if self.turn.status is not SourceStatus.OK or len(faults) > known:
-                self.turn = before
-            if self.turn is before:
-                return
+        is_list = self.turn.status is not SourceStatus.MALFORMED
+        # Only where an answer as slow as that one would still come in time.
+        if is_list or 2.0 * time.monotonic() - self.started >= self.deadline:
+            return
+        answer = self.turn.text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
+        again = Message('assistant', answer), Message('user', prompts.ASK_FOR_A_LIST)
+        with contextlib.suppress(EndpointFailure):
+            self._send((*messages, *again))
 
     def reply(self) -> WaypointReply:
         """Return the reply to the query: the turn that counts."""
@@ -161,25 +127,11 @@ class Conversation:
             seconds=time.monotonic() - self.started, unit=self.lattice.unit,
         )  # fmt: skip
 
-    def _has_time(self) -> bool:
-        """Return whether an answer as slow as the last one would still come in time."""
-        return time.monotonic() + self.last_seconds < self.deadline
-
-    def _faults(self) -> list[str]:
-        return prompts.find_faults(self.query, self.turn.waypoints, self.lattice)
-
-    def _follow_up(self, question: str) -> None:
-        """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
-        answer = self.turn.text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
-        quoted = Message('assistant', answer), Message('user', question)
-        self._send((*self.turn.messages, *quoted))
-
     def _send(self, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer. Raises EndpointFailure."""
-        asked, client, prompt = time.monotonic(), self.source.client, self.source.prompt
+        client, prompt = self.source.client, self.source.prompt
         schema = templates.path_schema(thinks=prompt.template.thinks)
         completion = client.complete(messages, self.deadline, schema, self.source.late_s)
-        self.last_seconds = time.monotonic() - asked
         self.prompt_tokens += completion.prompt_tokens
         self.completion_tokens += completion.completion_tokens
         answer = answer_of(completion)
@@ -279,7 +231,7 @@ def make_endpoint(context: SourceContext) -> sources.WaypointSource:
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
-        source, model=settings.model, prompt=prompt.name, size=settings.cache_size,
+        source, model=settings.model, prompt=prompt.name,
         timeout_s=settings.timeout_s,
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Prompts as they are sent: with the most similar solved samples, and about a faulty route."""
+"""Prompts as they are sent: with the most similar solved samples, and about a reply."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts import map_description as descriptions
 from llm_astar_planner.waypoints.prompts.template import Example, Template
-from llm_astar_planner.waypoints.source import MESSAGE, Waypoint, WaypointQuery
+from llm_astar_planner.waypoints.source import MESSAGE, WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.
@@ -234,65 +234,14 @@ class Prompt:
         return tuple(reversed(found))
 
 
-MAX_FAULTS_NAMED = 8
-_FORM = 'in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
-ASK_FOR_A_LIST = f'That holds no list of points. Reply with the route alone, {_FORM}'
+ASK_FOR_A_LIST = (
+    'That holds no list of points. Reply with the route alone, '
+    'in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
+)
+# How questions began by which earlier versions asked a model to correct its route.
 _DOES_NOT_WORK = 'This route does not work:'
-
-
-def find_faults(
-    query: WaypointQuery, waypoints: Sequence[Waypoint], lattice: descriptions.Lattice
-) -> list[str]:
-    """Return a sentence for each fault of a route from start to goal, given in grid coordinates.
-
-    These are points off the map or on a blocked cell, and straight segments between the others
-    that meet one. The sentences are in the coordinates of `lattice`.
-    """
-    blocked, goal = query.costmap.blocked, query.goal
-
-    def name(point: Waypoint) -> list[int]:
-        return list(lattice.to_lattice((round(point[0]), round(point[1]))))
-
-    faults: list[str] = []
-    good: list[Waypoint] = [(float(query.start[0]), float(query.start[1]))]
-    for point in waypoints:
-        cell = round(point[0]), round(point[1])
-        if not query.grid_map.contains(cell):
-            faults.append(f'- The point {name(point)} lies off the map.')
-        elif blocked[cell[1], cell[0]]:
-            faults.append(f'- The point {name(point)} lies on a barrier.')
-        elif point != good[-1]:
-            good.append(point)
-    if good[-1] != goal:
-        good.append((float(goal[0]), float(goal[1])))
-    for a, b in pairwise(good):
-        at = first_blocked_cell(blocked, a, b)
-        if at is not None:
-            way = f'from {name(a)} to {name(b)} meets a barrier at {name(at)}'
-            faults.append(f'- The straight way {way}.')
-    return faults
-
-
-def follow_up(faults: Sequence[str]) -> str:
-    """Return the message that names the faults and asks again."""
-    lines = [_DOES_NOT_WORK, *faults[:MAX_FAULTS_NAMED]]
-    if len(faults) > MAX_FAULTS_NAMED:
-        lines.append(f'- and {len(faults) - MAX_FAULTS_NAMED} more like these.')
-    return '\n'.join([*lines, f'Correct it. End the reply with the whole new route {_FORM}'])
 
 
 def is_follow_up(text: str) -> bool:
     """Tell whether a message asks about an answer of the model, which stands before it."""
     return text == ASK_FOR_A_LIST or text.startswith(_DOES_NOT_WORK)
-
-
-def first_blocked_cell(blocked: Bools, a: Waypoint, b: Waypoint) -> Cell | None:
-    """Return the first blocked cell (x, y) on the straight segment from a to b, None if free."""
-    steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1]))) + 1
-    lines = [np.linspace(*ends, steps + 1) for ends in zip(a, b)]
-    cells = np.rint(np.stack(lines, axis=1)).astype(int)
-    hits = np.flatnonzero(blocked[cells[:, 1], cells[:, 0]])
-    if not hits.size:
-        return None
-    x, y = cells[hits[0]].tolist()
-    return x, y

@@ -1,10 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers.
-
-Also reads the sentence of the dataset that asks for a path, the paper's parse step.
-"""
+"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers."""
 
 from __future__ import annotations
 
@@ -120,14 +117,6 @@ def describe(
         # A block counts as blocked if a wall one cell thick could cross it; specks close no gap.
         barriers = decompose_barriers(coarsen(blocked, unit, minimum=unit), limit)
     return make_description(barriers, query, lattice, budget)
-
-
-def describe_coarser(fine: Description, query: WaypointQuery) -> Description:
-    """Describe a query again, by half as many barriers on a lattice twice as coarse."""
-    lattice = fine.lattice.coarsened(2 * fine.lattice.unit)
-    limit = max(1, (len(fine.horizontal_barriers) + len(fine.vertical_barriers)) // 2)
-    walls = coarsen(query.costmap.blocked, lattice.unit, minimum=lattice.unit)
-    return make_description(decompose_barriers(walls, limit), query, lattice, 16 * limit)
 
 
 def make_description(

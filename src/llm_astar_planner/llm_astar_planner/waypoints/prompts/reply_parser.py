@@ -9,10 +9,8 @@ of points is the answer, because models draft, quote and think before they concl
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointReply
 
@@ -38,13 +36,14 @@ _BETWEEN = re.compile(
 _PATH_LABEL = re.compile(
     r'(?:path|waypoints|points|route)["\'*`_\s]*[:=][\s"\'*`]{0,8}$', re.IGNORECASE
 )
-_SELECTED = re.compile(r'selected\s+point["\'*`_\s]*[:=][\s"\'*`]{0,8}$', re.IGNORECASE)
-_FENCE = re.compile(r'```\w*\n(.*?)```', re.DOTALL)
-_PATH_KEYS = ('path', 'waypoints', 'points', 'route')
+_SELECTED = re.compile(
+    r'(?:selected\s+point|"(?:point|coordinates))["\'*`_\s]*[:=][\s"\'*`]{0,8}$', re.IGNORECASE
+)
+# A reply that is an empty list, and nothing else.
+_EMPTY = re.compile(r'(?:```\w*)?\s*\[\s*\](?:\s*```)?')
 _FULL_WIDTH = str.maketrans(
     {'\uff0c': ',', '\uff08': '(', '\uff09': ')', '\uff1a': ':', '\u2212': '-'}
 )
-_MAX_DEPTH = 12
 # Farther than any map reaches, and still exact as a count of cells.
 _FARTHEST = 1e12
 
@@ -87,9 +86,7 @@ def parse_reply(text: str) -> tuple[Waypoint, ...] | None:
     text = text[-MAX_REPLY_CHARS:].translate(_FULL_WIDTH)
     _, closed, conclusion = text.rpartition('</think>')
     for part in (conclusion, text) if closed else (text,):
-        found = points_in_json(part)
-        if found is None:
-            found = points_in_text(part)
+        found = points_in_text(part)
         if found is not None:
             return tuple(found[:MAX_WAYPOINTS])
     return None
@@ -107,6 +104,8 @@ def labelled_lists(text: str) -> list[tuple[Waypoint, ...]]:
 
 def points_in_text(text: str) -> list[Waypoint] | None:
     """Return the last list of points, else the selected points, else the last bare run."""
+    if _EMPTY.fullmatch(text.strip()):
+        return []
     runs = group_runs(text)
     for run in reversed(runs):
         if (run.is_nested or run.is_labelled) and not run.is_barrier_list:
@@ -160,65 +159,9 @@ def make_run(text: str, items: list[BracketGroup]) -> GroupRun:
     return GroupRun(items, is_nested, bool(_PATH_LABEL.search(outside + ' ')))
 
 
-def points_in_json(text: str) -> list[Waypoint] | None:
-    """Return the last list of points where the reply or its last fenced block is valid JSON."""
-    text = text.strip()
-    if not text.startswith(('[', '{')):
-        fences = _FENCE.findall(text)
-        # Text after the last block may hold the conclusion.
-        if not fences or text.rpartition('```')[2].strip():
-            return None
-        text = fences[-1].strip()
-    try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
-        return None
-    lists = list(point_lists(value, labelled=True, depth=0))
-    return lists[-1] if lists else None
-
-
-def point_lists(value: Any, *, labelled: bool, depth: int) -> Iterator[list[Waypoint]]:  # noqa: ANN401 - any JSON value
-    """Yield each list of points in a JSON value; an empty list where a path is expected."""
-    if depth > _MAX_DEPTH:
-        return
-    if isinstance(value, dict):
-        for key, item in value.items():
-            is_path = any(word in str(key).lower() for word in _PATH_KEYS)
-            yield from point_lists(item, labelled=is_path, depth=depth + 1)
-    elif isinstance(value, list):
-        waypoints = [point for item in value if (point := json_point(item)) is not None]
-        triples = all(isinstance(item, list) and len(item) == 3 for item in value)
-        if waypoints and (labelled or not triples):
-            yield waypoints
-        elif labelled and all(item == [] for item in value):
-            yield []
-        else:
-            for item in value:
-                yield from point_lists(item, labelled=False, depth=depth + 1)
-
-
-def json_point(value: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
-    """Return the point that a JSON value is, None where it is something else."""
-    if isinstance(value, dict):
-        if 'x' in value and 'y' in value:
-            return make_point(value['x'], value['y'])
-        # One level deep and no deeper: {"point": [5, 5], "reason": "..."}.
-        held = [json_point(item) for item in value.values() if isinstance(item, list)]
-        points = [point for point in held if point is not None]
-        return points[0] if len(points) == 1 else None
-    if isinstance(value, list) and len(value) in (2, 3):
-        return make_point(value[0], value[1])
-    return None
-
-
-def make_point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
-    """Return the point of two numbers, written as numbers or as text; None if out of range."""
-    if isinstance(x, bool) or isinstance(y, bool):
-        return None
-    try:
-        point = float(x), float(y)
-    except (TypeError, ValueError, OverflowError):
-        return None
+def make_point(x: str, y: str) -> Waypoint | None:
+    """Return the point of two numbers, None if it is out of range."""
+    point = float(x), float(y)
     return point if all(abs(value) <= _FARTHEST for value in point) else None
 
 

@@ -101,4 +101,4 @@ def test_the_error_of_a_real_context_that_is_too_short_is_recognised():
         source, reply = ask(small, api_key_env='')
     assert reply.status is SourceStatus.ERROR
     assert 'context' in reply.detail
-    assert client_of(source).budget.calls.total == 2
+    assert client_of(source).budget.calls.total == 1

@@ -83,19 +83,6 @@ def test_what_a_model_goes_on_with_after_its_answer_is_not_taken_for_the_answer(
     assert (reply.status, reply.text) == (SourceStatus.MALFORMED, '')
 
 
-def test_a_completion_model_is_asked_again_in_one_text(chat_server):
-    chat_server.script = [
-        text_reply(' [[5, 5], [25, 15], [20, 20]]'),
-        text_reply(' [[5, 5], [26, 8], [26, 24], [20, 20]]'),
-    ]
-    source = source_for(chat_server, prompt_form='completion', repair_rounds=1)
-    assert source.waypoints(QUERY).waypoints[1] == (26.0, 8.0)
-    first, second = (body['prompt'] for body in chat_server.requests)
-    assert second.startswith(f'{first} [[5, 5], [25, 15], [20, 20]]\n\n')
-    assert '[25, 15] lies on a barrier' in second
-    assert second.endswith('\nGenerated Path:')
-
-
 @pytest.mark.parametrize('format_', ['json_schema', 'json_object'])
 def test_a_completion_endpoint_that_knows_no_response_format_is_asked_without(
     chat_server, format_
@@ -163,21 +150,11 @@ def test_the_most_similar_samples_replace_the_examples(chat_server):
     ]
 
 
-def test_retrieved_examples_keep_to_the_tokens_of_a_prompt_and_halve_where_it_is_too_long(
-    chat_server,
-):
+def test_retrieved_examples_keep_to_the_tokens_of_a_prompt(chat_server):
     source = source_for(chat_server, retrieved_examples=40, max_prompt_tokens=600)
     source.waypoints(QUERY)
     few = len(starts_of(chat_server.requests[0]['messages'][0]['content']))
     assert 2 < few < 8
-    chat_server.script = [
-        chat_server.error(400, code='context_length_exceeded'),
-        chat_server.completion('Generated Path: [[5, 5], [26, 9], [20, 20]]'),
-    ]
-    chat_server.requests.clear()
-    source_for(chat_server, retrieved_examples=40, max_prompt_tokens=600).waypoints(QUERY)
-    long, short = (starts_of(body['messages'][0]['content']) for body in chat_server.requests)
-    assert short == long[len(long) - few // 2 :]
 
 
 def test_examples_come_from_a_file_of_the_users(chat_server, tmp_path):

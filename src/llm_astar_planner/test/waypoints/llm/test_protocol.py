@@ -1,7 +1,6 @@
 """The request fields that adapt to an endpoint, and the errors that say why."""
 
-import pytest
-from llm_astar_planner.waypoints.llm.protocol import Dialect, is_context_too_long
+from llm_astar_planner.waypoints.llm.protocol import Dialect
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.source import SourceStatus
 
@@ -26,17 +25,3 @@ def test_a_dialect_drops_one_field_after_the_other():
         ('text', '', None),
     ]
     assert Dialect().adapted_to(refusal('something else')) is None
-
-
-@pytest.mark.parametrize(
-    'words',
-    [
-        "This model's maximum context length is 4097 tokens",
-        '{"code": "context_length_exceeded"}',
-        'the request exceeds the available context size, try increasing it',
-        'prompt is too long: 210000 tokens > 200000 maximum',
-    ],
-)
-def test_the_errors_of_a_prompt_that_is_too_long_are_recognised(words):
-    assert is_context_too_long(words)
-    assert not is_context_too_long('max_tokens is unknown')

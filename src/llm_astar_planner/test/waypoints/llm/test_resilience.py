@@ -1,8 +1,6 @@
 """Retries, circuit breaker and call budget, each on its own."""
 
 import math
-import time
-from email.utils import formatdate
 
 import pytest
 from llm_astar_planner.waypoints.llm.resilience import (
@@ -55,13 +53,11 @@ def test_only_errors_that_may_pass_by_themselves_are_retried():
     assert not is_retryable(429, '{"code": "insufficient_quota"}')
 
 
-def test_retry_after_in_seconds_or_as_a_date():
+def test_retry_after_in_seconds():
     assert retry_after({'Retry-After': '3'}) == 3.0
     assert retry_after({'retry-after': '0.5'}) == 0.5
     assert retry_after({'retry-after': '-5'}) == 0.0
-    date = formatdate(time.time() + 100, usegmt=True)
-    assert 90 < retry_after({'retry-after': date}) <= 100
-    for odd in ('', 'soon', 'nan', 'inf', '1e999'):
+    for odd in ('', 'soon', 'nan', 'inf', '1e999', 'Wed, 21 Oct 2015 07:28:00 GMT'):
         assert retry_after({'retry-after': odd}) is None
     assert retry_after({}) is None
 

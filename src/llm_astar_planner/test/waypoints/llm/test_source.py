@@ -1,4 +1,4 @@
-"""The endpoint source without failures: requests, answers, recordings and repairs."""
+"""The endpoint source without failures: requests, answers, recordings and questions."""
 
 import json
 from dataclasses import replace
@@ -161,40 +161,13 @@ def test_a_coarse_map_is_replayed_as_it_was_answered(chat_server, tmp_path):
     assert replay.waypoints(query).waypoints == reply.waypoints
 
 
-def test_a_repair_tells_the_model_what_collides(chat_server):
-    chat_server.script = [
-        chat_server.completion('Generated Path: [[5, 5], [25, 15], [70, 9], [20, 20]]'),
-        chat_server.completion('Sorry. Generated Path: [[5, 5], [26, 8], [26, 24], [20, 20]]'),
-    ]
-    source = source_for(chat_server, repair_rounds=3)
-    reply = source.waypoints(QUERY)
-    assert reply.waypoints == ((5.0, 5.0), (26.0, 8.0), (26.0, 24.0), (20.0, 20.0))
-    assert (reply.prompt_tokens, reply.completion_tokens) == (200, 40)
-    assert len(chat_server.requests) == 2
-    message = chat_server.requests[1]['messages'][-1]['content']
-    assert 'The point [25, 15] lies on a barrier.' in message
-    assert 'The point [70, 9] lies off the map.' in message
-    assert 'The straight way from [5, 5] to [20, 20] meets a barrier at [10, 10].' in message
-
-
-def test_a_repair_that_makes_it_worse_is_not_used(chat_server):
-    chat_server.script = [
-        chat_server.completion('Generated Path: [[5, 5], [25, 9], [20, 20]]'),
-        chat_server.completion('Generated Path: [[25, 15], [25, 16], [-1, -1], [20, 20]]'),
-    ]
-    reply = source_for(chat_server, repair_rounds=1).waypoints(QUERY)
-    assert reply.waypoints == ((5.0, 5.0), (25.0, 9.0), (20.0, 20.0))
-    assert reply.text == 'Generated Path: [[5, 5], [25, 9], [20, 20]]'
-    assert len(reply.messages) == 1
-
-
 def test_a_follow_up_that_fails_leaves_the_first_exchange(chat_server):
     chat_server.script = [
-        chat_server.completion('Generated Path: [[25, 15]]'),
+        chat_server.completion('Go east.'),
         chat_server.error(401),
     ]
-    reply = source_for(chat_server, repair_rounds=1).waypoints(QUERY)
-    assert reply.waypoints == ((25.0, 15.0),)
+    reply = source_for(chat_server).waypoints(QUERY)
+    assert (reply.status, reply.text) == (SourceStatus.MALFORMED, 'Go east.')
     assert len(reply.messages) == 1
     assert len(chat_server.requests) == 2
 
@@ -205,7 +178,7 @@ def test_without_time_no_request_is_made(chat_server):
     assert chat_server.requests == []
 
 
-def test_without_repair_rounds_the_first_answer_stands(chat_server):
+def test_an_answer_stands_even_if_its_route_collides(chat_server):
     chat_server.script = [chat_server.completion('Generated Path: [[25, 15]]')]
     assert source_for(chat_server).waypoints(QUERY).waypoints == ((25.0, 15.0),)
     assert len(chat_server.requests) == 1

@@ -16,27 +16,25 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, WaypointStatus
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
-from llm_astar_planner.waypoints.learned.network import (
+from llm_astar_planner.waypoints.learned import (
     GOAL,
+    MAPS_KEPT,
+    MAX_HOPS,
     WEIGHTS_FILE,
+    EmbeddedSource,
     WeightsError,
+    draw_routes,
     featurise,
     hop_logits,
     packaged_weights,
     place_nodes,
     read_weights,
-)
-from llm_astar_planner.waypoints.learned.source import (
-    MAPS_KEPT,
-    MAX_HOPS,
-    EmbeddedSource,
-    draw_routes,
     shortest_in_sight,
     usable_nodes,
 )
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
-ROOT = Path(__file__).parents[5]
+ROOT = Path(__file__).parents[4]
 # All of these 200 samples are valid, greedy too; a broken file of weights has next to none.
 GREEDY_FLOOR, BEST_FLOOR = 0.95, 0.98
 
@@ -212,7 +210,7 @@ def test_its_label_says_that_it_is_no_llm_and_names_its_weights():
 
 
 def test_the_weights_fit_into_ten_megabytes_and_a_broken_file_is_named():
-    folder = ROOT / 'src/llm_astar_planner/llm_astar_planner/waypoints/learned'
+    folder = ROOT / 'src/llm_astar_planner/llm_astar_planner/waypoints'
     data = (folder / WEIGHTS_FILE).read_bytes()
     assert len(data) < 10e6
     assert os.path.getsize(folder / WEIGHTS_FILE) == len(data)

@@ -1,4 +1,0 @@
-# Copyright 2026 The LLM-A* for ROS 2 contributors
-# SPDX-License-Identifier: Apache-2.0
-
-"""The compiled loops over the cells of a map (numba)."""
