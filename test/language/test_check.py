@@ -11,8 +11,6 @@ from language import free, written
 from language.judge import say
 from llm_astar_lab.instruct_bench import claims
 
-from benchmarks import claims
-
 EVERY = 1 if os.environ.get('LLM_ASTAR_JUDGE_ALL') else 10
 SETS = {
     'written, locked': (written.worlds, lambda: written.sentences(written.LOCKED)),
