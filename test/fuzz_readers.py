@@ -38,7 +38,7 @@ from llm_astar_lab.evaluation.requests import (
     load_requests,
 )
 from llm_astar_lab.instruct_bench.suite import load_suite
-from llm_astar_lab.report.write import search_settings
+from llm_astar_lab.report.pages import costmap_of
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import Row
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -289,7 +289,7 @@ def read_results(path: Path) -> None:
     folder = ResultsFolder(path.parent)
     metadata, rows = folder.read_metadata(), list(folder.read())
     seed = metadata['parameters'].get('seed', 0)
-    search_settings(metadata)
+    costmap_of(metadata)
     summarise(rows, seed)
     compare_with_none(rows, seed)
     growth(rows)

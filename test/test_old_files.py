@@ -147,12 +147,6 @@ FOLDERS = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the pictures out of tests that are not about them."""
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-
-
 def old_folder(name, tmp_path):
     """Return a copy of an old results folder."""
     return Path(shutil.copytree(OLD / name, tmp_path / name))
@@ -223,9 +217,7 @@ def test_old_rows_of_llm_only_are_rows_of_waypoints_only():
 
 
 @pytest.mark.parametrize('name', FOLDERS)
-def test_an_old_run_is_resumed_by_its_own_version_alone(
-    name, tmp_path, monkeypatch, undrawn, capsys
-):
+def test_an_old_run_is_resumed_by_its_own_version_alone(name, tmp_path, monkeypatch, capsys):
     folder = old_folder(name, tmp_path)
     results = folder / 'results.csv'
     words = [*FOLDERS[name], '--out', str(folder), '--resume']
@@ -240,7 +232,7 @@ def test_an_old_run_is_resumed_by_its_own_version_alone(
     assert untimed(results) == untimed(OLD / name / 'results.csv')
 
 
-def test_the_same_run_has_the_same_rows_today(tmp_path, undrawn):
+def test_the_same_run_has_the_same_rows_today(tmp_path):
     out = tmp_path / 'out'
     limit = ('--fail-under', 'waypoints_only/oracle:valid=100')
     assert main(['bench', *BENCH, '--source', 'oracle', '--out', str(out), *limit]) == 0

@@ -198,7 +198,7 @@ class Plugins:
 LAB = 'llm_astar_lab'
 # The names of its commands, for the error where it is not installed.
 LAB_COMMANDS = (
-    'play', 'demo', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
+    'play', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
     'transcript', 'record',
 )  # fmt: skip
 

@@ -6,7 +6,6 @@
 # As in `llm_astar_planner.cli.main`: the summary of each command.
 COMMANDS = {
     'play': 'plan in the browser: drag start and goal, draw walls, watch the search',
-    'demo': 'start the graph, ask for a plan, draw it, stop the graph',
     'bench': 'run methods with and without waypoints over a dataset',
     'evaluate': 'plan what recorded bags asked for, and compare',
     'instruct-bench': 'measure how well route instructions are understood and met',

@@ -30,6 +30,7 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 from llm_astar_planner.waypoints.source import SOURCES
 
 from llm_astar_lab.analysis import thresholds
+from llm_astar_lab.report.pages import text_report, write_report
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
@@ -287,12 +288,7 @@ class Run:
 
         Raises ResultsError where the folder cannot be written to.
         """
-        # Importing matplotlib takes most of a second, which bad usage should not wait for.
-        from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
-        from llm_astar_lab.report.write import write_report  # noqa: PLC0415
-
-        # Reading the rows takes the most memory, so it comes before the maps are loaded; the
-        # figures come last, because they take memory that is not given back.
+        # Reading the rows takes the most memory, so it comes before the maps are loaded.
         args, folder, metadata = self.args, self.folder, self.metadata
         folder.fold()
         rows = folder.stored()

@@ -19,7 +19,7 @@ from itertools import islice
 from typing import Any, Protocol
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -249,17 +249,6 @@ def ask(
         'waypoints': rows.format_points(reply.waypoints), 'reply_problems': problems,
         'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
     }  # fmt: skip
-
-
-def request_again(
-    barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
-) -> tuple[Planner, PlanRequest]:
-    """Return the planner and the request of a row of scale 1, with its recorded waypoints."""
-    planner = planner_of(barrier_map, settings)
-    endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    reply = WaypointReply(rows.parse_points(row.waypoints), label=row.source)
-    source = AnsweredSource(row.source, reply) if row.waypoints else None
-    return planner, make_request(endpoints, row.method, source, settings)
 
 
 def make_request(

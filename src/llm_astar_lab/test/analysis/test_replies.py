@@ -12,8 +12,8 @@ from llm_astar_lab.analysis.replies import (
 from llm_astar_lab.analysis.statistics import wilson_interval
 from llm_astar_lab.analysis.summary import summarise
 from llm_astar_lab.datasets.named import BenchmarkSample
+from llm_astar_lab.report.pages import to_json
 from llm_astar_lab.report.table import main_table, reply_table
-from llm_astar_lab.report.write import to_json
 from llm_astar_lab.results.row import Variant
 from llm_astar_lab.runner.engine import run_task
 from llm_astar_lab.runner.sources import SourceSpec

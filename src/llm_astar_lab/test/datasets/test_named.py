@@ -18,12 +18,6 @@ from llm_astar_planner.cli import main as cli
 from reader_files import write_movingai
 
 
-@pytest.fixture(autouse=True)
-def undrawn(monkeypatch):
-    """Leave the pictures out."""
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-
-
 def bench(out, *words):
     """Run the fastest benchmark of some options and return its exit code."""
     quick = ('--methods', 'exact_astar', '--source', 'none', '--out')
