@@ -28,7 +28,6 @@ from llm_astar_planner.costmap.config import CostmapConfig
 
 from llm_astar_lab.datasets import generate as drawing
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, generate
-from llm_astar_lab.datasets.llm_benchmarks import READERS, load_llm_benchmark
 
 # MovingAI's rules: a diagonal move needs both adjacent cells free, and only lengths count.
 GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_travel_multiplier=0.0)
@@ -149,7 +148,7 @@ PAPER, BARRIERS = 'paper', 'barriers'
 # The file that the paper's code publishes.
 PAPER_FILE = 'environment_50_30.json'
 GENERATED = (BARRIERS, *drawing.FAMILIES)
-READ = (PAPER, *(f'{PREFIX}{name}' for name in SETS), *READERS)
+READ = (PAPER, *(f'{PREFIX}{name}' for name in SETS))
 NAMES = (*GENERATED, *READ)
 DEFAULT_MAPS, DEFAULT_PAIRS = 100, 10
 # Pairs of a map, and samples of a family.
@@ -228,10 +227,8 @@ def load_one(name: str, path: Path | None, rules: DrawRules) -> Sequence[Problem
     if name in GENERATED:
         return draw_family(name, rules)
     if path is None:
-        what = PAPER_FILE if name == PAPER else "the set's file, or its maps and scenarios"
+        what = PAPER_FILE if name == PAPER else "the set's maps and scenarios"
         raise SelectionError(f'--dataset {name} needs --path, with {what}: nothing is downloaded')
-    if name in READERS:
-        return load_llm_benchmark(name, path)
     if name == PAPER:
         maps = load_barrier_maps(paper_file(path))
         return [replace(item, family=PAPER) for item in maps]

@@ -33,7 +33,7 @@ TextRows = list[tuple[str, ...]]
 # What numbers of a unit are multiplied by, and their decimals.
 UNITS = {
     'text': (1.0, 2), 'number': (1.0, 2), 'count': (1.0, 0), 'tenth': (1.0, 1), 'p': (1.0, 3),
-    'price': (1.0, 4), 'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
+    'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
     'whole percent': (100.0, 0), 'ms': (1e3, 3),
 }  # fmt: skip
 # The end of the unit of a column that is left out where nothing in it is known.

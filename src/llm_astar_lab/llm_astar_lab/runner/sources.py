@@ -36,9 +36,6 @@ EMBEDDED, REPLAY = 'embedded', 'replay'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
 BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
-MAX_RETRIEVED = 100
-# Behind a prompt's name: so many examples are retrieved in the place of its own.
-RETRIEVED = '+retrieved_'
 RECORDED, ALL = SAMPLES = ('recorded', 'all')
 # Groups of maps that a sentence names; metadata.json has all of them.
 MAX_NAMED = 4
@@ -154,10 +151,7 @@ class SourceOptions:
         if name == 'endpoint' and not self.models:
             raise SettingsError('model: --source endpoint needs --model')
         for model, prompt in self.asked:
-            template, _, count = prompt.partition(RETRIEVED)
-            settings = replace(self.settings, source=name, model=model, prompt=template)
-            if count.isdecimal():
-                settings = replace(settings, retrieved_examples=min(int(count), MAX_RETRIEVED))
+            settings = replace(self.settings, source=name, model=model, prompt=prompt)
             source, label = make_source(settings, self.dataset, self.seed), prompt
             if name == 'endpoint':
                 rounds = settings.repair_rounds

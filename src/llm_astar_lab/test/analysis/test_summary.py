@@ -25,7 +25,7 @@ def test_a_summary_holds_each_metric():
         row(MODEL, 100.0, 12.0, pair=1, completion_tokens=1, source_status='TIMEOUT'),
         row(MODEL, 10.0, math.nan, map_id=1, code='NO_VALID_PATH'),
     ]
-    summary = summarise(rows, price=(1e5, 1e6))[1]
+    summary = summarise(rows)[1]
     assert summary.variant == MODEL
     assert (summary.samples, summary.maps, summary.unanswered) == (3, 2, 1)
     assert summary.valid.value == pytest.approx(2 / 3)

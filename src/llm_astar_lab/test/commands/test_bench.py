@@ -111,13 +111,11 @@ def test_a_replay_is_named_by_its_model_and_baselines_are_added(dataset, out, tm
     transcript = tmp_path / 'replies.jsonl'
     record(transcript, [(0, pair, 'Generated Path: [[25, 15]]') for pair in range(10)])
     words = ('--source', 'replay', '--transcript', transcript, '--map-ids', '0', '--json')
-    prices = ('--price', '1', '2')
-    assert llm_astar('bench', '--map', dataset, '--out', out, *words, *prices) == 0
+    assert llm_astar('bench', '--map', dataset, '--out', out, *words) == 0
     summary = json.loads(capsys.readouterr().out)
     cases = {case['case']: case for case in summary['cases']}
     model = cases['llm_astar/replay/few_shot/parrot']
     assert (model['prompt_tokens'], model['completion_tokens']) == (70, 50)
-    assert model['cost'] == pytest.approx(170e-6)
     assert {'llm_astar/oracle', 'waypoints_only/replay/few_shot/parrot'} < set(cases)
     assert 'parrot' in summary['headline']
     digests = json.loads((out / 'metadata.json').read_text())['files']
@@ -268,23 +266,15 @@ def test_bad_usage_is_named(dataset, out, words, part):
 def test_a_malformed_dataset_is_named_with_its_field(tmp_path, out):
     path = tmp_path / 'bad.json'
     path.write_text('[{"id": 4, "range_x": [0, 51], "range_y": "x"}]')
-    for words in (('bench', '--map', path, '--out', out), ('dataset', 'check', path)):
-        with pytest.raises(ValueError, match=r'bad\.json: map at index 0 \(id 4\): range_y'):
-            llm_astar(*words)
+    with pytest.raises(ValueError, match=r'bad\.json: map at index 0 \(id 4\): range_y'):
+        llm_astar('bench', '--map', path, '--out', out)
 
 
-def test_a_dataset_is_generated_and_checked(tmp_path, capsys):
+def test_a_dataset_is_generated(tmp_path):
     path = tmp_path / 'made.json'
     words = ('--maps', 2, '--pairs', 3, '--size', 30, 20, '--seed', 5)
     assert llm_astar('dataset', 'generate', '--out', path, *words) == 0
     assert [len(m.samples) for m in load_barrier_maps(path)] == [3, 3]
-    assert llm_astar('dataset', 'check', path) == 0
-    assert '2 maps, 6 samples, 0 errors, 0 notes' in capsys.readouterr().out
-    entry = json.loads(path.read_text())
-    entry[0]['start_goal'][0][0] = [0, 0]
-    path.write_text(json.dumps(entry))
-    assert llm_astar('dataset', 'check', path, '--json') == 2
-    assert json.loads(capsys.readouterr().out)['errors'] == 1
 
 
 def test_reports_are_rewritten_and_put_into_a_readme(dataset, out, tmp_path, capsys):
