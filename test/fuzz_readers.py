@@ -35,7 +35,6 @@ from llm_astar_lab.evaluation.requests import (
     RequestReader,
     TopicSelection,
     describe,
-    load_requests,
 )
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.report.pages import costmap_of
@@ -391,13 +390,6 @@ READERS: dict[str, Reader] = {
     'results_parquet': Reader(make_parquet, lambda path: read_results(path.parent)),
     'results_metadata': Reader(make_results('metadata.json'), read_results),
     'results_maps': Reader(make_results('maps.json'), read_results),
-    'requests_csv': Reader(
-        file('x.csv', 'start_x,start_y,goal_x,goal_y,time\n1,2,3,4,\n5,6.5,7,8,2.5\n'),
-        load_requests,
-    ),
-    'requests_json': Reader(
-        file('x.json', [{'start': [1, 2], 'goal': [3, 4.5], 'time': 2}]), load_requests
-    ),
     'suite': Reader(file('suite.json', SUITE), load_suite),
     'examples': Reader(file('x.json', Path(EXAMPLES_FILE).read_bytes()), load_examples),
     'specification': text_reader(CLAUSES, read_specification),

@@ -88,9 +88,9 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
     option(
         either, '--dataset NAMES',
         f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER}, {named.READ[1]} and so on are read from --path', dest='named',
+        f'{named.READ[0]} and so on are read from --path', dest='named',
     )  # fmt: skip
-    text = "the dataset's file, or the folder with MovingAI's maps and scenarios"
+    text = "the folder with MovingAI's maps and scenarios"
     option(group, '--path PATH', text)
     text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
     option(group, '--maps N', text, dest='map_count', type=common.count)

@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datasets by name, the paper's, MovingAI's sets and generated families; selects their samples.
+"""Datasets by name, MovingAI's sets and generated families; selects their samples.
 
 MovingAI's maps and scenarios are read from a folder that the user has: the archives of
 https://movingai.com/benchmarks/grids.html unpack as `dao-map/x.map` and `dao-scen/x.map.scen`,
@@ -20,7 +20,7 @@ from itertools import groupby
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name, short_repr, shortened
-from llm_astar_msgs_adapter.maps.barrier_map import Sample, load_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_maps, load_scenario_problem
@@ -144,11 +144,9 @@ PREFIX = 'movingai/'
 SCENARIO_END = '.map.scen'
 # Files and folders that are looked at below the user's folder.
 MAX_ENTRIES = 20_000
-PAPER, BARRIERS = 'paper', 'barriers'
-# The file that the paper's code publishes.
-PAPER_FILE = 'environment_50_30.json'
+BARRIERS = 'barriers'
 GENERATED = (BARRIERS, *drawing.FAMILIES)
-READ = (PAPER, *(f'{PREFIX}{name}' for name in SETS))
+READ = tuple(f'{PREFIX}{name}' for name in SETS)
 NAMES = (*GENERATED, *READ)
 DEFAULT_MAPS, DEFAULT_PAIRS = 100, 10
 # Pairs of a map, and samples of a family.
@@ -157,15 +155,11 @@ MAX_PAIRS, MAX_SAMPLES = 1000, 1_000_000
 
 @dataclass(frozen=True)
 class DrawRules:
-    """How many maps of a generated family are drawn, with how many pairs each, by which seed.
-
-    `size` are the largest coordinates of maps of barriers.
-    """
+    """How many maps of a generated family are drawn, with how many pairs each, by which seed."""
 
     seed: int = 0
     maps: int = DEFAULT_MAPS
     pairs: int = DEFAULT_PAIRS
-    size: tuple[int, int] = MapRules.size
 
 
 @dataclass(frozen=True)
@@ -212,14 +206,13 @@ def parse_names(text: str) -> tuple[str, ...]:
 def load_named(names: Sequence[str], path: Path | None, rules: DrawRules) -> Dataset:
     """Read or draw datasets; the maps of several are numbered from 0 in this order.
 
-    `path` is the file or folder of those that are read. Raises SelectionError, GenerationError,
+    `path` is the folder of those that are read. Raises SelectionError, GenerationError,
     and what reading the files raises.
     """
     maps = [item for name in names for item in load_one(name, path, rules)]
     if len(names) > 1:
         maps = [replace(item, id=number) for number, item in enumerate(maps)]
-    file = paper_file(path) if path is not None and tuple(names) == (PAPER,) else None
-    return Dataset(tuple(names), maps, file)
+    return Dataset(tuple(names), maps)
 
 
 def load_one(name: str, path: Path | None, rules: DrawRules) -> Sequence[ProblemMap]:
@@ -227,24 +220,16 @@ def load_one(name: str, path: Path | None, rules: DrawRules) -> Sequence[Problem
     if name in GENERATED:
         return draw_family(name, rules)
     if path is None:
-        what = PAPER_FILE if name == PAPER else "the set's maps and scenarios"
-        raise SelectionError(f'--dataset {name} needs --path, with {what}: nothing is downloaded')
-    if name == PAPER:
-        maps = load_barrier_maps(paper_file(path))
-        return [replace(item, family=PAPER) for item in maps]
+        what = "the folder of the set's maps and scenarios"
+        raise SelectionError(f'--dataset {name} needs --path, {what}: nothing is downloaded')
     return list(load_set(name.removeprefix(PREFIX), path))
-
-
-def paper_file(path: Path) -> Path:
-    """Return the file of the paper's dataset: the path, or the file in this folder."""
-    return path / PAPER_FILE if path.is_dir() else path
 
 
 def draw_family(name: str, rules: DrawRules, scale: int = 1) -> list[ProblemMap]:
     """Draw the maps of a generated family at a scale. Raises GenerationError."""
     check_size(name, rules, scale)
     if name == BARRIERS:
-        drawn = generate(rules.seed, rules.maps, MapRules(size=rules.size, pairs=rules.pairs))
+        drawn = generate(rules.seed, rules.maps, MapRules(pairs=rules.pairs))
         return [replace(item.scale(scale), family=BARRIERS) for item in drawn]
     if rules.seed < 0:
         raise GenerationError('--seed: the minimum is 0')
@@ -256,7 +241,7 @@ def check_size(name: str, rules: DrawRules, scale: int) -> None:
     """Raise GenerationError where a family would have no map, or too much of something."""
     if min(rules.maps, rules.pairs, scale) < 1:
         raise GenerationError('--maps, --pairs and --scale: the minimum is 1')
-    width, height = rules.size if name == BARRIERS else (drawing.DEFAULT_SIDE,) * 2
+    width, height = MapRules.size if name == BARRIERS else (drawing.DEFAULT_SIDE,) * 2
     if rules.maps * width * height * scale**2 > MAX_CELLS:
         what = f'at scale {scale} they have over {MAX_CELLS} cells'
         raise GenerationError(f'--maps {rules.maps}: {what}; choose fewer')

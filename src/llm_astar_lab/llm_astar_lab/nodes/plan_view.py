@@ -49,17 +49,6 @@ class PlanView:
         self._client.wait_for(lambda: bool(self._maps), f'a map on {self._map_topic}', seconds)
         return grid_from_message(self._maps[-1])
 
-    def has_expanded(self, path: Path) -> bool:
-        """Tell whether the expanded cells of a plan arrive.
-
-        They are published only once the planner has discovered a subscriber.
-        """
-        stamp = stamp_of(path)
-        with suppress(PlannerClientError):
-            what = 'the expanded cells'
-            self._client.wait_for(lambda: stamp in self._expanded, what, EXPANDED_SECONDS)
-        return stamp in self._expanded
-
     def picture(
         self, grid_map: GridMap, endpoints: Ends, path: Path, report: PlanReport
     ) -> Picture:
@@ -94,5 +83,9 @@ class PlanView:
             ends = f'start and goal in frame {arguments.frame!r}'
             what = f'{ends} cannot be drawn on a map in {grid_map.frame_id!r}'
             raise ParameterError(f'--png: without a path, {what}')
-        self.has_expanded(plan.path)
+        stamp = stamp_of(plan.path)
+        # They are published only once the planner has discovered a subscriber.
+        with suppress(PlannerClientError):
+            what = 'the expanded cells'
+            self._client.wait_for(lambda: stamp in self._expanded, what, EXPANDED_SECONDS)
         save_picture(self.picture(grid_map, endpoints, plan.path, plan.report), arguments.png)

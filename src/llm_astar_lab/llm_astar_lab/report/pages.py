@@ -31,7 +31,6 @@ from llm_astar_lab.report.sentences import headline, provenance
 from llm_astar_lab.report.table import (
     Table,
     json_of,
-    main_table,
     markdown,
     report_tables,
     text_table,
@@ -116,7 +115,7 @@ def script_json(values: Mapping[str, Any]) -> Markup:
 
 def results_section(run: RunSummary) -> str:
     """Return the part of a report for a README: finding, table, provenance."""
-    table = markdown(main_table(run.variants))
+    table = markdown(Table.of('main', run.variants))
     return '\n\n'.join([headline(run.comparisons), table, provenance(run)])
 
 

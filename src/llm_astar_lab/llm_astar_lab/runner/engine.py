@@ -16,7 +16,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -88,22 +88,12 @@ class SearchSettings:
         return self.costmap
 
 
-class RecordedPlan(Protocol):
-    """What the robot's own stack planned for a request of a bag, at `time` (ns since 1970)."""
-
-    @property
-    def time(self) -> int:
-        """The time of the request."""
-
-    def columns(self, planner: Planner) -> dict[str, Any]:
-        """Return the columns of a row that describe the plan, on the map of a planner."""
-
-
 @dataclass(frozen=True, slots=True)
 class Task:
     """One sample at one scale; `variants` pairs each variant with the index of its source.
 
-    `recorded_plan` belongs to a request from a bag. Sources see the sample's key only if
+    `recorded` is of a request from a bag: on the map of a planner it returns the columns of a row
+    that describe what the robot's own stack planned. Sources see the sample's key only if
     `is_sample`, that is if the request is a sample of a known dataset.
     """
 
@@ -112,7 +102,7 @@ class Task:
     variants: Variants
     sources: tuple[SourceSpec, ...]
     settings: SearchSettings = field(default_factory=SearchSettings)
-    recorded_plan: RecordedPlan | None = None
+    recorded: Callable[[Planner], dict[str, Any]] | None = None
     is_sample: bool = True
 
 
@@ -214,7 +204,7 @@ def run_task(task: Task) -> list[Row]:
     ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     known = key if task.is_sample else None
     query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, known)
-    recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
+    recorded = {} if task.recorded is None else task.recorded(planner)
     replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
     found = []
     for variant, index in task.variants:

@@ -287,7 +287,6 @@ def test_corners_that_may_be_cut_where_barriers_are_known_are_rules_of_a_resumed
 @pytest.mark.parametrize(
     ('options', 'expected'),
     [
-        (('--requests', 'nowhere.csv'), 'nowhere.csv: No such file'),
         (('--occupied-threshold', '0'), '--occupied-threshold: 0 is not in 1 to 100'),
         (('--plan-window', '-1'), "--plan-window: '-1' is not a number of at least 0"),
         (('--methods', 'magic'), "--methods 'magic' is not one of"),
@@ -316,17 +315,6 @@ def test_a_gate_runs_twice_without_naming_a_folder(drive, tmp_path, monkeypatch,
     for folder in ('out/evaluate', 'out/evaluate-2'):
         assert llm_astar(*gate, '--fail-under', 'guided:valid=100') == 0
         assert f'{folder}/report.html' in capsys.readouterr().err
-
-
-def test_a_run_is_not_resumed_with_a_changed_list(tmp_path, out, capsys):
-    bag, goals = write_bag(tmp_path / 'bag', [map_at(1, ROOM)]), tmp_path / 'goals.csv'
-    words = ('evaluate', bag, '--out', out, *CASES, '--requests', goals)
-    goals.write_text('start_x,start_y,goal_x,goal_y\n2,2,8,2\n')
-    assert llm_astar(*words) == 0
-    assert llm_astar(*words, '--resume') == 0
-    goals.write_text('start_x,start_y,goal_x,goal_y\n3,2,8,2\n')
-    assert llm_astar(*words, '--resume') == 2
-    assert 'these differ: dataset' in capsys.readouterr().err
 
 
 def test_the_exchanges_of_an_existing_folder_are_kept(drive, out):
