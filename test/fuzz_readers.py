@@ -30,7 +30,6 @@ from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.storage import Channel
 from llm_astar_lab.bags.types import Decoder, barrier_map_text, define
-from llm_astar_lab.commands.transcript import check_transcript
 from llm_astar_lab.evaluation.requests import (
     RequestReader,
     TopicSelection,
@@ -367,9 +366,6 @@ READERS: dict[str, Reader] = {
     'footprint': text_reader('[[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2]]', Footprint.parse),
     'transcript': Reader(
         file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 3) + '\n'), read_transcript
-    ),
-    'transcript_to_check': Reader(
-        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_transcript
     ),
     'transcript_of_instructions': Reader(
         file('x.jsonl', f'{json.dumps(INSTRUCTION_LINE)}\n{json.dumps(WAYPOINT_LINE)}'),

@@ -199,7 +199,7 @@ LAB = 'llm_astar_lab'
 # The names of its commands, for the error where it is not installed.
 LAB_COMMANDS = (
     'play', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
-    'transcript', 'record',
+    'record',
 )  # fmt: skip
 
 

@@ -13,6 +13,5 @@ COMMANDS = {
     'compare': 'compare results folders sample by sample, and find regressions',
     'draw': 'draw or animate the search of a method beside that of A*',
     'dataset': 'make or convert datasets',
-    'transcript': 'check recorded exchanges with language models',
     'record': 'record maps, requests, plans and exchanges of the live graph into a bag',
 }

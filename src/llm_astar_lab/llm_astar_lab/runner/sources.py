@@ -212,23 +212,19 @@ class Coverage:
         """Say what is missing, so that the row is not taken for one over the whole dataset."""
         spec = self.spec
         name = ', '.join(part for part in (spec.model, spec.prompt) if part)
-        text = f'{spec.transcript}: {name}: only recorded samples count; {self.missing_sentence()}'
+        text = f'{spec.transcript}: {name}: only recorded samples count; '
+        text += f'{len(self.recorded)} of {self.total} samples are recorded'
+        if self.missing:
+            text += f', missing are {len(self.missing)}'
+            if self.unanswered:
+                text += f', of them {len(self.unanswered)} recorded without an answer'
+            groups = [str(group) for group in groups_of(self.missing)]
+            if len(groups) > MAX_NAMED:
+                groups[MAX_NAMED:] = ['...']
+            text += f' ({"; ".join(groups)})'
         if spec.foreign:
             text += f'; {spec.foreign} exchanges of the file were recorded on another dataset'
         return text
-
-    def missing_sentence(self) -> str:
-        """Say how many samples are recorded, and which are missing."""
-        text = f'{len(self.recorded)} of {self.total} samples are recorded'
-        if not self.missing:
-            return text
-        text += f', missing are {len(self.missing)}'
-        if self.unanswered:
-            text += f', of them {len(self.unanswered)} recorded without an answer'
-        groups = [str(group) for group in groups_of(self.missing)]
-        if len(groups) > MAX_NAMED:
-            groups[MAX_NAMED:] = ['...']
-        return f'{text} ({"; ".join(groups)})'
 
     def to_json(self) -> dict[str, Any]:
         """Return what metadata.json and summary.json say."""
