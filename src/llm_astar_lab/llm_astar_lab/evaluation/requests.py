@@ -246,7 +246,6 @@ class RequestReader:
         self._calls: deque[Call] = deque(maxlen=MAX_CALLS)
         self._now = 0
         self._count = 0
-        self._resized = False
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map, 'map update': self._on_update, 'barriers': self._on_barriers,
             'request': self._on_event, 'goal': self._on_goal,
@@ -292,13 +291,7 @@ class RequestReader:
         self._now = now
 
     def _on_map(self, message: BagMessage) -> None:
-        before = self._grid_map
-        self._grid_map = after = grid_from_message(message.value)
-        if before and before.cells.shape != after.cells.shape and not self._resized:
-            self._resized = True
-            old, new = (f'{item.width} x {item.height}' for item in (before, after))
-            when = f'at {self.bag.seconds(message.time):.3f} s from {old} to {new} cells'
-            self.bag.problems.note(f'{self.bag.path}: the map changes its size; {when}')
+        self._grid_map = grid_from_message(message.value)
 
     def _on_update(self, message: BagMessage) -> None:
         if self._grid_map is None:
