@@ -173,8 +173,11 @@ def untimed(path):
 
 
 def without_intervals(value):
-    """Leave out what is newer: intervals by Student's t for few maps, and counts of failures."""
-    newer = ('low', 'high', 'headline', 'sentences', 'failures', 'optimal_share')
+    """Leave out what is newer: intervals by Student's t for few maps, and counts of failures.
+
+    And the cost, which has gone: no old run had a price.
+    """
+    newer = ('low', 'high', 'headline', 'sentences', 'failures', 'optimal_share', 'cost')
     if isinstance(value, dict):
         kept = {name: item for name, item in value.items() if name not in newer}
         ratios = {'over_none', 'over_plain'} & kept.keys()
