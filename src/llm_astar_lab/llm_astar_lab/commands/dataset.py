@@ -31,6 +31,7 @@ from llm_astar_lab.bags import types as bag_messages
 from llm_astar_lab.bags.types import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS, define
 from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_lab.datasets import named
+from llm_astar_lab.datasets.generate import GenerationError, MapRules
 from llm_astar_lab.datasets.named import BenchmarkSample, load_samples
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
@@ -52,6 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     option(make, '--maps N', 'number of maps (default: %(default)s)', default=named.DEFAULT_MAPS)
     text = 'start-goal pairs per map (default: %(default)s)'
     option(make, '--pairs N', text, default=named.DEFAULT_PAIRS)
+    text = 'largest coordinates, of barriers alone (50 30)'
+    option(make, '--size', text, type=int, nargs=2, metavar=('W', 'H'))
     text = 'cells a unit of the maps, as --scales of bench makes them (1)'
     option(make, '--scale K', text, default=1)
     option(make, '--out FILE', 'the JSON file to write', required=True)
@@ -90,7 +93,10 @@ def generate_dataset(args: argparse.Namespace) -> int:
 def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
     """Draw the maps that the options ask for. Raises GenerationError."""
     family = args.family or named.BARRIERS
-    rules = named.DrawRules(args.seed, args.maps, args.pairs)
+    if args.size is not None and family != named.BARRIERS:
+        raise GenerationError(f'--size is of {named.BARRIERS}; --scale makes {family} larger')
+    size = MapRules.size if args.size is None else tuple(args.size)
+    rules = named.DrawRules(args.seed, args.maps, args.pairs, size)
     maps = named.draw_family(family, rules, args.scale)
     # Without an option the file is as the paper's is, which names no family.
     return [replace(item, family=args.family or '') for item in maps]

@@ -155,11 +155,15 @@ MAX_PAIRS, MAX_SAMPLES = 1000, 1_000_000
 
 @dataclass(frozen=True)
 class DrawRules:
-    """How many maps of a generated family are drawn, with how many pairs each, by which seed."""
+    """How many maps of a generated family are drawn, with how many pairs each, by which seed.
+
+    `size` are the largest coordinates of maps of barriers.
+    """
 
     seed: int = 0
     maps: int = DEFAULT_MAPS
     pairs: int = DEFAULT_PAIRS
+    size: tuple[int, int] = MapRules.size
 
 
 @dataclass(frozen=True)
@@ -229,7 +233,7 @@ def draw_family(name: str, rules: DrawRules, scale: int = 1) -> list[ProblemMap]
     """Draw the maps of a generated family at a scale. Raises GenerationError."""
     check_size(name, rules, scale)
     if name == BARRIERS:
-        drawn = generate(rules.seed, rules.maps, MapRules(pairs=rules.pairs))
+        drawn = generate(rules.seed, rules.maps, MapRules(size=rules.size, pairs=rules.pairs))
         return [replace(item.scale(scale), family=BARRIERS) for item in drawn]
     if rules.seed < 0:
         raise GenerationError('--seed: the minimum is 0')
@@ -241,7 +245,7 @@ def check_size(name: str, rules: DrawRules, scale: int) -> None:
     """Raise GenerationError where a family would have no map, or too much of something."""
     if min(rules.maps, rules.pairs, scale) < 1:
         raise GenerationError('--maps, --pairs and --scale: the minimum is 1')
-    width, height = MapRules.size if name == BARRIERS else (drawing.DEFAULT_SIDE,) * 2
+    width, height = rules.size if name == BARRIERS else (drawing.DEFAULT_SIDE,) * 2
     if rules.maps * width * height * scale**2 > MAX_CELLS:
         what = f'at scale {scale} they have over {MAX_CELLS} cells'
         raise GenerationError(f'--maps {rules.maps}: {what}; choose fewer')

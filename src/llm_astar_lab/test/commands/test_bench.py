@@ -272,7 +272,7 @@ def test_a_malformed_dataset_is_named_with_its_field(tmp_path, out):
 
 def test_a_dataset_is_generated(tmp_path):
     path = tmp_path / 'made.json'
-    words = ('--maps', 2, '--pairs', 3, '--seed', 5)
+    words = ('--maps', 2, '--pairs', 3, '--size', 30, 20, '--seed', 5)
     assert llm_astar('dataset', 'generate', '--out', path, *words) == 0
     assert [len(m.samples) for m in load_barrier_maps(path)] == [3, 3]
 

@@ -96,4 +96,6 @@ def test_the_command_writes_a_family_that_others_read(tmp_path, capsys):
     plan = ('plan', '--map', file, '--map-id', '1', '--pair', '2', '--source', 'none')
     assert cli.main([*plan, '--method', 'exact_astar']) == 0
     assert 'path found' in capsys.readouterr().out
+    assert cli.main(['dataset', 'generate', *words, '--size', '9', '9', '--out', file]) == 2
+    assert '--scale makes floors larger' in capsys.readouterr().err
     assert cli.main(['dataset', 'generate', *words, '--seed', '-1', '--out', file]) == 2
