@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from nav2_stack import places, processes
 from nav2_stack.measures import length, median_ratio, pairs, turning
 from nav2_stack.table import write_table
-from nav2_stack.world import ACCELERATION, PERIOD, ROBOT_RADIUS, SWING, World
+from nav2_stack.world import ACCELERATION, PERIOD, ROBOT_RADIUS, SWING, World, off_by
 
 FOLDER = Path(__file__).parent
 BOX = (3.0, 2.0, 0.5, 1.0)
@@ -89,8 +89,17 @@ def test_length_and_turning_of_a_track():
     assert turning(track) == pytest.approx(2 * math.pi - 6.0 + 0.5)
 
 
+def test_a_robot_is_localized_off_by_the_error_where_it_is():
+    pose = Pose2D(12.0, -5.0, 0.7)
+    x, y, yaw = off_by(Pose2D(0.05, -0.02, 0.02), pose)
+    seen = complex(x, y) + complex(pose.x, pose.y) * np.exp(1j * yaw)
+    assert seen == pytest.approx(complex(12.05, -5.02))
+    assert yaw + pose.yaw == pytest.approx(0.72)
+
+
 def measured(planner, mission, **values):
     row = {
+        'noise': 0.0,
         'planner': planner, 'map': 'depot', 'scenario': 'plain', 'mission': mission, 'seed': 1,
         'arrived': True, 'status': 4, 'code': 0, 'seconds': 10.0, 'driven': 8.0, 'planned': 8.0,
         'turning': 1.0, 'near': 0.0, 'bumps': 0, 'recoveries': 0, 'plans': 9, 'collisions': 0,
@@ -118,6 +127,17 @@ def test_the_table_has_both_planners_and_their_ratios(tmp_path):
     assert '| | planner_node | NavFn |' in page
     assert 'driven 0.750' in page
     assert '1.5 s (planner_server 1.0, planner_node 0.5) | 1.0 s |' in page
+
+
+def test_drives_of_another_setting_have_a_section_of_their_own(tmp_path):
+    rows = [measured(planner, 0) for planner in ('ours', 'navfn')]
+    rows += [{**row, 'noise': 0.06, 'driven': 2.0 * row['driven']} for row in rows]
+    assert len(pairs(rows, 'ours', 'navfn')) == 2
+    (tmp_path / 'missions.jsonl').write_text('\n'.join(map(json.dumps, rows)))
+    write_table(tmp_path, tmp_path / 'page.md', 'python -m nav2_stack', 'today')
+    page = (tmp_path / 'page.md').read_text()
+    assert '| arrived | as NavFn | 1 (1) |' in page
+    assert '## depot: plain missions, localized off by 6 cm\n' in page
 
 
 @pytest.mark.parametrize('name', ['depot', 'warehouse'])

@@ -18,11 +18,20 @@ def turning(poses):
     return float(np.abs(np.remainder(steps + math.pi, 2.0 * math.pi) - math.pi).sum())
 
 
+# What drives share that are compared.
+SETTING = ('map', 'scenario', 'seed', 'noise')
+
+
+def setting_of(row):
+    """Return the setting of a drive."""
+    return tuple(row.get(name) for name in SETTING)
+
+
 def pairs(rows, planner, other):
-    """Return the drives of two planners that are of the same map, scenario and mission."""
+    """Return the drives of two planners that are of the same setting and mission."""
     found = {}
     for row in rows:
-        key = row['map'], row['scenario'], row['mission']
+        key = setting_of(row), row['mission']
         found.setdefault(key, {})[row['planner']] = row
     both = (drives for drives in found.values() if planner in drives and other in drives)
     return [(drives[planner], drives[other]) for drives in both]

@@ -236,7 +236,7 @@ def main():
     grid_map = find_map(given.map, None if given.scenario == 'door' else maps_folder())
     todo = missions(grid_map, given.scenario, given.count, given.seed)
     names = {'planner': given.planner, 'map': given.map, 'scenario': given.scenario}
-    names['seed'], names['noise'] = given.seed, given.noise
+    names |= {'seed': given.seed, 'noise': given.noise}
     logs = given.out / f'{given.map}-{given.scenario}-{given.planner}'
     driven = drive_all(given.planner, grid_map, todo, logs, given.noise)
     with (given.out / 'missions.jsonl').open('a') as out:

@@ -17,27 +17,29 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
-from nav2_stack.world import BEAMS, NEAR, RANGE, SILENCE
+from nav2_stack.world import BEAMS, NEAR, RANGE, SILENCE, off_by
 
 # Steps a second, and steps from scan to scan.
 HZ, SCAN_EVERY = 30, 3
 # Steps from one move of the boxes that move to the next.
 MOVE_EVERY = 6
-# What is left of an error of the localization after one step.
-KEPT = 0.98
+# Of the localization: steps from one correction to the next, how much of its error that leaves,
+# and radians that it is off for each metre.
+CORRECT_EVERY, KEPT, TURNED = 15, 0.7, 1.0 / 3.0
 
 
 class Simulator(Node):
     """Drives the robot of a `world.World`; `track` are its poses (x, y, yaw) since `place`.
 
     `noise` is the standard deviation of the error of the localization, in metres; its heading
-    is off by a third of that, in radians.
+    is off by a third of that, in radians. Twice a second it jumps to another one.
     """
 
     def __init__(self, world, noise=0.0):
         super().__init__('simulator')
         self.world, self._noise = world, noise
-        self._chance, self._error = random.Random(1), Pose2D(0.0, 0.0, 0.0)  # noqa: S311
+        self._chance = random.Random(1)  # noqa: S311
+        self._error = self._map_to_odom = Pose2D(0.0, 0.0, 0.0)
         self._lock, self._steps = threading.Lock(), 0
         self._command, self._commanded = (0.0, 0.0), 0.0
         self.track, self.near, self.moving = [], 0.0, ()
@@ -88,9 +90,9 @@ class Simulator(Node):
 
     def publish(self, pose, scan):
         stamp = self.now()
-        self._drift()
+        self._correct(pose)
         transforms = [
-            transform('map', 'odom', self._error, stamp),
+            transform('map', 'odom', self._map_to_odom, stamp),
             transform('odom', 'base_link', pose, stamp),
         ]
         self._tf.publish(TFMessage(transforms=transforms))
@@ -105,13 +107,14 @@ class Simulator(Node):
         if scan is not None:
             self._scan.publish(scan_message(scan, stamp))
 
-    def _drift(self):
-        """Let the error of the localization wander about zero."""
-        if self._noise:
+    def _correct(self, pose):
+        """Let map -> odom jump to another error about zero, as with each correction of AMCL."""
+        if self._noise and self._steps % CORRECT_EVERY == 0:
             step = self._noise * math.sqrt(1.0 - KEPT**2)
-            sizes = (step, step, step / 3.0)
-            wandered = (KEPT * e + self._chance.gauss(0.0, s) for e, s in zip(self._error, sizes))
-            self._error = Pose2D(*wandered)
+            sizes = (step, step, step * TURNED)
+            errors = (KEPT * e + self._chance.gauss(0.0, s) for e, s in zip(self._error, sizes))
+            self._error = Pose2D(*errors)
+            self._map_to_odom = off_by(self._error, pose)
 
 
 def transform(parent, child, pose, stamp):

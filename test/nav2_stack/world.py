@@ -44,6 +44,14 @@ def towards(value, wanted, most):
     return value + min(max(wanted - value, -most), most)
 
 
+def off_by(error, pose):
+    """Return map -> odom for a robot at `pose` in odom that is localized off by `error` there."""
+    cos, sin = math.cos(error.yaw), math.sin(error.yaw)
+    x = pose.x + error.x - cos * pose.x + sin * pose.y
+    y = pose.y + error.y - sin * pose.x - cos * pose.y
+    return Pose2D(x, y, error.yaw)
+
+
 @numba.njit(cache=True, fastmath=False)
 def cast(walls, x, y, angles, longest):
     """Return the distance [n], in cells, to the first wall along each ray from (x, y)."""

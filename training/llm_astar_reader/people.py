@@ -7,6 +7,7 @@ folder of LLM_ASTAR_INSTRUCTIONS where it is set.
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -34,6 +35,19 @@ def people() -> list[Sample]:
         clauses = [truth.clauses for truth in sentence.truths] or [()]
         found += lifted_pairs(sentence.text, places, clauses) * 2
     return found + corpus_pairs()
+
+
+def misread() -> dict[tuple[str, ...], list[list[str]]]:
+    """Return wrong meanings that earlier readers, who had not seen them, took sentences for."""
+    file = Path(written.__file__).with_name('misread.json')
+    found = {}
+    for entry in json.loads(file.read_text(encoding='utf-8')):
+        one = lifted(entry['text'], written.worlds()[entry['map']].places)
+        meanings = [meaning.split() for meaning in entry['meanings']]
+        found[one.tokens] = [
+            m for m in meanings if {t for t in m if t[1:].isdigit()} <= {*one.slots}
+        ]
+    return found
 
 
 def lifted_pairs(text: str, places: Places, truths: Sequence[Sequence[Clause]]) -> list[Sample]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, slot_name
 from llm_astar_planner.instructions.reader.meaning import (
@@ -44,11 +44,19 @@ def renumbered(tokens: Words, meanings: list[Words], draw: random.Random) -> Sam
     return shown, [[table.get(token, token) for token in meaning] for meaning in meanings]
 
 
-def sample(draw: random.Random, human: list[Sample], share: float, wrongs: int) -> Sample | None:
+def sample(
+    draw: random.Random,
+    human: list[Sample],
+    share: float,
+    wrongs: int,
+    misread: Mapping[tuple[str, ...], list[Words]],
+) -> Sample | None:
     """Return a sentence with a right meaning and some wrong ones: made, or a person's."""
     if human and draw.random() < share:
         tokens, rights = draw.choice(human)
+        mistaken = misread.get(tuple(tokens), [])
         if draw.random() < 0.12:
+            mistaken = []
             tokens, rights = joined(tokens, rights, *draw.choice(human), draw)
         tokens = noisy([t for t in tokens if t != ',' or draw.random() > 0.2], draw)
         if draw.random() < 0.15:
@@ -57,7 +65,7 @@ def sample(draw: random.Random, human: list[Sample], share: float, wrongs: int) 
             tokens = tokens[:-1]
     else:
         tokens, meaning = made(draw)
-        rights = [meaning]
+        rights, mistaken = [meaning], []
     right = draw.choice(rights)
     if not 0 < len(tokens) <= LONGEST or len(right) > MOST_TOKENS or not {*right} <= KNOWN:
         return None
@@ -67,8 +75,10 @@ def sample(draw: random.Random, human: list[Sample], share: float, wrongs: int) 
     except Unreadable:
         return None
     meanings = [right]
-    for _ in range(wrongs):
-        other = wrong(tokens, right, draw)
+    for n in range(wrongs):
+        # What readers have really taken it for, once in two times.
+        is_real = mistaken and n == 0 and draw.random() < 0.5
+        other = draw.choice(mistaken) if is_real else wrong(tokens, right, draw)
         if other is None or ordered(other) in known:
             return None
         meanings.append(told_in_turn(tokens, other))
@@ -102,10 +112,14 @@ def joined(
 
 
 def batches(
-    draw: random.Random, human: list[Sample], share: float, wrongs: int
+    draw: random.Random,
+    human: list[Sample],
+    share: float,
+    wrongs: int,
+    misread: Mapping[tuple[str, ...], list[Words]],
 ) -> list[list[Sample]]:
     """Return batches of sentences of one length each."""
-    found = [one for _ in range(ROUND) if (one := sample(draw, human, share, wrongs))]
+    found = [one for _ in range(ROUND) if (one := sample(draw, human, share, wrongs, misread))]
     found.sort(key=lambda one: len(one[0]))
     parts: list[list[Sample]] = []
     for _, group in itertools.groupby(found, key=lambda one: len(one[0])):

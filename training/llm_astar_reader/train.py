@@ -25,7 +25,7 @@ from torch.nn import functional
 
 from llm_astar_reader.generate import vocabulary
 from llm_astar_reader.network import BEGIN, NUMBER, Checker, Reader, exported
-from llm_astar_reader.people import known_words, people
+from llm_astar_reader.people import known_words, misread, people
 from llm_astar_reader.samples import Sample, batches
 
 PAD = -100
@@ -84,13 +84,15 @@ def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
         optimizer.load_state_dict(saved['optimizer'])
         state = saved['state']
     human = people()
+    wrong = misread() if wrongs else {}
+    human += [one for one in human if tuple(one[0]) in wrong]
     total = minutes * 60
     while state['seconds'] < total:
         began = time.process_time()
         draw = random.Random(f'{seed} {state["round"]}')
         losses = []
         network.train()
-        for batch in batches(draw, human, share, wrongs):
+        for batch in batches(draw, human, share, wrongs, wrong):
             done = min(1.0, (state['seconds'] + time.process_time() - began) / total)
             for group in optimizer.param_groups:
                 group['lr'] = rate(done)

@@ -33,6 +33,8 @@ TOPIC = 'bond'
 HEARTBEAT_TIMEOUT_S = 4.0
 # How long to look for a manager: a node that activates itself may have none.
 CONNECT_TIMEOUT_S = 10.0
+# From one heartbeat to the next at most until the manager is heard: it waits for two seconds.
+FORMING_S = 0.1
 # At the end: how long to wait until the manager has that.
 FAREWELL = Duration(seconds=0.1)
 
@@ -89,7 +91,7 @@ class Bond:
         give_up = time.monotonic() + CONNECT_TIMEOUT_S
         while time.monotonic() < give_up:
             self._publisher.publish(self._heartbeat)
-            if self._closed.wait(self._period) or self.is_heard():
+            if self._closed.wait(min(self._period, FORMING_S)) or self.is_heard():
                 return True
         return False
 
