@@ -1,4 +1,4 @@
-# Plans on the demo map in the official image of ROS 2 Jazzy:
+# The nodes on the demo map in the official image of ROS 2 Jazzy:
 #   docker build -t llm-astar . && docker run --rm llm-astar
 FROM ros:jazzy-ros-base
 
@@ -16,4 +16,4 @@ RUN . /opt/ros/jazzy/setup.bash && make install
 
 ENV PATH=/llm-astar/.venv/bin:$PATH
 # The image's entry point sources ROS.
-CMD ["llm-astar", "demo"]
+CMD ["llm-astar", "run"]

@@ -32,16 +32,13 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train train-reader test quick figures soak lint dist clean \
+.PHONY: help install bench train train-reader test quick figures soak lint dist clean \
 	check-python check-venv check-moved
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
 
 install: check-moved $(VENV)/.installed ## Make .venv with everything in it
-
-demo: install ## Start the graph, plan once, draw it to out/demo.png
-	$(BIN)/llm-astar demo
 
 bench: install ## Every method and baseline source over 1000 samples, no key: out/bench/report.html
 	rm -rf out/bench

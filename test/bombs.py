@@ -25,7 +25,6 @@ import zstandard
 from fuzz_readers import FIELDS, WAYPOINT_LINE, append_to_transcript, make_results
 from fuzzing import MOST_BYTES, MOST_SECONDS, in_fork
 from llm_astar_lab.bags.reading import Bag
-from llm_astar_lab.evaluation.requests import load_requests
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps import map_server, movingai
@@ -191,9 +190,6 @@ BOMBS = {
     'empty lines of a transcript': Bomb(lambda _: '\n' * 31_000_000, read_transcript),
     'last line of a transcript': Bomb(
         lambda _: json.dumps(WAYPOINT_LINE) + '\n[' + '[],' * 9_000_000, append_to_transcript
-    ),
-    'list of requests': Bomb(
-        lambda _: 'start_x,start_y,goal_x,goal_y\n' + '0,0,0,0\n' * 980_000, load_requests
     ),
     'row of results': Bomb(
         results, lambda path: list(ResultsFolder(path.parent).read()), name='results.csv'

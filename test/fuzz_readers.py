@@ -30,15 +30,13 @@ from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.storage import Channel
 from llm_astar_lab.bags.types import Decoder, barrier_map_text, define
-from llm_astar_lab.commands.transcript import check_transcript
 from llm_astar_lab.evaluation.requests import (
     RequestReader,
     TopicSelection,
     describe,
-    load_requests,
 )
 from llm_astar_lab.instruct_bench.suite import load_suite
-from llm_astar_lab.report.write import search_settings
+from llm_astar_lab.report.pages import costmap_of
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import Row
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -284,7 +282,7 @@ def read_results(path: Path) -> None:
     folder = ResultsFolder(path.parent)
     metadata, rows = folder.read_metadata(), list(folder.read())
     seed = metadata['parameters'].get('seed', 0)
-    search_settings(metadata)
+    costmap_of(metadata)
     summarise(rows, seed)
     compare_with_none(rows, seed)
     growth(rows)
@@ -362,9 +360,6 @@ READERS: dict[str, Reader] = {
     'transcript': Reader(
         file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 3) + '\n'), read_transcript
     ),
-    'transcript_to_check': Reader(
-        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_transcript
-    ),
     'transcript_of_instructions': Reader(
         file('x.jsonl', f'{json.dumps(INSTRUCTION_LINE)}\n{json.dumps(WAYPOINT_LINE)}'),
         read_exchanges,
@@ -384,13 +379,6 @@ READERS: dict[str, Reader] = {
     'results_parquet': Reader(make_parquet, lambda path: read_results(path.parent)),
     'results_metadata': Reader(make_results('metadata.json'), read_results),
     'results_maps': Reader(make_results('maps.json'), read_results),
-    'requests_csv': Reader(
-        file('x.csv', 'start_x,start_y,goal_x,goal_y,time\n1,2,3,4,\n5,6.5,7,8,2.5\n'),
-        load_requests,
-    ),
-    'requests_json': Reader(
-        file('x.json', [{'start': [1, 2], 'goal': [3, 4.5], 'time': 2}]), load_requests
-    ),
     'suite': Reader(file('suite.json', SUITE), load_suite),
     'examples': Reader(file('x.json', Path(EXAMPLES_FILE).read_bytes()), load_examples),
     'specification': text_reader(CLAUSES, read_specification),

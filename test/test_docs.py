@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').glob('*.md')])
 MAY_BE_LONGER = {'guided-search.md', 'reference.md'}
 LISTS_WHAT_IS_GONE = {'CHANGELOG.md'}
-GROUPS = {'dataset', 'transcript'}  # commands with commands of their own
+GROUPS = {'dataset'}  # commands with commands of their own
 CODE_BLOCK = re.compile(r'^```.*?^```', re.MULTILINE | re.DOTALL)
 
 

@@ -502,7 +502,6 @@ def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_
         assert caller.call(Pose2D(3.0, 3.0), Pose2D(4.0, 4.0))[1].method == 'weighted_astar'
         again = run_benchmark_node(*selection, '--out', str(live), '--resume')
         assert again.returncode == 0, again.stderr
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
     assert main(['bench', *selection, '--source', 'oracle', '--out', str(direct)]) == 0
     rows = rows_of(live)
     keys = {(row['method'], row['source']) for row in rows}

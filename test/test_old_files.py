@@ -147,12 +147,6 @@ FOLDERS = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the pictures out of tests that are not about them."""
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-
-
 def old_folder(name, tmp_path):
     """Return a copy of an old results folder."""
     return Path(shutil.copytree(OLD / name, tmp_path / name))
@@ -179,8 +173,11 @@ def untimed(path):
 
 
 def without_intervals(value):
-    """Leave out what is newer: intervals by Student's t for few maps, and counts of failures."""
-    newer = ('low', 'high', 'headline', 'sentences', 'failures', 'optimal_share')
+    """Leave out what is newer: intervals by Student's t for few maps, and counts of failures.
+
+    And the cost, which has gone: no old run had a price.
+    """
+    newer = ('low', 'high', 'headline', 'sentences', 'failures', 'optimal_share', 'cost')
     if isinstance(value, dict):
         kept = {name: item for name, item in value.items() if name not in newer}
         ratios = {'over_none', 'over_plain'} & kept.keys()
@@ -223,9 +220,7 @@ def test_old_rows_of_llm_only_are_rows_of_waypoints_only():
 
 
 @pytest.mark.parametrize('name', FOLDERS)
-def test_an_old_run_is_resumed_by_its_own_version_alone(
-    name, tmp_path, monkeypatch, undrawn, capsys
-):
+def test_an_old_run_is_resumed_by_its_own_version_alone(name, tmp_path, monkeypatch, capsys):
     folder = old_folder(name, tmp_path)
     results = folder / 'results.csv'
     words = [*FOLDERS[name], '--out', str(folder), '--resume']
@@ -240,7 +235,7 @@ def test_an_old_run_is_resumed_by_its_own_version_alone(
     assert untimed(results) == untimed(OLD / name / 'results.csv')
 
 
-def test_the_same_run_has_the_same_rows_today(tmp_path, undrawn):
+def test_the_same_run_has_the_same_rows_today(tmp_path):
     out = tmp_path / 'out'
     limit = ('--fail-under', 'waypoints_only/oracle:valid=100')
     assert main(['bench', *BENCH, '--source', 'oracle', '--out', str(out), *limit]) == 0

@@ -173,7 +173,7 @@ def test_make_keeps_the_distribution_that_its_environment_has(tmp_path):
     assert done.stdout.startswith('wheels-jazzy ')
 
 
-@pytest.mark.parametrize('target', ['install', 'demo', 'clean'])
+@pytest.mark.parametrize('target', ['install', 'bench', 'clean'])
 def test_make_never_removes_an_environment_that_it_did_not_make(target, tmp_path):
     theirs = tmp_path / 'pyvenv.cfg'
     theirs.touch()

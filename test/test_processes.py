@@ -198,18 +198,17 @@ def assert_all_end(pids):
     [
         (signal.SIGKILL, {-signal.SIGKILL}),
         (signal.SIGTERM, {128 + signal.SIGTERM}),
-        (signal.SIGINT, INTERRUPTED),
     ],
 )
-def test_a_demo_that_is_ended_leaves_no_node_behind(number, codes, tmp_path):
-    demo = llm_astar('demo', '--png', str(tmp_path / 'demo.png'))
-    assert demo.stdout.readline().startswith('started map_node')
-    nodes = children_of(demo)
-    demo.send_signal(number)
-    assert demo.wait(PATIENCE) in codes
+def test_a_run_that_is_ended_leaves_no_node_behind(number, codes):
+    graph = llm_astar('run', '--namespace', f'ended_{os.getpid()}')
+    assert graph.stdout.readline().startswith('running map_node')
+    nodes = children_of(graph)
+    graph.send_signal(number)
+    assert graph.wait(PATIENCE) in codes
     assert_all_end(nodes)
-    assert 'Traceback' not in demo.stdout.read()
-    demo.stdout.close()
+    assert 'Traceback' not in graph.stdout.read()
+    graph.stdout.close()
 
 
 def test_run_keeps_a_graph_that_call_asks_and_draws_until_it_is_interrupted(tmp_path):

@@ -7,17 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 from llm_astar_lab.datasets.named import load_samples
-from llm_astar_lab.results.row import Row, Variant
+from llm_astar_lab.results.row import Row, Variant, parse_points
 from llm_astar_lab.runner.config import BenchmarkConfig
 from llm_astar_lab.runner.engine import (
     ALL_METHODS,
+    AnsweredSource,
     SearchSettings,
     list_variants,
+    make_request,
     make_tasks,
+    planner_of,
 )
 from llm_astar_lab.runner.sources import SourceSpec
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.waypoints.baselines import baseline_sources
+from llm_astar_planner.waypoints.source import WaypointReply
 
 HALL = BarrierMap(
     3, (0, 51), (0, 31), (Barrier(10, 0, 25),), (), (Sample((5, 5), (5, 15), 'go round'),)
@@ -32,6 +36,16 @@ def tasks_of(samples, sources=WITH_ORACLE, methods=ALL_METHODS, scale=1):
 
 def config_of(dataset, sources=WITH_ORACLE, methods=('llm_astar',), **values):
     return BenchmarkConfig(load_samples(dataset), methods, sources, SearchSettings(), **values)
+
+
+def planned_again(sample, row):
+    """Plan a row of scale 1 again, with its waypoints; return the planner and the plan."""
+    problem = sample.barrier_map
+    planner = planner_of(problem, SearchSettings())
+    ends = problem.to_cell(sample.sample.start), problem.to_cell(sample.sample.goal)
+    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
+    source = AnsweredSource(row.source, reply) if row.waypoints else None
+    return planner, planner.plan(make_request(ends, row.method, source, SearchSettings()))
 
 
 def untimed(row):

@@ -42,14 +42,12 @@ def folder():
 
 @pytest.fixture(scope='module')
 def out(folder, tmp_path_factory):
-    """Run the benchmark on both transcripts, without its pictures."""
+    """Run the benchmark on both transcripts."""
     out = tmp_path_factory.mktemp('replies') / 'out'
     files = ','.join(str(folder / 'replies' / f'{name}.jsonl') for name in ('qwen', 'llama'))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-        words = ['bench', '--map', folder / 'barrier_maps_00_49.json', '--source', 'replay,oracle']
-        words += ['--transcript', files, '--methods', 'llm_astar,guided,waypoints_only']
-        assert main([*map(str, words), '--out', str(out)]) == 0
+    words = ['bench', '--map', folder / 'barrier_maps_00_49.json', '--source', 'replay,oracle']
+    words += ['--transcript', files, '--methods', 'llm_astar,guided,waypoints_only']
+    assert main([*map(str, words), '--out', str(out)]) == 0
     return out
 
 

@@ -198,8 +198,8 @@ class Plugins:
 LAB = 'llm_astar_lab'
 # The names of its commands, for the error where it is not installed.
 LAB_COMMANDS = (
-    'play', 'demo', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
-    'transcript', 'record',
+    'play', 'bench', 'evaluate', 'instruct-bench', 'report', 'compare', 'draw', 'dataset',
+    'record',
 )  # fmt: skip
 
 

@@ -24,7 +24,6 @@ from llm_astar_lab.results.stored_rows import StoredRows
 
 Arrays = Mapping[str, NDArray[Any]]
 SampleId = tuple[int, int]
-Price = Sequence[float]
 # Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.
 EXACT_ASTAR = Variant('exact_astar')
 # The columns whose growth over the scales of the map is measured.
@@ -65,7 +64,7 @@ class VariantSummary:
 
     `operation`, `storage` and `length` are ratios to A* over the samples that both solved;
     `valid` is over all samples. `seconds_*` are per sample. `verdicts` are the shares of the
-    waypoints by status. `cost` is in the currency of the given price, None without a price.
+    waypoints by status.
     `unanswered` counts the samples whose source never answered, `failures` those and the replies
     without a list of points, by status. `operation_exact` is the ratio of
     expansions to our exact A*, where that was run; `proven` are the proven suboptimality bounds,
@@ -93,7 +92,6 @@ class VariantSummary:
     verdicts: Mapping[str, float] = field(default_factory=dict)
     prompt_tokens: int = 0
     completion_tokens: int = 0
-    cost: float | None = None
     unanswered: int = 0
     failures: Mapping[str, int] = field(default_factory=dict)
     seconds_round_trip: Spread = NO_SPREAD
@@ -167,33 +165,27 @@ def by_variant(rows: Iterable[Row]) -> dict[Variant, dict[SampleId, Row]]:
 
 
 def summarise_run(rows: Iterable[Row] | StoredRows, metadata: Mapping[str, Any]) -> RunSummary:
-    """Summarise a run by the seed and the price in its metadata."""
-    stored, parameters = StoredRows.of(rows), metadata['parameters']
-    seed = int(parameters.get('seed', 0))
-    variants = summarise(stored, seed, parameters.get('price'))
+    """Summarise a run by the seed in its metadata."""
+    stored, seed = StoredRows.of(rows), int(metadata['parameters'].get('seed', 0))
+    variants = summarise(stored, seed)
     recorded = {name: int(count[0]) for name, count in stored.arrays('recorded').items()}
     return RunSummary(
         variants, compare_with_none(stored, seed), growth(stored), metadata, recorded
     )
 
 
-def summarise(
-    rows: Iterable[Row] | StoredRows, seed: int = 0, price: Price | None = None
-) -> list[VariantSummary]:
-    """Summarise every variant at scale 1, in the order of the report's table.
-
-    `price` is that of a million tokens of prompts and of replies, in any currency.
-    """
+def summarise(rows: Iterable[Row] | StoredRows, seed: int = 0) -> list[VariantSummary]:
+    """Summarise every variant at scale 1, in the order of the report's table."""
     stored = StoredRows.of(rows)
     families = stored.arrays('families')['family'].tolist()
     return [
-        summarise_variant(stored, variant, families, seed, price)
+        summarise_variant(stored, variant, families, seed)
         for variant in sorted(stored.variants('scale = 1'), key=attrgetter('report_order'))
     ]
 
 
 def summarise_variant(
-    stored: StoredRows, variant: Variant, names: Sequence[str], seed: int, price: Price | None
+    stored: StoredRows, variant: Variant, names: Sequence[str], seed: int
 ) -> VariantSummary:
     """Summarise the rows of one variant against those of A* and of our exact A*.
 
@@ -208,7 +200,6 @@ def summarise_variant(
     both = found & (rows['recorded_length'] > 0)
     # A map without obstacles has an infinite clearance.
     clearances = rows['clearance'][found & np.isfinite(rows['clearance'])]
-    tokens = int(rows['prompt_tokens'].sum()), int(rows['completion_tokens'].sum())
     verdicts = count_texts(stored, variant, 'verdicts', lambda text: filter(None, text.split(';')))
     bounds, round_trips = rows['ratio'], rows['seconds_round_trip']
     return VariantSummary(
@@ -220,8 +211,8 @@ def summarise_variant(
         seconds_search=spread(rows['seconds_search']),
         waypoints=int(rows['waypoints'].sum()) / len(found),
         verdicts={name: count / verdicts.total() for name, count in verdicts.most_common()},
-        prompt_tokens=tokens[0], completion_tokens=tokens[1],
-        cost=None if price is None else (tokens[0] * price[0] + tokens[1] * price[1]) / 1e6,
+        prompt_tokens=int(rows['prompt_tokens'].sum()),
+        completion_tokens=int(rows['completion_tokens'].sum()),
         seconds_round_trip=spread(round_trips[round_trips >= 0]),
         operation_exact=ratio_if_any(exact['operation'], exact['map'], seed),
         proven=spread(bounds[bounds >= 1.0]), unanswered=int(np.count_nonzero(~rows['answered'])),

@@ -15,7 +15,7 @@ from llm_astar_planner.search.methods import EXACT
 
 from llm_astar_lab.analysis.statistics import Interval, Ratio
 from llm_astar_lab.analysis.summary import VariantSummary
-from llm_astar_lab.results.row import METHOD_ALIASES, Row, Variant
+from llm_astar_lab.results.row import Row, Variant
 
 # Metrics in percent. A limit is the maximum of a ratio and the minimum of a share.
 RATIOS = ('operation', 'storage', 'length', 'recorded')
@@ -41,9 +41,7 @@ class Threshold(NamedTuple):
 
 def parse_threshold(text: str) -> Threshold:
     """Parse [VARIANT:]METRIC=LIMIT, as `llm_astar/oracle:operation=35`. Raises ValueError."""
-    name, metric, limit = split_limit(text, (*RATIOS, *SHARES), '[VARIANT:]METRIC=LIMIT')
-    method, slash, rest = name.partition('/')
-    return Threshold(METHOD_ALIASES.get(method, method) + slash + rest, metric, limit)
+    return Threshold(*split_limit(text, (*RATIOS, *SHARES), '[VARIANT:]METRIC=LIMIT'))
 
 
 def split_limit(text: str, metrics: Sequence[str], form: str) -> tuple[str, str, float]:

@@ -12,7 +12,6 @@ examples:
   llm-astar bench                                 every method and baseline, no key needed
   llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
-  llm-astar bench --protocol my_model.yaml        the samples, prompts and seeds of all its runs
   llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
   llm-astar bench --dataset barriers,rooms,mazes,aisles,floors --maps 20 --seed 1
   llm-astar bench --dataset movingai/dao --path FOLDER --methods exact_astar,astar --limit 500
@@ -47,11 +46,10 @@ from llm_astar_planner.waypoints.source import BASELINE_NAMES
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
-from llm_astar_lab.datasets.llm_benchmarks import READERS
 from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
-from llm_astar_lab.runner import protocol, sources
+from llm_astar_lab.runner import sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
 
 
@@ -60,12 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_samples(parser.add_argument_group('samples'))
     common.add_variants(parser.add_argument_group('methods and sources'))
     common.add_instruction(parser.add_argument_group('an instruction for every sample'))
-    option(
-        parser, '--protocol FILE',
-        f'yaml file with {", ".join(protocol.NEEDED)} and perhaps '
-        f'{", ".join(protocol.OPTIONAL)}: runs {" or ".join(sorted(protocol.PROTOCOLS))} with '
-        'this model, and writes protocol.json',
-    )  # fmt: skip
     common.add_running(parser.add_argument_group('running'), 'out/bench')
 
 
@@ -96,10 +88,9 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
     option(
         either, '--dataset NAMES',
         f'instead of --map, datasets by name: {", ".join(named.GENERATED)} are generated, '
-        f'{named.PAPER}, {named.READ[1]} and so on, and {", ".join(READERS)} are read from '
-        '--path', dest='named',
+        f'{named.READ[0]} and so on are read from --path', dest='named',
     )  # fmt: skip
-    text = "the dataset's file, or the folder with MovingAI's maps and scenarios"
+    text = "the folder with MovingAI's maps and scenarios"
     option(group, '--path PATH', text)
     text = f'number of maps of a generated dataset ({named.DEFAULT_MAPS})'
     option(group, '--maps N', text, dest='map_count', type=common.count)
@@ -110,7 +101,6 @@ def add_dataset_choice(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
-    card = protocol.apply_protocol(args)
     common.settle_variants(args)
     dataset = open_dataset(args)
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
@@ -123,16 +113,12 @@ def run(args: argparse.Namespace) -> int:
         message = f'on a grid only the baselines {names} are run; name others with --source'
         common.complain(args, message, common.OK)
     run = common.Run(args, folder, run_metadata(args, config, dataset))
-    if card is not None:
-        run.metadata.setdefault('notes', []).append(protocol.sentence(card, len(config.samples)))
     try:
         tasks = config.tasks(run.open(config.row_count))
         keep_maps(args, folder, config, dataset.maps)
         run.execute(tasks, config.sources, 'sample')
         # Free the memory of the run: the reports of a million rows take much themselves.
         del dataset, config, tasks
-        if card is not None:
-            protocol.write_protocol(folder, card, run.metadata)
         return run.close()
     except ResultsError as error:
         return run.failed(error)

@@ -1,21 +1,19 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Generate datasets of samples, check them, or convert them to bags.
+"""Generate datasets of samples, or convert them to bags.
 
 examples:
   llm-astar dataset generate --seed 7 --maps 20 --out maps.json
   llm-astar dataset generate --family floors --scale 2 --out floors.json
-  llm-astar dataset check maps.json
   llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
 
-exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
+exit codes: 0 done, 2 bad usage or input
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable
 from dataclasses import replace
 from itertools import groupby
@@ -33,10 +31,9 @@ from llm_astar_lab.bags import types as bag_messages
 from llm_astar_lab.bags.types import BARRIER_MAP, GET_PLAN_EVENT, MAP, NANOSECONDS, define
 from llm_astar_lab.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_lab.datasets import named
-from llm_astar_lab.datasets.generate import GenerationError, MapRules, validate_file
+from llm_astar_lab.datasets.generate import GenerationError, MapRules
 from llm_astar_lab.datasets.named import BenchmarkSample, load_samples
 
-OK, BAD_INPUT = 0, 2
 GRID = 'nav_msgs/msg/OccupancyGrid'
 # The time of a bag's first map; it is fixed, so that the same samples give the same bag.
 FIRST_STAMP = 1_700_000_000 * NANOSECONDS
@@ -46,7 +43,7 @@ STEP, LEAD = NANOSECONDS, NANOSECONDS // 1000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the actions `generate`, `check` and `to-bag`."""
+    """Add the actions `generate` and `to-bag`."""
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
     text = 'generate a dataset; the same seed gives the same one'
     make = actions.add_parser('generate', help=text)
@@ -61,9 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = 'cells a unit of the maps, as --scales of bench makes them (1)'
     option(make, '--scale K', text, default=1)
     option(make, '--out FILE', 'the JSON file to write', required=True)
-    check = actions.add_parser('check', help='validate a dataset file')
-    check.add_argument('file', metavar='FILE')
-    option(check, '--json', 'print the problems found as JSON')
     text = 'write the samples as a bag of maps and requests, as a robot would record them'
     bag = actions.add_parser('to-bag', help=text)
     add_map_option(bag)
@@ -84,7 +78,7 @@ def add_map_ids_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run `dataset`. Returns 0, or 2 where the checked dataset has errors; raises ValueError."""
+    """Run `dataset`; return 0. Raises ValueError."""
     return ACTIONS[args.action](args)
 
 
@@ -93,7 +87,7 @@ def generate_dataset(args: argparse.Namespace) -> int:
     maps = drawn_maps(args)
     save_maps(maps, args.out)
     print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
-    return OK
+    return 0
 
 
 def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
@@ -102,26 +96,10 @@ def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
     if args.size is not None and family != named.BARRIERS:
         raise GenerationError(f'--size is of {named.BARRIERS}; --scale makes {family} larger')
     size = MapRules.size if args.size is None else tuple(args.size)
-    maps = named.draw_family(
-        family, named.DrawRules(args.seed, args.maps, args.pairs, size), args.scale
-    )
+    rules = named.DrawRules(args.seed, args.maps, args.pairs, size)
+    maps = named.draw_family(family, rules, args.scale)
     # Without an option the file is as the paper's is, which names no family.
     return [replace(item, family=args.family or '') for item in maps]
-
-
-def check_dataset(args: argparse.Namespace) -> int:
-    """Print the problems of a dataset; return 2 where it has errors."""
-    maps, problems = validate_file(args.file)
-    samples = sum(len(item.samples) for item in maps)
-    errors = sum(problem.error for problem in problems)
-    if args.json:
-        counts = {'maps': len(maps), 'samples': samples, 'errors': errors}
-        print(json.dumps(counts | {'findings': [problem._asdict() for problem in problems]}))
-    else:
-        notes = len(problems) - errors
-        said = f'{len(maps)} maps, {samples} samples, {errors} errors, {notes} notes'
-        print(*problems, f'{args.file}: {said}', sep='\n')
-    return BAD_INPUT if errors else OK
 
 
 def write_bag(args: argparse.Namespace) -> int:
@@ -129,7 +107,7 @@ def write_bag(args: argparse.Namespace) -> int:
     samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
     counts = write_sample_bag(samples, args.out)
     print(f'{args.out}: {counts[MAP]} maps, {counts[GET_PLAN_EVENT]} requests')
-    return OK
+    return 0
 
 
 def write_sample_bag(samples: Iterable[BenchmarkSample], folder: str | Path) -> dict[str, int]:
@@ -166,4 +144,4 @@ def write_sample_bag(samples: Iterable[BenchmarkSample], folder: str | Path) -> 
     return bag.counts
 
 
-ACTIONS = {'generate': generate_dataset, 'check': check_dataset, 'to-bag': write_bag}
+ACTIONS = {'generate': generate_dataset, 'to-bag': write_bag}

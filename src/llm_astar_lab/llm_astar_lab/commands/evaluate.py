@@ -13,7 +13,6 @@ examples:
   llm-astar evaluate bag --list                       what the bag contains
   llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
   llm-astar evaluate monday tuesday.mcap --source replay --out out/field
-  llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
   llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
 
 Every request is planned on the map of its time. --source replay without --transcript uses the
@@ -42,7 +41,7 @@ from llm_astar_lab.bags.reading import Bag, Problems, bag_name, open_bags
 from llm_astar_lab.bags.types import BARRIER_MAP
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.evaluation import requests as of_bags
-from llm_astar_lab.evaluation.requests import REQUEST_KINDS, ListedRequest, TopicSelection
+from llm_astar_lab.evaluation.requests import REQUEST_KINDS, TopicSelection
 from llm_astar_lab.evaluation.tasks import Evaluation
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
@@ -82,9 +81,8 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     flags.option(
         group, '--requests WHAT',
         "service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
-        'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
-        'FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
-        default='auto',
+        'first to last pose; auto: service and goals, or plans where there are neither (auto)',
+        choices=REQUEST_KINDS, default='auto',
     )  # fmt: skip
     text = 'how long after a request its recorded plan may come (10)'
     flags.option(group, '--plan-window SECONDS', text, default=10.0, type=flags.at_least(0))
@@ -92,7 +90,9 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate bags or list their contents; return the exit code. Raises ValueError."""
-    selection, listed = read_selection(args)
+    namespace = args.namespace.strip('/')
+    topics = (args.map_topic, args.plan_topic, args.odom_topic)
+    selection = TopicSelection(f'/{namespace}' if namespace else '', *topics, args.requests)
     if args.list:
         return list_contents(args, selection)
     paths = args.params_file
@@ -108,11 +108,10 @@ def run(args: argparse.Namespace) -> int:
                 return common.complain(args, '; '.join(unopened.lines()), common.BAD_INPUT)
             if 'replay' in args.source and not args.transcript:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
-            config = make_config(args, bags, selection, listed, rules, folder=folder)
+            config = make_config(args, bags, selection, rules, folder=folder)
             common.check_thresholds(args, config.sources)
-            files = [*args.bags, *([args.requests] if listed else [])]
             kept = run_parameters(args, config)
-            run.metadata |= describe_run(files, kept, common.deciding_files(args))
+            run.metadata |= describe_run(args.bags, kept, common.deciding_files(args))
             names = dict.fromkeys(bag_name(Path(path)) for path in args.bags)
             run.metadata['bags'] = list(names)
             run.execute(config.tasks(run.open()), config.sources, 'request')
@@ -134,17 +133,6 @@ def report_problems(run: common.Run, problems: Sequence[Problems]) -> None:
         run.complain(f'note: {line}', common.OK)
     for line in left_out:
         run.complain(f'left out: {line}', common.INCOMPLETE)
-
-
-def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
-    """Return the topics to read, and the requests of a file. Raises ValueError."""
-    listed: Sequence[ListedRequest] = ()
-    requests = args.requests
-    if requests not in REQUEST_KINDS:
-        listed, requests = of_bags.load_requests(requests), 'list'
-    namespace = args.namespace.strip('/')
-    topics = (args.map_topic, args.plan_topic, args.odom_topic)
-    return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed
 
 
 def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
@@ -185,7 +173,6 @@ def make_config(
     args: argparse.Namespace,
     bags: Sequence[Bag],
     selection: TopicSelection,
-    listed: Sequence[ListedRequest],
     rules: dict[str, Any],
     *,
     folder: ResultsFolder,
@@ -204,9 +191,7 @@ def make_config(
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
-    return Evaluation(
-        bags, selection, args.methods, sources, settings, args.plan_window, listed, places
-    )
+    return Evaluation(bags, selection, args.methods, sources, settings, args.plan_window, places)
 
 
 def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 from llm_astar_planner.cli.flags import option
 
 from llm_astar_lab.analysis.summary import summarise_run
-from llm_astar_lab.report.pages import replace_section, results_section
+from llm_astar_lab.report.pages import replace_section, results_section, write_report
 from llm_astar_lab.report.sentences import headline
 from llm_astar_lab.report.table import report_tables, write_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
@@ -48,8 +48,6 @@ def run(args: argparse.Namespace) -> int:
     metadata = folder.read_metadata()
     if args.readme or args.latex:
         return write_parts(args, folder, metadata)
-    # Importing matplotlib takes most of a second, and a README section needs no figures.
-    from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
     run = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     print(f'{headline(run.comparisons)}\n{folder.path}/report.html')

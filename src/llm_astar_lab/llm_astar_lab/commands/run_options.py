@@ -30,12 +30,13 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 from llm_astar_planner.waypoints.source import SOURCES
 
 from llm_astar_lab.analysis import thresholds
+from llm_astar_lab.report.pages import text_report, write_report
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
 from llm_astar_lab.runner.engine import SearchSettings, Task
-from llm_astar_lab.runner.sources import GRID_BASELINES, RETRIEVED, SourceOptions, SourceSpec
+from llm_astar_lab.runner.sources import GRID_BASELINES, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
@@ -48,8 +49,8 @@ ENDPOINT = (
 # What is kept of a run, besides what its command adds.
 DECIDING = (
     'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'prompt_form',
-    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'price',
-    'jobs', 'sampling_seed',
+    'retrieved_examples', 'examples_file', 'heuristic', 'weight', 'max_suboptimality', 'jobs',
+    'sampling_seed',
 )  # fmt: skip
 # The parameters of the search, with the defaults of the benchmark.
 SEARCH_NAMES = ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
@@ -99,10 +100,7 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
         'there and refused on large maps)', type=names, default=[],
     )  # fmt: skip
-    text = (
-        f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates; few_shot'
-        f'{RETRIEVED}5 retrieves 5 examples'
-    )
+    text = f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates'
     option(group, '--prompt NAMES', text, type=names, default=[])
     option(group, '--model NAMES', 'for endpoint and replay', type=names, default=[])
     option(
@@ -112,8 +110,6 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     )  # fmt: skip
     add_defaulted_flags(group, SOURCE, ENDPOINT)
     add_parameter_flags(group, SEARCH_PARAMETERS)
-    text = 'price of a million tokens, for the cost column'
-    option(group, '--price', text, type=float, nargs=2, metavar=('IN', 'OUT'))
 
 
 def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -238,9 +234,10 @@ def deciding_files(args: argparse.Namespace) -> list[Path]:
     files = [Path(transcript) for transcript in args.transcript]
     files += [find_file(args.places_file, 'maps')] if args.places_file else []
     if 'endpoint' in args.source:
-        names = [prompt.partition(RETRIEVED)[0] for prompt in args.prompt or [DEFAULT_PROMPT]]
-        files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in names]
-        if args.retrieved_examples or names != (args.prompt or names):
+        for prompt in args.prompt or [DEFAULT_PROMPT]:
+            is_ours = prompt in TEMPLATES
+            files.append(template_path(prompt) if is_ours else Path(prompt).expanduser())
+        if args.retrieved_examples:
             files.append(find_file(args.examples_file or SAMPLES_FILE, 'maps'))
     return files
 
@@ -287,12 +284,7 @@ class Run:
 
         Raises ResultsError where the folder cannot be written to.
         """
-        # Importing matplotlib takes most of a second, which bad usage should not wait for.
-        from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
-        from llm_astar_lab.report.write import write_report  # noqa: PLC0415
-
-        # Reading the rows takes the most memory, so it comes before the maps are loaded; the
-        # figures come last, because they take memory that is not given back.
+        # Reading the rows takes the most memory, so it comes before the maps are loaded.
         args, folder, metadata = self.args, self.folder, self.metadata
         folder.fold()
         rows = folder.stored()

@@ -1,21 +1,19 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Draws datasets by the recipe of the paper's appendix, and of grids, and checks any dataset.
+"""Draws datasets by the recipe of the paper's appendix, and of grids.
 
 A map gets one to four horizontal and one to four vertical barriers at random. Start and goal are
 connected free cells whose straight line is blocked. The paper chose its maps by hand; here a map
-is kept if its barriers make the paths long enough (`MapRules`). Of a dataset it is said what makes
-it unusable, and what makes it a poor benchmark.
+is kept if its barriers make the paths long enough (`MapRules`).
 """
 
 from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +22,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Point, Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
-from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, draw_pairs, load_maps
+from llm_astar_msgs_adapter.maps.problem_maps import draw_pairs
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.any_angle import LineOfSightChecker
 from llm_astar_planner.search.grid_graph import GridGraph
@@ -78,14 +76,12 @@ def generate(seed: int, maps: int = 100, rules: MapRules | None = None) -> Itera
         yield draw_map(draw, map_id, rules)
 
 
-def detour(barrier_map: ProblemMap) -> float:
+def detour(barrier_map: BarrierMap) -> float:
     """Return the mean over the samples of shortest path / shortest path on an empty map.
 
-    It is infinite where a sample has no path, and 1 where no barrier is in the way. Corners may be
-    cut on barrier maps alone.
+    It is infinite where a sample has no path, and 1 where no barrier is in the way.
     """
-    blocked = barrier_map.to_grid().blocked()
-    grid = GridGraph(blocked, corner_cutting=isinstance(barrier_map, BarrierMap))
+    grid = GridGraph(barrier_map.to_grid().blocked(), corner_cutting=True)
     ratios = []
     for sample in barrier_map.samples:
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
@@ -179,77 +175,6 @@ def draw_free_cell(draw: random.Random, blocked: NDArray[np.bool_]) -> Point:
         x, y = draw.randrange(width), draw.randrange(height)
         if not blocked[y, x]:
             return x, y
-
-
-class DatasetProblem(NamedTuple):
-    """A problem of a dataset: an `error` makes a sample unplannable, a note does not."""
-
-    error: bool
-    where: str
-    message: str
-
-    def __str__(self) -> str:
-        """Return it as one line."""
-        return f'{"error" if self.error else "note"}: {self.where}: {self.message}'
-
-
-def validate_file(path: str | Path) -> tuple[list[ProblemMap], list[DatasetProblem]]:
-    """Load a dataset file and validate every sample; return the maps and the problems.
-
-    Raises BarrierMapError, GridProblemError or MovingAiError, which name the file, the map and
-    the field, where it is malformed.
-    """
-    maps = load_maps(path)
-    return maps, list(validate_maps(maps))
-
-
-def validate_maps(maps: Iterable[ProblemMap]) -> Iterator[DatasetProblem]:
-    """Yield the problems of maps and of their samples."""
-    for barrier_map in maps:
-        where = f'map {barrier_map.id}'
-        if not barrier_map.samples:
-            yield DatasetProblem(False, where, 'has no samples')
-        blocked = barrier_map.to_grid().blocked()
-        # On grids a diagonal move needs both adjacent cells free, so these decide.
-        neighbours = np.ones((3, 3)) if isinstance(barrier_map, BarrierMap) else None
-        labels, _ = ndimage.label(~blocked, structure=neighbours)
-        line_of_sight = LineOfSightChecker(blocked)
-        seen: set[tuple[object, object]] = set()
-        for pair, sample in enumerate(barrier_map.samples):
-            name = f'{where}, pair {pair}'
-            yield from validate_sample(name, barrier_map, sample, labels, line_of_sight)
-            if sample[:2] in seen:
-                yield DatasetProblem(False, name, 'repeats an earlier pair')
-            seen.add(sample[:2])
-
-
-def validate_sample(
-    where: str,
-    barrier_map: ProblemMap,
-    sample: Sample,
-    labels: NDArray[np.int32],
-    line_of_sight: LineOfSightChecker,
-) -> Iterator[DatasetProblem]:
-    """Yield the problems of one sample.
-
-    `labels` [height, width] numbers the connected free cells from 1; 0 is blocked.
-    """
-    start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    for name, cell in (('start', start), ('goal', goal)):
-        if labels[cell[::-1]] == 0:
-            message = f'{name} {cell} lies on a barrier or on the outer wall'
-            yield DatasetProblem(True, where, message)
-            return
-    if labels[start[::-1]] != labels[goal[::-1]]:
-        yield DatasetProblem(True, where, f'no path leads from {start} to {goal}')
-    elif start == goal:
-        yield DatasetProblem(False, where, f'start and goal are both {start}')
-    elif line_of_sight.clear([start], [goal])[0]:
-        yield DatasetProblem(False, where, 'the straight line from start to goal is free')
-    if isinstance(barrier_map, BarrierMap) and sample.query:
-        expected = query_sentence(barrier_map, sample.start, sample.goal)
-        if sample.query != expected:
-            yield DatasetProblem(False, where, 'the query does not describe this map and pair')
 
 
 Blocked = NDArray[np.bool_]

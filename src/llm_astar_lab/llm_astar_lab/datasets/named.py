@@ -1,7 +1,7 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datasets by name, the paper's, MovingAI's sets and generated families; selects their samples.
+"""Datasets by name, MovingAI's sets and generated families; selects their samples.
 
 MovingAI's maps and scenarios are read from a folder that the user has: the archives of
 https://movingai.com/benchmarks/grids.html unpack as `dao-map/x.map` and `dao-scen/x.map.scen`,
@@ -20,7 +20,7 @@ from itertools import groupby
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name, short_repr, shortened
-from llm_astar_msgs_adapter.maps.barrier_map import Sample, load_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_maps, load_scenario_problem
@@ -28,7 +28,6 @@ from llm_astar_planner.costmap.config import CostmapConfig
 
 from llm_astar_lab.datasets import generate as drawing
 from llm_astar_lab.datasets.generate import GenerationError, MapRules, generate
-from llm_astar_lab.datasets.llm_benchmarks import READERS, load_llm_benchmark
 
 # MovingAI's rules: a diagonal move needs both adjacent cells free, and only lengths count.
 GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_travel_multiplier=0.0)
@@ -145,11 +144,9 @@ PREFIX = 'movingai/'
 SCENARIO_END = '.map.scen'
 # Files and folders that are looked at below the user's folder.
 MAX_ENTRIES = 20_000
-PAPER, BARRIERS = 'paper', 'barriers'
-# The file that the paper's code publishes.
-PAPER_FILE = 'environment_50_30.json'
+BARRIERS = 'barriers'
 GENERATED = (BARRIERS, *drawing.FAMILIES)
-READ = (PAPER, *(f'{PREFIX}{name}' for name in SETS), *READERS)
+READ = tuple(f'{PREFIX}{name}' for name in SETS)
 NAMES = (*GENERATED, *READ)
 DEFAULT_MAPS, DEFAULT_PAIRS = 100, 10
 # Pairs of a map, and samples of a family.
@@ -213,14 +210,13 @@ def parse_names(text: str) -> tuple[str, ...]:
 def load_named(names: Sequence[str], path: Path | None, rules: DrawRules) -> Dataset:
     """Read or draw datasets; the maps of several are numbered from 0 in this order.
 
-    `path` is the file or folder of those that are read. Raises SelectionError, GenerationError,
+    `path` is the folder of those that are read. Raises SelectionError, GenerationError,
     and what reading the files raises.
     """
     maps = [item for name in names for item in load_one(name, path, rules)]
     if len(names) > 1:
         maps = [replace(item, id=number) for number, item in enumerate(maps)]
-    file = paper_file(path) if path is not None and tuple(names) == (PAPER,) else None
-    return Dataset(tuple(names), maps, file)
+    return Dataset(tuple(names), maps)
 
 
 def load_one(name: str, path: Path | None, rules: DrawRules) -> Sequence[ProblemMap]:
@@ -228,19 +224,9 @@ def load_one(name: str, path: Path | None, rules: DrawRules) -> Sequence[Problem
     if name in GENERATED:
         return draw_family(name, rules)
     if path is None:
-        what = PAPER_FILE if name == PAPER else "the set's file, or its maps and scenarios"
-        raise SelectionError(f'--dataset {name} needs --path, with {what}: nothing is downloaded')
-    if name in READERS:
-        return load_llm_benchmark(name, path)
-    if name == PAPER:
-        maps = load_barrier_maps(paper_file(path))
-        return [replace(item, family=PAPER) for item in maps]
+        what = "the folder of the set's maps and scenarios"
+        raise SelectionError(f'--dataset {name} needs --path, {what}: nothing is downloaded')
     return list(load_set(name.removeprefix(PREFIX), path))
-
-
-def paper_file(path: Path) -> Path:
-    """Return the file of the paper's dataset: the path, or the file in this folder."""
-    return path / PAPER_FILE if path.is_dir() else path
 
 
 def draw_family(name: str, rules: DrawRules, scale: int = 1) -> list[ProblemMap]:

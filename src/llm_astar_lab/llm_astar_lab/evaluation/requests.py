@@ -4,24 +4,21 @@
 """Requests of a bag, each on the map of its time, and exchanges with models as a transcript.
 
 Messages are read one by one. Only the current map, the newest poses and transforms, and the
-requests that wait for their recorded plan are kept. Requests may also be listed in a CSV file.
+requests that wait for their recorded plan are kept.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import parse_json, read_text, read_yaml
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import parse_json, read_yaml
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages import fields
@@ -49,7 +46,7 @@ REQUEST_KINDS = ('auto', *REQUEST_ROLES)
 
 @dataclass(frozen=True)
 class TopicSelection:
-    """Which topics to read, and which requests: a member of REQUEST_KINDS, or `list` for a file's.
+    """Which topics to read, and which requests: a member of REQUEST_KINDS.
 
     `namespace` is the robot's where a bag has several, '' or beginning with a slash. A topic that
     is '' is the default one in that namespace. `base_frame` is the robot's frame in tf. `plans`
@@ -126,9 +123,9 @@ def find_missing(bag: Bag, roles: Mapping[str, str], selection: TopicSelection) 
         return f'{bag.path}: no map: there is no {GRID} on {selection.map}{hint}'
     chosen = REQUEST_ROLES.get(selection.requests)
     sources = [chosen] if chosen else list(REQUEST_ROLES.values())
-    if selection.requests != 'list' and not recorded & {role for role, _ in sources}:
+    if not recorded & {role for role, _ in sources}:
         none = ' and no '.join(name for _, name in sources)
-        return f'{bag.path}: no requests: it has no {none}; a file of them goes to --requests'
+        return f'{bag.path}: no requests: it has no {none}'
     return None
 
 
@@ -161,35 +158,18 @@ RESPONSES = (2, 3)
 MAX_CALLS = 1000
 # What a message may raise whose type the bag defines otherwise than ROS does.
 UNFIT = (AttributeError, TypeError, ValueError, LookupError, OverflowError)
-MAX_REQUESTS = 100_000
-MAX_LIST_BYTES = 8_000_000
 # Roles of the topics with the robot's pose, besides tf, and their names; the better one first.
 POSE_ROLES = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
 # What a message with a role is called, where that is not the role.
 NAMES = {'barriers': 'barrier map'}
 ROLES_OF_POSES = ('tf', 'static tf', *POSE_ROLES)
-# Columns that a list of requests must have.
-COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
-# A pose in the map's frame, a decoded geometry_msgs/Pose with its frame, or None for the robot's.
-Place = Pose2D | tuple[Any, str] | None
-
-
-class RequestListError(LlmAstarError, ValueError):
-    """A list that cannot be used; the message names the file, the entry and the field."""
+# A decoded geometry_msgs/Pose with its frame, or None for the robot's.
+Place = tuple[Any, str] | None
 
 
 class PoseError(LlmAstarError, ValueError):
     """A pose that is not known on the map; the message says which pose, and why."""
-
-
-class ListedRequest(NamedTuple):
-    """A request of a list; `time` is in seconds after the bag's first message, inf at its end."""
-
-    number: int
-    time: float
-    start: Pose2D
-    goal: Pose2D
 
 
 class RobotPoseTracker:
@@ -254,18 +234,11 @@ class RobotPoseTracker:
 class RequestReader:
     """Reads the requests of one bag."""
 
-    def __init__(
-        self,
-        bag: Bag,
-        selection: TopicSelection,
-        window: float,
-        listed: Sequence[ListedRequest] = (),
-    ) -> None:
+    def __init__(self, bag: Bag, selection: TopicSelection, window: float) -> None:
         """Take an open bag; a recorded plan may come `window` seconds after its request."""
         self.bag = bag
         self._roles = topic_roles(bag, selection)
         self._missing = find_missing(bag, self._roles, selection)
-        self._listed = deque(sorted(listed, key=lambda item: item.time))
         self._pending = PendingRequests(int(window * 1e9), self._roles.values())
         self._poses = RobotPoseTracker(selection.base_frame)
         self._grid_map: GridMap | None = None
@@ -273,7 +246,6 @@ class RequestReader:
         self._calls: deque[Call] = deque(maxlen=MAX_CALLS)
         self._now = 0
         self._count = 0
-        self._resized = False
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map, 'map update': self._on_update, 'barriers': self._on_barriers,
             'request': self._on_event, 'goal': self._on_goal,
@@ -302,32 +274,24 @@ class RequestReader:
                 what = f'is not what a {message.msgtype} holds: {type(error).__name__}: {error}'
                 self._leave_out(f'{self._when(message)}: {what}', 'messages')
             yield from self._pending.pop_ready()
-        self._make_listed(math.inf)
         self._pending.expire()
         yield from self._pending.pop_ready()
         if not self._count:
             self._leave_out('no request in it could be read', 'requests')
 
     def _advance(self, now: int) -> None:
-        """Set the time: make the listed requests that are due and expire waiting ones."""
+        """Set the time, and expire waiting requests."""
         if now < self._now - JUMP:
             jump = f'the clock jumps back by {(self._now - now) / 1e9:.3f} s'
             what = "what was known of the robot's pose before is forgotten"
             self.bag.problems.note(f'{self.bag.path}: {jump}; {what}')
             self._poses.forget()
             self._pending.expire()
-        self._make_listed(self.bag.seconds(now))
         self._pending.expire(now)
         self._now = now
 
     def _on_map(self, message: BagMessage) -> None:
-        before = self._grid_map
-        self._grid_map = after = grid_from_message(message.value)
-        if before and before.cells.shape != after.cells.shape and not self._resized:
-            self._resized = True
-            old, new = (f'{item.width} x {item.height}' for item in (before, after))
-            when = f'at {self.bag.seconds(message.time):.3f} s from {old} to {new} cells'
-            self.bag.problems.note(f'{self.bag.path}: the map changes its size; {when}')
+        self._grid_map = grid_from_message(message.value)
 
     def _on_update(self, message: BagMessage) -> None:
         if self._grid_map is None:
@@ -370,12 +334,6 @@ class RequestReader:
         self._make_request(self._when(message), start, goal)
         self._pending.take_plan(plan)
 
-    def _make_listed(self, now: float) -> None:
-        """Make the listed requests that are due `now` seconds after the first message."""
-        while self._listed and (now == math.inf or self._listed[0].time < now):
-            item = self._listed.popleft()
-            self._make_request(f'listed request {item.number}', item.start, item.goal)
-
     def _make_request(
         self,
         when: str,
@@ -404,8 +362,6 @@ class RequestReader:
     def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
         if place is None:
             return self._poses.robot(grid_map.frame_id, self._now)
-        if isinstance(place, Pose2D):
-            return place
         return self._poses.to_map(*place, grid_map.frame_id, self._now, name)
 
     def _when(self, message: BagMessage) -> str:
@@ -420,47 +376,6 @@ class RequestReader:
 def are_barriers_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
     """Tell whether a map was made from barriers; the last answer is kept for the next request."""
     return barriers.to_grid(frame_id=grid_map.frame_id).digest == grid_map.digest
-
-
-def load_requests(path: str | Path) -> list[ListedRequest]:
-    """Read a CSV list of requests, in metres in the map's frame.
-
-    Its first line names `start_x, start_y, goal_x, goal_y` and optionally `time`. A request
-    without a time is made on the last map. Raises RequestListError.
-    """
-    requests = []
-    for number, entry in enumerate(csv_entries(Path(path)), 1):
-        where = f'{path}: entry {number}'
-        ends = [read_number(entry[name], f'{where}: {name}') for name in COLUMNS]
-        given = entry.get('time')
-        time = read_number(given, f'{where}: time') if given else math.inf
-        requests.append(ListedRequest(number, time, Pose2D(*ends[:2]), Pose2D(*ends[2:])))
-        if number > MAX_REQUESTS:
-            raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
-    if not requests:
-        raise RequestListError(f'{path}: lists no requests')
-    return requests
-
-
-def csv_entries(path: Path) -> Iterable[Mapping[str, str | None]]:
-    """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
-    text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
-    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
-    if missing:
-        raise RequestListError(f'{path}: its first line must name {", ".join(missing)}, too')
-    return reader
-
-
-def read_number(value: str | None, where: str) -> float:
-    """Return a finite number. Raises RequestListError, which begins with `where`."""
-    try:
-        number = float(value or '')
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise RequestListError(f'{where}: a number is expected, not {short_repr(value)}')
-    return number
 
 
 def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: Path) -> int:

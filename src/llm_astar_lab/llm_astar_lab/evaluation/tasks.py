@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.datasets.named import BenchmarkSample
 from llm_astar_lab.evaluation.recorded_plans import BagRequest
-from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader, TopicSelection
+from llm_astar_lab.evaluation.requests import RequestReader, TopicSelection
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.engine import SearchSettings, Task, list_variants, make_tasks
 from llm_astar_lab.runner.sources import SourceSpec
@@ -61,9 +61,9 @@ class SampleIdAllocator:
 class Evaluation:
     """What an evaluation of bags covers; makes its tasks while the bags are read.
 
-    `window` is how many seconds after its request a recorded plan may come. `listed` are further
-    requests, made in every bag. Without an instruction in `settings` a request has the one that
-    the bag recorded with its plan, on `places`. The first maps are kept for the report.
+    `window` is how many seconds after its request a recorded plan may come. Without an
+    instruction in `settings` a request has the one that the bag recorded with its plan, on
+    `places`. The first maps are kept for the report.
     """
 
     bags: Sequence[Bag]
@@ -72,7 +72,6 @@ class Evaluation:
     sources: Sequence[SourceSpec]
     settings: SearchSettings
     window: float = 10.0
-    listed: Sequence[ListedRequest] = ()
     places: Places = NO_PLACES
     _ids: SampleIdAllocator = field(default_factory=SampleIdAllocator)
     # The first maps and their requests, by map.
@@ -82,7 +81,7 @@ class Evaluation:
         """Yield the tasks that are not `done`, bag after bag."""
         variants = list_variants(self.methods, self.sources)
         for bag in self.bags:
-            reader = RequestReader(bag, self.selection, self.window, self.listed)
+            reader = RequestReader(bag, self.selection, self.window)
             for request in reader.requests():
                 try:
                     sample, is_sample = self.sample(request)
@@ -97,7 +96,7 @@ class Evaluation:
                 if settings.instruction is None:
                     settings = replace(settings, instruction=request.asked(self.places))
                 for task in make_tasks([(sample, 1)], variants, self.sources, settings, done):
-                    yield replace(task, recorded_plan=request, is_sample=is_sample)
+                    yield replace(task, recorded=request.columns, is_sample=is_sample)
 
     def sample(self, request: BagRequest) -> tuple[BenchmarkSample, bool]:
         """Return a request as a numbered sample, and whether its dataset has the same sample.

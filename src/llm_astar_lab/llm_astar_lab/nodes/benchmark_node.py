@@ -42,8 +42,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
 from llm_astar_lab.datasets.named import BenchmarkSample, SelectionError, select_samples
-from llm_astar_lab.report.pages import text_report
-from llm_astar_lab.report.write import write_report
+from llm_astar_lab.report.pages import text_report, write_report
 from llm_astar_lab.results import row as of_rows
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import PAPER_ASTAR, ResultsError, Row, Variant

@@ -6,10 +6,8 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections import deque
 from contextlib import suppress
-from pathlib import Path as FilePath
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
@@ -17,18 +15,14 @@ from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_
 from llm_astar_msgs_adapter.messages.markers import expanded_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE
-from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools import planner_client
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.types import describe_expansions, report_lines
+from llm_astar_planner.planning.types import describe_expansions
 from nav_msgs.msg import GridCells, OccupancyGrid, Path
 
 from llm_astar_lab.pictures.figures import Picture, describe_guidance, save_picture
 
-# Expanded cells are published only once the planner has discovered a subscriber, so the demo
-# asks again until they arrive.
-ATTEMPTS = 10
 # Longest wait for the expanded cells of a plan, which are published after it.
 EXPANDED_SECONDS = 1.0
 Ends = tuple[Pose2D, Pose2D]
@@ -54,17 +48,6 @@ class PlanView:
         """Return the newest map. Raises PlannerClientError if none comes within `seconds`."""
         self._client.wait_for(lambda: bool(self._maps), f'a map on {self._map_topic}', seconds)
         return grid_from_message(self._maps[-1])
-
-    def has_expanded(self, path: Path) -> bool:
-        """Tell whether the expanded cells of a plan arrive.
-
-        They are published only once the planner has discovered a subscriber.
-        """
-        stamp = stamp_of(path)
-        with suppress(PlannerClientError):
-            what = 'the expanded cells'
-            self._client.wait_for(lambda: stamp in self._expanded, what, EXPANDED_SECONDS)
-        return stamp in self._expanded
 
     def picture(
         self, grid_map: GridMap, endpoints: Ends, path: Path, report: PlanReport
@@ -100,26 +83,9 @@ class PlanView:
             ends = f'start and goal in frame {arguments.frame!r}'
             what = f'{ends} cannot be drawn on a map in {grid_map.frame_id!r}'
             raise ParameterError(f'--png: without a path, {what}')
-        self.has_expanded(plan.path)
+        stamp = stamp_of(plan.path)
+        # They are published only once the planner has discovered a subscriber.
+        with suppress(PlannerClientError):
+            what = 'the expanded cells'
+            self._client.wait_for(lambda: stamp in self._expanded, what, EXPANDED_SECONDS)
         save_picture(self.picture(grid_map, endpoints, plan.path, plan.report), arguments.png)
-
-
-def call_and_draw(endpoints: Ends, picture: FilePath) -> bool:
-    """Ask the demo's graph for a plan, print and draw it; return whether there is a path."""
-    try:
-        with joined('demo_caller') as node, PlannerClient(node) as client:
-            view = PlanView(client, 'planner_node')
-            grid_map = view.grid_map(planner_client.DISCOVERY_SECONDS)
-            client.wait_until_ready(grid_map.digest, client='llm_client_node')
-            for _ in range(ATTEMPTS):
-                path, report, seconds = client.call(*endpoints)
-                if view.has_expanded(path):
-                    break
-    except PlannerClientError as error:
-        sys.stderr.write(f'llm-astar: error: {error}\n')
-        return False
-    lines = report_lines(report, endpoints, len(path.poses), seconds)
-    sys.stdout.write('\n'.join([*lines, '']))
-    save_picture(view.picture(grid_map, endpoints, path, report), picture)
-    sys.stdout.write(f'picture    {picture}\n')
-    return report.code == 0

@@ -15,9 +15,8 @@ from textwrap import fill
 
 import numpy as np
 from llm_astar_msgs_adapter.files import naming
-from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.footprint import Footprint
@@ -57,14 +56,10 @@ METHOD_NAMES = {
 # Outlines of the robot drawn along one path.
 MAX_OUTLINES = 100
 # The order of a legend; what is not here comes first.
-LEGEND = (
-    'path', "robot's own plan", 'footprint', 'expanded', 'inflated zone', 'obstacle', 'unknown',
-)  # fmt: skip
+LEGEND = ('path', 'footprint', 'expanded', 'inflated zone', 'obstacle', 'unknown')
 # Maps that are so many times as wide as high are drawn below each other.
 WIDE = 2.6
 MAX_PANEL_HEIGHT = 4.4
-# Inches of a picture that is one of several on a page, and of its scale bar.
-PANEL_WIDTH, SCALE_BAR = 4.6, 0.5
 # In grid coordinates.
 Point = tuple[float, float]
 CASING = [Stroke(linewidth=4.4, foreground=style.PATH_OUTLINE), Normal()]
@@ -79,8 +74,8 @@ class Picture:
     their names, `instructed` says what became of an instruction, the `footprint` is drawn along
     the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
     the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
-    `recorded` [n, 2] is another path, the one that a bag holds, and `ways` are those to choose
-    from. `causes` are the places, points in metres, of what closes the way.
+    `ways` are those to choose from. `causes` are the places, points in metres, of what closes
+    the way.
     """
 
     grid_map: GridMap
@@ -98,7 +93,6 @@ class Picture:
     via: Sequence[Cell] = ()
     shown: raster.Window | None = None
     has_scale_bar: bool = True
-    recorded: NDArray[np.float64] | None = None
     ways: Sequence[NDArray[np.int32]] = ()
     causes: Sequence[Sequence[Sequence[float]]] = ()
 
@@ -153,7 +147,7 @@ def picture_of(
 
     Places and instruction are drawn if the plan's route is given.
     """
-    grid_map = drawable_map(costmap.grid_map, costmap.config)
+    grid_map = raster.drawable_map(costmap.grid_map, costmap.config)
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     is_guided = plan.guided_by != 'none'
     guidance = describe_guidance(plan.method, plan.guided_by) if is_guided else describe_plan(plan)
@@ -175,13 +169,6 @@ def picture_of_one(plan: Plan, costmap: Costmap, offset: Cell, name: str) -> Pic
     outcome = describe_length(plan, costmap.grid_map.resolution)
     title = f'{name}\n{outcome}, {describe_expansions(plan.expansions)}'
     return replace(picture_of(plan, costmap, offset), title=title)
-
-
-def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
-    """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
-    threshold = (costmap or CostmapConfig()).occupied_threshold
-    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
-    return replace(grid_map, cells=cells.astype(np.int8))
 
 
 def describe_guidance(method: str, guided_by: str) -> str:
@@ -261,9 +248,6 @@ def draw(axes: Axes, picture: Picture) -> None:
     """Draw on axes in map coordinates, in metres or with cell centres at whole numbers."""
     draw_cells(axes, picture)
     draw_places(axes, picture.places, picture.project)
-    if picture.recorded is not None and len(picture.recorded):
-        x, y = picture.on_axes(picture.recorded).T
-        axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
     # Wider than the path, which is drawn over the best of them.
     for number, (way, colour) in enumerate(zip(picture.ways, cycle(style.WAYS)), start=1):
         label, (x, y) = f'way {number}', picture.on_axes(way).T
@@ -430,17 +414,4 @@ def comparison_figure(pictures: Sequence[Picture]) -> Figure:
     pictures = on_one_window(pictures)
     figure = Figure(layout='constrained')
     draw_panels(figure, panels_for(figure, pictures, (0.95, 0.5)), pictures)
-    return figure
-
-
-def panel_figure(picture: Picture) -> Figure:
-    """Draw a plan without title, axes and legend, for a page that has its own."""
-    picture = replace(picture, has_scale_bar=True)
-    aspect = picture.window.height / picture.window.width
-    height = min(aspect, 1.6) * PANEL_WIDTH + (SCALE_BAR if picture.in_metres else 0.0)
-    figure = Figure(figsize=(PANEL_WIDTH, height), layout='constrained')
-    axes = figure.add_subplot()
-    draw(axes, picture)
-    axes.set(xticks=[], yticks=[], xlabel='', ylabel='', title='')
-    write_labels(axes, picture)
     return figure

@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.search.expansion_order import ExpansionOrder
 from matplotlib.axes import Axes
 from matplotlib.transforms import Affine2D
@@ -54,6 +56,13 @@ class Window(NamedTuple):
     def cut(self, codes: Bytes) -> Bytes:
         """Return this part of an array [height, width]."""
         return codes[self.bottom : self.top, self.left : self.right]
+
+
+def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
+    """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
+    threshold = (costmap or CostmapConfig()).occupied_threshold
+    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
+    return replace(grid_map, cells=cells.astype(np.int8))
 
 
 def cell_codes(

@@ -1,19 +1,15 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The samples of a run that a report shows: one drawn in pictures, others in the page's browser.
-
-The drawn one is of about median saving, planned again by a few methods. What the browser of
-samples shows, maps, variants and rows, is bounded in size.
-"""
+"""The samples of a run that a page shows: maps, variants and rows, bounded in size."""
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,91 +19,21 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from PIL import Image
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.analysis.summary import SampleId, by_variant
 from llm_astar_lab.pictures import raster
-from llm_astar_lab.pictures.figures import Picture, drawable_map, picture_of_one
-from llm_astar_lab.report.pages import data_url
 from llm_astar_lab.report.sentences import variant_label
-from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant, parse_points
+from llm_astar_lab.results.row import Row
 from llm_astar_lab.results.stored_rows import StoredRows
-from llm_astar_lab.runner.engine import SearchSettings, request_again
 
-# The part of the samples on each side of the median that count as about median.
-AROUND = 0.05
 # Characters of JSON that the samples may take; a page with all of a large run takes megabytes.
 BUDGET = 500_000
 # Bytes of rows that are kept to choose from.
 MAX_KEPT = 32_000_000
 # Pixels of a map's picture along its longer side, at most.
 MAX_PIXELS = 1000
-
-
-def draw_median(
-    rows: Sequence[Row], maps: Sequence[ProblemMap], settings: SearchSettings
-) -> tuple[str, list[Picture]]:
-    """Plan a sample of about median saving again: no extreme one.
-
-    Return which sample it is, and its pictures; a plan is drawn by planning again, without an
-    instruction. There are no pictures where no such sample is known.
-    """
-    problems = {item.id: item for item in maps}
-    chosen = median_rows([row for row in rows if not row.instruction])
-    if not chosen:
-        return '', []
-    problem, pair = problems[chosen[0].map], chosen[0].pair
-    where = f'Map {problem.id}, pair {pair}, the largest sample of about median saving'
-    return where, [drawn_row(problem, row, settings) for row in chosen]
-
-
-def drawn_row(problem: ProblemMap, row: Row, settings: SearchSettings) -> Picture:
-    """Plan a row again and return its picture."""
-    planner, request = request_again(problem, problem.samples[row.pair], row, settings)
-    plan, label = planner.plan(request), variant_label(row.variant)
-    recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
-    return replace(picture_of_one(plan, planner.costmap, problem.offset, label), recorded=recorded)
-
-
-def median_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows to draw, of one sample: A*, another method, and `guided`.
-
-    The other method is LLM-A*, with a model's waypoints if there are any; `guided` has the same.
-    Of the samples whose saving is about the median it is the one that A* expands most on.
-    """
-    variants = {
-        variant: {sample: row for sample, row in found.items() if row.found}
-        for variant, found in by_variant(rows).items()
-        if variant.method != WAYPOINTS_ONLY and SEARCH_METHODS.problem(variant.method) is None
-    }
-    base = variants.pop(PAPER_ASTAR, {})
-    chosen = min(variants, key=rank, default=PAPER_ASTAR)
-    ratios = {
-        sample: row.operation / base[sample].operation
-        for sample, row in variants.get(chosen, {}).items()
-        if sample in base
-    }
-    if not ratios:
-        return []
-    ranked = sorted(ratios, key=ratios.__getitem__)
-    middle, spread = len(ranked) // 2, round(AROUND * len(ranked))
-    near = ranked[max(0, middle - spread) : middle + spread + 1]
-    # The largest of those in the middle, for there is something to see.
-    sample = max(near, key=lambda key: base[key].operation)
-    guided = [item for item in variants if item.method == GUIDED and item != chosen]
-    guided.sort(key=lambda item: (item[1:] != chosen[1:], rank(item)))
-    shown = [base, *(variants[item] for item in (chosen, *guided[:1]))]
-    return [found[sample] for found in shown if sample in found]
-
-
-def rank(variant: Variant) -> tuple[bool, ...]:
-    """Return the sort key by which a variant is drawn: LLM-A* with a model's waypoints first."""
-    return (
-        variant.source == 'none', variant.is_baseline, variant.source != 'oracle',
-        variant.method != 'llm_astar', variant.method != GUIDED,
-    )  # fmt: skip
 
 
 class ShownSamples(NamedTuple):
@@ -201,7 +127,7 @@ def map_data(problem: ProblemMap, costmap: CostmapConfig | None, places: Places)
     pairs = [[*to_cell(sample.start), *to_cell(sample.goal)] for sample in problem.samples]
     data: dict[str, Any] = {'pairs': pairs, 'places': places_data(problem, places)}
     if not isinstance(problem, BarrierMap):
-        grid_map = drawable_map(problem.to_grid(), costmap)
+        grid_map = raster.drawable_map(problem.to_grid(), costmap)
         size = [grid_map.width, grid_map.height]
         return {'size': size, 'h': [], 'v': [], 'image': grid_image(grid_map), **data}
     x_min, y_min = problem.offset
@@ -241,4 +167,4 @@ def grid_image(grid_map: GridMap) -> str:
     image.putpalette(raster.PALETTE.ravel().tolist())
     buffer = io.BytesIO()
     image.save(buffer, 'PNG', optimize=True)
-    return data_url(buffer.getvalue(), 'image/png')
+    return f'data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}'

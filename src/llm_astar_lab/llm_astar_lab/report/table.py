@@ -33,7 +33,7 @@ TextRows = list[tuple[str, ...]]
 # What numbers of a unit are multiplied by, and their decimals.
 UNITS = {
     'text': (1.0, 2), 'number': (1.0, 2), 'count': (1.0, 0), 'tenth': (1.0, 1), 'p': (1.0, 3),
-    'price': (1.0, 4), 'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
+    'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
     'whole percent': (100.0, 0), 'ms': (1e3, 3),
 }  # fmt: skip
 # The end of the unit of a column that is left out where nothing in it is known.
@@ -242,7 +242,7 @@ def report_tables(run: RunSummary) -> list[Table]:
     """Return the tables of a report that have rows, in its order."""
     guided = [item for item in run.variants if item.variant.source != 'none']
     every = [
-        main_table(run.variants),
+        Table.of('main', run.variants),
         Table.of('over_none', [item for item in run.comparisons if item.samples]),
         Table.of('spread', run.variants), Table.of('waypoints', guided), reply_table(run.variants),
         Table.of('paths', run.variants), *family_tables(run.variants),
@@ -250,11 +250,6 @@ def report_tables(run: RunSummary) -> list[Table]:
         Table.of('paper', () if run.metadata.get('bags') else descriptions()['paper']['items']),
     ]  # fmt: skip
     return [table for table in every if table.rows]
-
-
-def main_table(summaries: Sequence[VariantSummary]) -> Table:
-    """Return the table in the paper's layout."""
-    return Table.of('main', summaries)
 
 
 def reply_table(summaries: Sequence[VariantSummary]) -> Table:

@@ -63,7 +63,7 @@ SHAPE = {
     'notes': ['str'], 'files': {}, 'packages': {},
     'dataset': {'file': 'str', 'sha256': 'str'},
     'parameters': {
-        'seed': 'int', 'rules': 'dict or null', 'price': 'list or null', 'heuristic': 'str',
+        'seed': 'int', 'rules': 'dict or null', 'heuristic': 'str',
         'weight': NUMBER, 'time_limit': NUMBER, 'tolerance': NUMBER, 'start_tolerance': NUMBER,
         'max_suboptimality': f'{NUMBER} or null', 'paper_corners': 'bool',
     },
@@ -276,11 +276,6 @@ class ResultsFolder:
                 raise ResultsError(f'{path}: {name} is missing')
         check_shape(metadata, SHAPE, str(path))
         parameters = metadata['parameters']
-        if (price := parameters.get('price')) is not None:
-            check_shape(price, [NUMBER], f'{path}: parameters: price')
-            if len(price) != 2:
-                what = f'price: two numbers are expected, not {short_repr(price)}'
-                raise ResultsError(f'{path}: parameters: {what}')
         if parameters.get('seed', 0) < 0:
             raise ResultsError(f'{path}: parameters: seed: 0 or more is expected')
         if rules := parameters.get('rules'):

@@ -16,10 +16,10 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -88,22 +88,12 @@ class SearchSettings:
         return self.costmap
 
 
-class RecordedPlan(Protocol):
-    """What the robot's own stack planned for a request of a bag, at `time` (ns since 1970)."""
-
-    @property
-    def time(self) -> int:
-        """The time of the request."""
-
-    def columns(self, planner: Planner) -> dict[str, Any]:
-        """Return the columns of a row that describe the plan, on the map of a planner."""
-
-
 @dataclass(frozen=True, slots=True)
 class Task:
     """One sample at one scale; `variants` pairs each variant with the index of its source.
 
-    `recorded_plan` belongs to a request from a bag. Sources see the sample's key only if
+    `recorded` is of a request from a bag: on the map of a planner it returns the columns of a row
+    that describe what the robot's own stack planned. Sources see the sample's key only if
     `is_sample`, that is if the request is a sample of a known dataset.
     """
 
@@ -112,7 +102,7 @@ class Task:
     variants: Variants
     sources: tuple[SourceSpec, ...]
     settings: SearchSettings = field(default_factory=SearchSettings)
-    recorded_plan: RecordedPlan | None = None
+    recorded: Callable[[Planner], dict[str, Any]] | None = None
     is_sample: bool = True
 
 
@@ -214,7 +204,7 @@ def run_task(task: Task) -> list[Row]:
     ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     known = key if task.is_sample else None
     query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, known)
-    recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
+    recorded = {} if task.recorded is None else task.recorded(planner)
     replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
     found = []
     for variant, index in task.variants:
@@ -249,17 +239,6 @@ def ask(
         'waypoints': rows.format_points(reply.waypoints), 'reply_problems': problems,
         'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
     }  # fmt: skip
-
-
-def request_again(
-    barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
-) -> tuple[Planner, PlanRequest]:
-    """Return the planner and the request of a row of scale 1, with its recorded waypoints."""
-    planner = planner_of(barrier_map, settings)
-    endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    reply = WaypointReply(rows.parse_points(row.waypoints), label=row.source)
-    source = AnsweredSource(row.source, reply) if row.waypoints else None
-    return planner, make_request(endpoints, row.method, source, settings)
 
 
 def make_request(

@@ -36,9 +36,6 @@ EMBEDDED, REPLAY = 'embedded', 'replay'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
 BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
-MAX_RETRIEVED = 100
-# Behind a prompt's name: so many examples are retrieved in the place of its own.
-RETRIEVED = '+retrieved_'
 RECORDED, ALL = SAMPLES = ('recorded', 'all')
 # Groups of maps that a sentence names; metadata.json has all of them.
 MAX_NAMED = 4
@@ -151,10 +148,7 @@ class SourceOptions:
         if name == 'endpoint' and not self.models:
             raise SettingsError('model: --source endpoint needs --model')
         for model, prompt in self.asked:
-            template, _, count = prompt.partition(RETRIEVED)
-            settings = replace(self.settings, source=name, model=model, prompt=template)
-            if count.isdecimal():
-                settings = replace(settings, retrieved_examples=min(int(count), MAX_RETRIEVED))
+            settings = replace(self.settings, source=name, model=model, prompt=prompt)
             source, label = make_source(settings, self.dataset, self.seed), prompt
             if name == 'endpoint':
                 label = settings.prompt_name
@@ -214,23 +208,19 @@ class Coverage:
         """Say what is missing, so that the row is not taken for one over the whole dataset."""
         spec = self.spec
         name = ', '.join(part for part in (spec.model, spec.prompt) if part)
-        text = f'{spec.transcript}: {name}: only recorded samples count; {self.missing_sentence()}'
+        text = f'{spec.transcript}: {name}: only recorded samples count; '
+        text += f'{len(self.recorded)} of {self.total} samples are recorded'
+        if self.missing:
+            text += f', missing are {len(self.missing)}'
+            if self.unanswered:
+                text += f', of them {len(self.unanswered)} recorded without an answer'
+            groups = [str(group) for group in groups_of(self.missing)]
+            if len(groups) > MAX_NAMED:
+                groups[MAX_NAMED:] = ['...']
+            text += f' ({"; ".join(groups)})'
         if spec.foreign:
             text += f'; {spec.foreign} exchanges of the file were recorded on another dataset'
         return text
-
-    def missing_sentence(self) -> str:
-        """Say how many samples are recorded, and which are missing."""
-        text = f'{len(self.recorded)} of {self.total} samples are recorded'
-        if not self.missing:
-            return text
-        text += f', missing are {len(self.missing)}'
-        if self.unanswered:
-            text += f', of them {len(self.unanswered)} recorded without an answer'
-        groups = [str(group) for group in groups_of(self.missing)]
-        if len(groups) > MAX_NAMED:
-            groups[MAX_NAMED:] = ['...']
-        return f'{text} ({"; ".join(groups)})'
 
     def to_json(self) -> dict[str, Any]:
         """Return what metadata.json and summary.json say."""

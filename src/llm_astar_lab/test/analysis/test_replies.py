@@ -12,8 +12,8 @@ from llm_astar_lab.analysis.replies import (
 from llm_astar_lab.analysis.statistics import wilson_interval
 from llm_astar_lab.analysis.summary import summarise
 from llm_astar_lab.datasets.named import BenchmarkSample
-from llm_astar_lab.report.table import main_table, reply_table
-from llm_astar_lab.report.write import to_json
+from llm_astar_lab.report.pages import to_json
+from llm_astar_lab.report.table import Table, reply_table
 from llm_astar_lab.results.row import Variant
 from llm_astar_lab.runner.engine import run_task
 from llm_astar_lab.runner.sources import SourceSpec
@@ -153,6 +153,6 @@ def test_two_recordings_of_one_model_are_told_apart_in_the_tables():
     variants = [Variant('guided', f'replay:{name}', 'few_shot', 'm') for name in ('one', 'two')]
     rows = [row(variant, reply_problems='none') for variant in variants]
     summaries = summarise(rows)
-    for table in (main_table(summaries), reply_table(summaries)):
+    for table in (Table.of('main', summaries), reply_table(summaries)):
         shown = {cell for line in table.rows for cell in line if isinstance(cell, str)}
         assert {'m (one)', 'm (two)'} <= shown

@@ -12,7 +12,7 @@ from llm_astar_lab.analysis.summary import (
     summarise,
 )
 from llm_astar_lab.report.sentences import growth_sentence
-from llm_astar_lab.report.table import main_table
+from llm_astar_lab.report.table import Table
 from llm_astar_lab.results.row import Variant
 
 
@@ -25,7 +25,7 @@ def test_a_summary_holds_each_metric():
         row(MODEL, 100.0, 12.0, pair=1, completion_tokens=1, source_status='TIMEOUT'),
         row(MODEL, 10.0, math.nan, map_id=1, code='NO_VALID_PATH'),
     ]
-    summary = summarise(rows, price=(1e5, 1e6))[1]
+    summary = summarise(rows)[1]
     assert summary.variant == MODEL
     assert (summary.samples, summary.maps, summary.unanswered) == (3, 2, 1)
     assert summary.valid.value == pytest.approx(2 / 3)
@@ -46,8 +46,8 @@ def test_the_share_of_optimal_paths_has_an_interval_over_the_maps():
     assert astar.optimal == (1.0, 1.0, 1.0)
     assert none.optimal.value == 0.6
     assert 0.2 < none.optimal.low < 0.5 < 0.7 < none.optimal.high < 1.0
-    heads = [column.head for column in main_table([none]).columns]
-    assert main_table([none]).rows[0][heads.index('Optimal paths ↑ (%)')] == none.optimal
+    heads = [column.head for column in Table.of('main', [none]).columns]
+    assert Table.of('main', [none]).rows[0][heads.index('Optimal paths ↑ (%)')] == none.optimal
 
 
 def test_variants_are_ordered_as_in_the_paper_with_baselines_below_models():

@@ -1,9 +1,9 @@
 """The traced search expands exactly what the compiled one does."""
 
 import numpy as np
-from benchmark_samples import tasks_of
+from benchmark_samples import planned_again, tasks_of
 from llm_astar_lab.datasets.named import load_samples
-from llm_astar_lab.runner.engine import SearchSettings, request_again, run_task
+from llm_astar_lab.runner.engine import run_task
 from llm_astar_planner.planning.segment import KEPT_BY_PAPER
 from reference_trace import trace
 
@@ -11,10 +11,7 @@ from reference_trace import trace
 def test_the_traced_search_equals_the_compiled_one(dataset):
     for sample in load_samples(dataset)[::4]:
         for row in run_task(tasks_of([sample], methods=['llm_astar'])[0]):
-            planner, request = request_again(
-                sample.barrier_map, sample.sample, row, SearchSettings()
-            )
-            plan = planner.plan(request)
+            planner, plan = planned_again(sample, row)
             targets = [(p.x, p.y) for p in plan.checked_waypoints if p.status in KEPT_BY_PAPER]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]
             traced = trace(planner.costmap.blocked, *sample.sample[:2], goals)

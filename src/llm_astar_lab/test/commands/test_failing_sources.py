@@ -45,7 +45,6 @@ def ramble():
 @pytest.fixture
 def report(tmp_path, monkeypatch):
     """Return the finding and the row of the planted source with a fault every so often."""
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
     monkeypatch.setitem(sys.modules, 'planted', sys.modules[__name__])
     save_maps(list(generate(9, 4)), tmp_path / 'maps.json')
 

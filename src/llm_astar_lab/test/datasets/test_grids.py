@@ -60,12 +60,6 @@ def bench(dataset, out, *words):
     return cli.main(['bench', '--map', str(dataset), '--out', str(out), *map(str, words)])
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the pictures out of tests that are not about them."""
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-
-
 def row(method='astar', pair=0, **values):
     return Row(0, pair, 1, method, 'none', '', '', values.pop('code', 'NONE'), **values)
 
@@ -90,7 +84,7 @@ def test_bench_compares_lengths_with_the_optimal_ones_and_reports(tmp_path, caps
     assert 'only the baselines coarse, straight, random are run' in printed.err
     assert 'exact_astar/none: 3 of 3 rows agree' in printed.err
     assert 'astar/none: 3 of 3 rows agree' in printed.err
-    for name in ('results.csv', 'summary.json', 'report.md', 'compare.png'):
+    for name in ('results.csv', 'summary.json', 'report.md'):
         assert (out / name).is_file()
     assert 'data:image/png;base64' in (out / 'report.html').read_text()
     # Without the dataset: the maps are in the results folder.
@@ -99,7 +93,7 @@ def test_bench_compares_lengths_with_the_optimal_ones_and_reports(tmp_path, caps
     assert cli.main(['report', str(out)]) == 0
 
 
-def test_a_length_that_is_not_the_optimal_one_is_named_and_incomplete(undrawn, tmp_path, capsys):
+def test_a_length_that_is_not_the_optimal_one_is_named_and_incomplete(tmp_path, capsys):
     wrong = [*PAIRS[:1], (*PAIRS[1][:2], 3.41), *PAIRS[2:]]
     dataset = write_movingai(tmp_path, pairs=wrong)
     assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 3
@@ -108,7 +102,7 @@ def test_a_length_that_is_not_the_optimal_one_is_named_and_incomplete(undrawn, t
     assert 'map 0, pair 1, length 4.000000, in the dataset 3.41' in error
 
 
-def test_a_run_is_resumed_but_not_on_another_map(undrawn, tmp_path, capsys):
+def test_a_run_is_resumed_but_not_on_another_map(tmp_path, capsys):
     dataset, out = write_movingai(tmp_path), tmp_path / 'out'
     words = ('--methods', 'astar', '--resume')
     assert bench(dataset, out, *words, '--limit', '1') == 0
@@ -128,7 +122,7 @@ def test_a_run_is_resumed_but_not_on_another_map(undrawn, tmp_path, capsys):
         (('--heuristic', 'manhattan', '--methods', 'astar'), None),
     ],
 )
-def test_options_that_do_not_fit_a_grid(undrawn, tmp_path, capsys, words, error):
+def test_options_that_do_not_fit_a_grid(tmp_path, capsys, words, error):
     code = bench(write_movingai(tmp_path), tmp_path / 'out', *words)
     printed = capsys.readouterr().err
     assert code == (0 if error is None else 2)
@@ -160,7 +154,7 @@ def test_bad_files_are_reported_in_one_line(tmp_path, capsys):
     assert 'no such file' in capsys.readouterr().err
 
 
-def test_pairs_of_a_yaml_map_are_free_and_connected(undrawn, tmp_path, capsys):
+def test_pairs_of_a_yaml_map_are_free_and_connected(tmp_path, capsys):
     # Two rooms, one cell connected with nothing, and unknown cells.
     pixels = np.full((8, 9), 254)
     pixels[:, 4] = 0
@@ -189,12 +183,12 @@ def test_a_map_without_two_connected_cells_is_refused(tmp_path):
         load_grid_problem(write_map_server(tmp_path, [[254, 0], [0, 254]]))
 
 
-def test_diagonals_need_both_adjacent_cells_free(undrawn, tmp_path):
+def test_diagonals_need_both_adjacent_cells_free(tmp_path):
     dataset = write_movingai(tmp_path, ('.@.', '...', '...'), [((0, 0), (2, 0), 4.0)])
     assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 0
 
 
-def test_a_published_length_of_zero_between_two_cells_is_none(undrawn, tmp_path, capsys):
+def test_a_published_length_of_zero_between_two_cells_is_none(tmp_path, capsys):
     pairs = [((0, 0), (4, 4), 0.0), ((0, 0), (0, 0), 0.0), ((0, 0), (2, 2), 4.0)]
     dataset = write_movingai(tmp_path, pairs=pairs)
     assert np.isnan(load_grid_problem(dataset).optimal_lengths).tolist() == [True, False, False]
@@ -298,7 +292,7 @@ def test_map_node_publishes_a_map_server_map_too(tmp_path):
 
 
 @pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')
-def test_every_movingai_row_agrees(undrawn, tmp_path, capsys):
+def test_every_movingai_row_agrees(tmp_path, capsys):
     folder = Path(os.environ['LLM_ASTAR_REFERENCE']) / 'grids'
     pairs = {}
     with (folder / 'scenarios.csv').open() as file:

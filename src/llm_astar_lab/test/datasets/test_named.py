@@ -18,12 +18,6 @@ from llm_astar_planner.cli import main as cli
 from reader_files import write_movingai
 
 
-@pytest.fixture(autouse=True)
-def undrawn(monkeypatch):
-    """Leave the pictures out."""
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-
-
 def bench(out, *words):
     """Run the fastest benchmark of some options and return its exit code."""
     quick = ('--methods', 'exact_astar', '--source', 'none', '--out')
@@ -125,19 +119,6 @@ def test_missing_and_ambiguous_files_of_a_set_are_named(tmp_path, monkeypatch):
         load_named(['movingai/dao'], folder, DrawRules())
 
 
-def test_the_papers_file_is_a_dataset_by_name(tmp_path, request, capsys):
-    shutil.copy(request.config.rootpath / 'maps' / 'samples_1000.json', tmp_path / 'x.json')
-    out = tmp_path / 'out'
-    words = ('--limit', '4', '--dataset', 'paper', '--path')
-    assert bench(out, *words, tmp_path / 'x.json') == 0
-    assert {row['family'] for row in rows_of(out)} == {'paper'}
-    # The digest is that of the file, so a run by --map is of the same dataset.
-    assert bench(out, '--map', tmp_path / 'x.json', '--limit', '4', '--resume') == 0
-    capsys.readouterr()
-    assert bench(out, *words, tmp_path) == 2
-    assert 'environment_50_30.json: No such file' in capsys.readouterr().err
-
-
 def test_families_are_run_together_and_at_larger_scales(tmp_path):
     out = tmp_path / 'out'
     words = ('--dataset', 'barriers,mazes', '--maps', 2, '--pairs', 2, '--seed', 4)
@@ -160,7 +141,6 @@ def test_families_are_run_together_and_at_larger_scales(tmp_path):
         (['--dataset', 'romos'], 'did you mean rooms?'),
         (['--dataset', 'rooms,x.json'], "'x.json' is unknown"),
         (['--dataset', 'movingai/dao'], 'needs --path'),
-        (['--dataset', 'paper'], 'needs --path, with environment_50_30.json'),
         (['--dataset', 'movingai/dao', '--path', 'nowhere'], 'is not a folder'),
         (['--dataset', 'rooms', '--maps', '0-9'], "'0-9' is not a whole number"),
         (['--dataset', 'rooms', '--maps', '0'], "'0' is not a whole number of at least 1"),

@@ -22,11 +22,9 @@ from bag_makers import (
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.types import barrier_map_text
 from llm_astar_lab.evaluation.requests import (
-    RequestListError,
     RequestReader,
     TopicSelection,
     describe,
-    load_requests,
 )
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 
@@ -37,10 +35,10 @@ WAY = [(2.0, 2.0), (5.0, 5.0), (8.0, 8.0)]
 def ask(tmp_path):
     """Return a function that writes messages as a bag and returns its requests and problems."""
 
-    def read(messages, listed=(), window=10.0, **wanted):
+    def read(messages, window=10.0, **wanted):
         folder = write_bag(tmp_path / 'bag', messages)
         with Bag(folder) as bag:
-            reader = RequestReader(bag, TopicSelection(**wanted), window, listed)
+            reader = RequestReader(bag, TopicSelection(**wanted), window)
             return list(reader.requests()), bag.problems
 
     return read
@@ -58,7 +56,6 @@ def test_a_request_is_planned_on_the_map_of_its_time(ask):
     ])  # fmt: skip
     assert [request.grid_map.digest for request in requests] == [first.digest, second.digest]
     assert places(requests) == [((2, 2), (8, 8)), ((3, 3), (9, 9))]
-    assert 'the map changes its size; at 2.000 s from 20 x 10 to 30 x 12' in problems.notes[0]
     assert not problems.left_out
 
 
@@ -215,35 +212,6 @@ def test_barriers_are_used_only_for_the_map_made_from_them(ask):
         map_at(3, other), call_at(4, (2, 2), (8, 8), 2),
     ])  # fmt: skip
     assert [request.barrier_map for request in requests] == [barriers, None]
-
-
-def test_listed_requests_are_made_at_their_times_or_at_the_end(ask, tmp_path):
-    listing = tmp_path / 'goals.csv'
-    listing.write_text('start_x,start_y,goal_x,goal_y,time\n2,2,8,8,1.5\n3,3,9,9,\n')
-    first, second = room(), room(30, 12)
-    requests, _ = ask(
-        [map_at(1, first), call_at(2, (5, 5), (6, 6)), map_at(4, second)],
-        load_requests(listing),
-        requests='list',
-    )
-    assert [request.grid_map.width for request in requests] == [20, 30]
-    assert places(requests) == [((2, 2), (8, 8)), ((3, 3), (9, 9))]
-
-
-@pytest.mark.parametrize(
-    ('name', 'text', 'expected'),
-    [
-        ('a.csv', 'x,y\n1,2\n', 'must name start_x, start_y, goal_x, goal_y'),
-        ('a.csv', 'start_x,start_y,goal_x,goal_y\n1,2,x,4\n', "entry 1: goal_x: a number .* 'x'"),
-        ('a.csv', 'start_x,start_y,goal_x,goal_y\n', 'lists no requests'),
-        ('a.csv', 'start_x,start_y,goal_x,goal_y\n1,2,3,nan\n', 'goal_y: a number'),
-        ('a.csv', 'start_x,start_y,goal_x,goal_y\n1,2,3\n', 'entry 1: goal_y: a number'),
-    ],
-)
-def test_a_malformed_list_is_refused_with_entry_and_field(tmp_path, name, text, expected):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(RequestListError, match=expected):
-        load_requests(tmp_path / name)
 
 
 def test_a_bag_without_a_map_names_the_grids_it_has(ask, tmp_path):

@@ -6,7 +6,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from benchmark_samples import FakeSource, tasks_of, untimed
+from benchmark_samples import FakeSource, planned_again, tasks_of, untimed
 from llm_astar_lab.datasets.named import BenchmarkSample, load_samples
 from llm_astar_lab.results.row import Variant, parse_points
 from llm_astar_lab.runner.config import describe_unanswered
@@ -18,7 +18,6 @@ from llm_astar_lab.runner.engine import (
     list_variants,
     make_tasks,
     planner_for,
-    request_again,
     run_task,
     run_tasks,
 )
@@ -136,8 +135,7 @@ def test_rows_of_tasks_that_finish_at_once_come_in_the_order_of_the_tasks(datase
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
     sample = load_samples(dataset)[0]
     for row in run_task(tasks_of([sample], methods=['llm_astar'])[0]):
-        planner, request = request_again(sample.barrier_map, sample.sample, row, SearchSettings())
-        plan = planner.plan(request)
+        _, plan = planned_again(sample, row)
         assert (plan.expansions, plan.length) == (row.operation, row.length)
 
 

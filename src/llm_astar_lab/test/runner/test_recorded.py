@@ -30,11 +30,6 @@ def record(path, keys, model='parrot', text=TEXT, status=SourceStatus.OK):
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
-
-
-@pytest.fixture
 def dataset(tmp_path):
     path = tmp_path / 'maps.json'
     save_maps(list(generate(3, 4)), path)
@@ -58,9 +53,7 @@ def samples_of(out):
     return found
 
 
-def test_every_row_is_over_the_samples_that_the_transcript_holds(
-    undrawn, dataset, tmp_path, capsys
-):
+def test_every_row_is_over_the_samples_that_the_transcript_holds(dataset, tmp_path, capsys):
     keys = {(0, 1), (0, 2), (3, 7)}
     transcript = record(tmp_path / 'a.jsonl', sorted(keys))
     out = tmp_path / 'out'
@@ -79,7 +72,7 @@ def test_every_row_is_over_the_samples_that_the_transcript_holds(
 
 
 def test_each_transcript_counts_its_own_samples_and_baselines_count_those_of_any(
-    undrawn, dataset, tmp_path
+    dataset, tmp_path
 ):
     one = record(tmp_path / 'one.jsonl', [(0, 1), (0, 2)], model='small')
     two = record(tmp_path / 'two.jsonl', [(0, 2), (1, 5)], model='large')
@@ -91,9 +84,7 @@ def test_each_transcript_counts_its_own_samples_and_baselines_count_those_of_any
     assert found['oracle', ''] == found['none', ''] == {(0, 1), (0, 2), (1, 5)}
 
 
-def test_transcripts_of_the_same_model_are_told_apart_by_their_names(
-    undrawn, dataset, tmp_path, capsys
-):
+def test_transcripts_of_the_same_model_are_told_apart_by_their_names(dataset, tmp_path, capsys):
     one = record(tmp_path / 'one.jsonl', [(0, 1)])
     two = record(tmp_path / 'two.jsonl', [(0, 2)])
     out = tmp_path / 'out'
@@ -106,9 +97,7 @@ def test_transcripts_of_the_same_model_are_told_apart_by_their_names(
     assert '2 would have the same rows, replay:one, parrot' in capsys.readouterr().err
 
 
-def test_exchanges_of_another_dataset_and_a_changed_transcript_are_told(
-    undrawn, dataset, tmp_path, capsys
-):
+def test_exchanges_of_another_dataset_and_a_changed_transcript_are_told(dataset, tmp_path, capsys):
     out, transcript = tmp_path / 'out', tmp_path / 'a.jsonl'
     exchange = Exchange(0, 1, 1, 'parrot', 'few_shot', (), TEXT, 7, 5, 0.1, SourceStatus.OK)
     foreign = replace(exchange, provenance=Provenance(dataset_digest='f' * 64))
@@ -134,7 +123,7 @@ def test_prompts_of_the_same_name_are_refused(dataset, tmp_path, capsys):
     assert '2 would have the same rows, endpoint, m, mine' in capsys.readouterr().err
 
 
-def test_a_limit_is_drawn_of_the_recorded_samples(undrawn, dataset, tmp_path):
+def test_a_limit_is_drawn_of_the_recorded_samples(dataset, tmp_path):
     keys = [(number, 4) for number in range(4)]
     transcript = record(tmp_path / 'a.jsonl', keys)
     assert bench(dataset, tmp_path / 'out', '--transcript', transcript, '--limit', 2) == 0
@@ -143,7 +132,7 @@ def test_a_limit_is_drawn_of_the_recorded_samples(undrawn, dataset, tmp_path):
     assert found < set(keys)
 
 
-def test_an_exchange_without_an_answer_is_missing_and_said_so(undrawn, dataset, tmp_path, capsys):
+def test_an_exchange_without_an_answer_is_missing_and_said_so(dataset, tmp_path, capsys):
     transcript = record(tmp_path / 'a.jsonl', [(0, 1)])
     record(transcript, [(0, 2), (0, 3)], text='', status=SourceStatus.TIMEOUT)
     record(transcript, [(0, 4)], text='', status=SourceStatus.MALFORMED)
@@ -161,9 +150,7 @@ def test_a_transcript_of_another_dataset_is_refused(dataset, tmp_path, capsys):
     assert '--samples all' in error
 
 
-def test_a_run_on_the_recorded_samples_is_resumed_when_the_transcript_has_grown(
-    undrawn, dataset, tmp_path
-):
+def test_a_run_on_the_recorded_samples_is_resumed_when_the_transcript_has_grown(dataset, tmp_path):
     transcript = record(tmp_path / 'a.jsonl', [(0, 1)])
     out = tmp_path / 'out'
     assert bench(dataset, out, '--transcript', transcript) == 0

@@ -96,11 +96,10 @@ def at_least(least: float, kind: type[float] = float) -> Callable[[str], float]:
     return parse
 
 
-def add_picture_option(group: Any, text: str, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
+def add_picture_option(group: Any, text: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--png`, which may be called `--out` as in other commands; `text` says what is drawn."""
-    shown = ' (default: %(default)s)' if default else ''
-    text = f'{text}, into a file whose ending says how: .png, .svg, .pdf, .jpg{shown}'
-    option(group, '--png FILE', text, type=picture_file, default=default)
+    text = f'{text}, into a file whose ending says how: .png, .svg, .pdf, .jpg'
+    option(group, '--png FILE', text, type=picture_file)
     hidden = argparse.SUPPRESS
     group.add_argument('--out', dest='png', type=picture_file, default=hidden, help=hidden)
 

@@ -6,7 +6,7 @@
 first steps:
   llm-astar plan                 plan on the demo map and print what came of it
   llm-astar play                 do it in the browser
-  llm-astar demo                 do it through a ROS graph
+  llm-astar run                  start the nodes; `llm-astar call` asks them
   llm-astar COMMAND --help       examples, options and units of a command
 """
 

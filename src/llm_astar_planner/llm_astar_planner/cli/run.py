@@ -26,7 +26,6 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO
 
 from llm_astar_msgs_adapter.maps.places import places_beside
 
@@ -127,30 +126,27 @@ def wait_for_end(processes: Mapping[str, subprocess.Popen[bytes]]) -> str:
 
 @contextlib.contextmanager
 def running_nodes(
-    arguments: Mapping[str, Sequence[str]], log: IO[str] | None = None
+    arguments: Mapping[str, Sequence[str]],
 ) -> Iterator[dict[str, subprocess.Popen[bytes]]]:
     """Start the named nodes, each with its arguments; stop them in the end, SIGTERM included.
 
-    They write to `log`, None for where this process writes. The kernel stops them should this
-    process be killed.
+    The kernel stops them should this process be killed.
     """
     nodes: dict[str, subprocess.Popen[bytes]] = {}
     with ended_by_signals():
         try:
             for name, words in arguments.items():
-                nodes[name] = start_node(name, words, log)
+                nodes[name] = start_node(name, words)
             yield nodes
         finally:
             stop_nodes(nodes)
 
 
-def start_node(name: str, words: Sequence[str], log: IO[str] | None) -> subprocess.Popen[bytes]:
+def start_node(name: str, words: Sequence[str]) -> subprocess.Popen[bytes]:
     """Start a node in a session of its own, so that Ctrl-C is left to this process."""
     return subprocess.Popen(  # noqa: S603 - our own modules, no shell
         [sys.executable, '-m', 'llm_astar_planner.nodes', name, *words],
         stdin=subprocess.DEVNULL,
-        stdout=log,
-        stderr=subprocess.STDOUT if log else None,
         env={**os.environ, PARENT_VARIABLE: str(os.getpid())},
         start_new_session=True,
     )

@@ -476,7 +476,7 @@ def test_the_time_limit_and_the_methods_have_one_name_in_all_commands(capsys):
         with pytest.raises(SystemExit):
             main([command, '--help'])
         assert '--time-limit SECONDS' in capsys.readouterr().out, command
-    for command in ('plan', 'play', 'places', 'mcp', 'demo', 'run', 'bench', 'draw'):
+    for command in ('plan', 'play', 'places', 'mcp', 'run', 'bench', 'draw'):
         with pytest.raises(SystemExit):
             main([command, '--help'])
         assert '--map FILE' in capsys.readouterr().out, command
@@ -487,7 +487,7 @@ def test_the_time_limit_and_the_methods_have_one_name_in_all_commands(capsys):
     [
         (('plan', '--start', 'a', '1', '--goal', '2', '2'), "not a number: 'a'"),
         (('plan', '--png', 'plan.xyz'), "plan.xyz ends in '.xyz'; the ending is one of .png"),
-        (('demo', '--png', 'plan.xyz'), "plan.xyz ends in '.xyz'"),
+        (('call', '--png', 'plan.xyz'), "plan.xyz ends in '.xyz'"),
         (('places', 'x.geojson', '--png', 'places'), 'places has no ending'),
         (('draw', '--out', 'x.mp4'), "x.mp4 ends in '.mp4'"),
         (('plan', '--start', 'nan', '1', '--goal', '2', '2'), '--start nan 1: numbers'),

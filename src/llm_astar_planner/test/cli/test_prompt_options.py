@@ -23,7 +23,6 @@ def dataset(tmp_path_factory):
 def test_rows_and_replays_name_how_a_model_was_asked(
     dataset, tmp_path, capsys, chat_server, monkeypatch
 ):
-    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
     words = ('bench', '--map', dataset, '--map-ids', '1', '--limit', '3', '--json')
     words += ('--methods', 'llm_astar')
     live = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'parrot-1')

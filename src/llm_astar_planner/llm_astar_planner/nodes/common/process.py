@@ -18,7 +18,7 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-# Process id of the parent to end with; `llm-astar demo` and `llm-astar run` set it.
+# Process id of the parent to end with; `llm-astar run` sets it.
 PARENT_VARIABLE = 'LLM_ASTAR_PARENT_PID'
 # Of Linux's <sys/prctl.h>.
 PR_SET_PDEATHSIG = 1

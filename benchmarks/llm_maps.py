@@ -1,7 +1,7 @@
-# Copyright 2026 The LLM-A* for ROS 2 contributors
-# SPDX-License-Identifier: Apache-2.0
+"""Maps of benchmarks that were made for language models, as a file for `llm-astar bench --map`.
 
-"""Reads the maps of benchmarks that were made for language models, from a file the user has.
+`python -m benchmarks.llm_maps gtb traversal_benchmark.json out/gtb.json` reads a file that the
+user has, and writes the maps with their samples:
 
 - GameTraversalBenchmark (arXiv 2410.07765): `traversal_benchmark.json`. Each map's character walks
   from its place to its objectives in their order: a sample for each stretch of the way.
@@ -14,10 +14,11 @@ the same samples have paths, and their published lengths are not compared with o
 
 from __future__ import annotations
 
+import argparse
 import csv
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from llm_astar_msgs_adapter.files import read_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 
 MAX_SIDE, MAX_BYTES = 1000, 64_000_000
 # Of a world of PPNL.
@@ -120,3 +122,23 @@ def read_gridroute(item: dict[str, str]) -> Iterator[Entry]:
 
 GTB, PPNL, GRIDROUTE = 'gtb', 'ppnl', 'gridroute'
 READERS: dict[str, Reader] = {GTB: read_gtb, PPNL: read_ppnl, GRIDROUTE: read_gridroute}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the maps of a benchmark as a dataset; return 0. Raises LlmBenchmarkError."""
+    parser = argparse.ArgumentParser(
+        'python -m benchmarks.llm_maps', description=str(__doc__).partition('\n')[0]
+    )
+    parser.add_argument('name', choices=READERS)
+    parser.add_argument('file', type=Path)
+    parser.add_argument('out', type=Path)
+    args = parser.parse_args(argv)
+    maps = load_llm_benchmark(args.name, args.file)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    save_maps(maps, args.out)
+    print(f'{args.out}: {len(maps)} maps, {sum(len(item.samples) for item in maps)} samples')
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -3,9 +3,10 @@
 import json
 
 import pytest
-from llm_astar_lab.datasets.llm_benchmarks import LlmBenchmarkError, load_llm_benchmark
-from llm_astar_lab.datasets.named import DrawRules, load_named
 from llm_astar_msgs_adapter.maps.barrier_map import Sample
+from llm_astar_msgs_adapter.maps.problem_maps import load_maps
+
+from benchmarks.llm_maps import LlmBenchmarkError, load_llm_benchmark, main
 
 GTB = {
     'walkable_tiles': "['a', 'b']",
@@ -50,9 +51,12 @@ def test_rows_on_one_map_are_samples_of_one_map(tmp_path):
     assert (second.id, second.samples) == (1, (Sample((1, 1), (2, 2)),))
 
 
-def test_they_are_datasets_by_name(tmp_path):
-    dataset = load_named(('ppnl',), write(tmp_path, [PPNL, PPNL]), DrawRules())
-    assert [len(item.samples) for item in dataset.maps] == [2]
+def test_they_are_written_as_a_dataset(tmp_path, capsys):
+    out = tmp_path / 'maps' / 'ppnl.json'
+    assert main(['ppnl', str(write(tmp_path, [PPNL, PPNL])), str(out)]) == 0
+    assert capsys.readouterr().out.endswith(': 1 maps, 2 samples\n')
+    (problem,) = load_maps(out)
+    assert (problem.family, len(problem.samples)) == ('ppnl', 2)
 
 
 @pytest.mark.parametrize(
