@@ -60,8 +60,10 @@ MOST_JUMP_POINTS = 0.35
 LEAST_OF_ROUTE = 1.06
 # How greedily such a route is followed, whose costs are known: at first, after so many expansions
 # per move that a path needs at least, after twice as many, and so on; then it is given up.
-ROUTE_WEIGHTS = (1.06, 1.1, 1.15, 1.2)
+ROUTE_WEIGHTS = (1.02, 1.06, 1.1, 1.2)
 ROUTE_WORK = 32
+# Cells that are more than so many targets of a route behind wait until those ahead lead nowhere.
+ROUTE_LAG = 1
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 # The fewest expansions of the plain search at a time; later this share of those done.
@@ -371,6 +373,7 @@ class WaypointSearch(SlicedSearch):
             self.start, self.goal, self.generation, round(weight * kernels.ONE),
             round(PASSING_RADIUS * plain.grid.straight),
             plain_kernels.EVERY_MOVE if plain.grid.has_rules else plain_kernels.FORWARD,
+            kernels.MAX_TARGETS,
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
@@ -424,6 +427,7 @@ class RouteSearch(WaypointSearch):
         super().__init__(query, plain, first)
         crossing = Crossing(borders, plain.grid, query.start, query.goal)
         self._lower_bound, self._most = crossing.lower_bound, most
+        self._control[kernels.G_LAG] = ROUTE_LAG
         self.head_for(crossing.targets(kernels.MAX_TARGETS))
 
     def advance(self, quota: int) -> None:
