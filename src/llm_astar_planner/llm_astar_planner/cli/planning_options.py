@@ -206,7 +206,8 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
     options = read_planning_options(arguments, problem)
     planner = options.make_planner(problem, map_files.zones_text(arguments.zones))
     map_file = arguments.map if arguments.query is None else None
-    places = map_files.open_places(options.values['places_file'], map_file)
+    words = options.values['instruction'] or getattr(arguments, 'why', None)
+    places = map_files.open_places(options.values['places_file'], map_file, by_words=bool(words))
     map_files.warn_of_places(places, planner.grid_map)
     coordinates = map_files.coordinates_of(arguments, problem, planner.grid_map)
     start, goal = choose_endpoints(arguments, problem, places, planner.costmap, coordinates)
