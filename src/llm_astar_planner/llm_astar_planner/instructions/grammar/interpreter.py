@@ -34,6 +34,7 @@ from llm_astar_planner.instructions.grammar.lexicon import lexicon
 from llm_astar_planner.instructions.grammar.pieces import ALL, DOUBT, NEAR, Piece, Splitter
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear, unclear_if
+from llm_astar_planner.instructions.grammar.spoken import with_spoken_numbers
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, LANGUAGES, SAID, vocabulary
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
@@ -635,7 +636,7 @@ def best_reading(text: str, places: Places) -> Reading:
 def understand(text: str, lexer: Lexer) -> Reading:
     """Return what a clean text says in the words of one lexer."""
     plain, quoted = without_quoted(text)
-    words, notes = lexer.corrected(read_words(plain))
+    words, notes = lexer.corrected(with_spoken_numbers(read_words(plain)))
     language = lexer.vocabulary.language
     pieces = without_remarks(Splitter(lexer.lexemes(words), language).split())
     assembler = Assembler(text, lexer, words, notes)

@@ -25,6 +25,7 @@ from llm_astar_planner.instructions.grammar.selection import (
     Unclear,
     select_group,
 )
+from llm_astar_planner.instructions.grammar.spoken import with_spoken_numbers
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
 from llm_astar_planner.instructions.reader.relations import related
@@ -112,7 +113,7 @@ class Lifted:
 
 def lifted(text: str, places: Places) -> Lifted:
     """Return a clean text with slots, in the language that most of its words are of."""
-    read = [word for word in read_words(text) if word.text != SIGN]
+    read = [word for word in with_spoken_numbers(read_words(text)) if word.text != SIGN]
     language = next(iter(languages_of(read)))
     lexer = lexer_for(places, language)
     words, _ = lexer.corrected(read)
@@ -238,8 +239,7 @@ def metres_and_more(
 ) -> tuple[int, Slot | None]:
     """Return how many lexemes a length in several words takes, and its slot.
 
-    'A metre', 'one metre fifty', 'a metre and twenty', 'one point eight metres', 'seventy five
-    centimetres'.
+    'A metre', 'one metre fifty', 'a metre and twenty', 'one point eight metres'.
     """
     first = lexemes[0]
     if first.kind == 'NUMBER' and first.number >= 0:
@@ -249,7 +249,8 @@ def metres_and_more(
         return 0, None
     if not float(first.value).is_integer():
         return 0, None
-    others = lexemes[1:2] if [one.kind for one in lexemes[1:2]] != ['AND'] else lexemes[2:3]
+    is_joined = any(one.kind in ('AND', 'FROM') for one in lexemes[1:2])
+    others = lexemes[2:3] if is_joined else lexemes[1:2]
     names = ['half' if one.kind == 'HALFNOUN' else str(one.value) for one in others]
     more = [PARTS[name] for name in names if name in PARTS]
     count = 1 + lexemes.index(others[0]) if more else 1
@@ -257,7 +258,7 @@ def metres_and_more(
 
 
 def spoken_number(lexemes: Sequence[Lexeme]) -> tuple[int, Slot | None]:
-    """Return how many lexemes 'one point eight metres' or 'seventy five centimetres' takes."""
+    """Return how many lexemes 'one point eight metres' takes."""
     first = lexemes[0].number
     kinds = [one.kind for one in lexemes]
     is_decimal = kinds[1:] == ['POINTWORD', 'LENGTH'] or (
@@ -265,11 +266,6 @@ def spoken_number(lexemes: Sequence[Lexeme]) -> tuple[int, Slot | None]:
     )
     if is_decimal and float(lexemes[2].value) in range(10):
         return 3, length_slot(first + float(lexemes[2].value) / 10, lexemes[2])
-    if kinds[1:2] == ['LENGTH'] and first in range(20, 100, 10):
-        value = float(lexemes[1].value)
-        metres = first + value if value >= 1 else first / 100 + value
-        is_one = round(value if value >= 1 else 100 * value, 6) in range(1, 10)
-        return (2, length_slot(metres, lexemes[1])) if is_one else (0, None)
     return 0, None
 
 

@@ -50,6 +50,14 @@ def test_names_numbers_sides_and_counts_become_slots(text, tokens):
         ('two metres and a half', 2.5),
         ('deux mètres et demi', 2.5),
         ('dos metros y medio', 2.5),
+        ('dos metros con ochenta', 2.8),
+        ('a hundred and forty centimetres', 1.4),
+        ('two hundred centimetres', 2.0),
+        ('hundertfünfundsiebzig Zentimeter', 1.75),
+        ('soixante-quinze centimètres', 0.75),
+        ('cent quatre-vingt-dix centimètres', 1.9),
+        ('setenta y cinco centímetros', 0.75),
+        ('cien centímetros', 1.0),
     ],
 )
 def test_lengths_in_words_are_metres(text, metres):
