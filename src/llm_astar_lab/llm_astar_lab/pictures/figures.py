@@ -31,7 +31,6 @@ from matplotlib.patheffects import Normal, Stroke
 from matplotlib.transforms import Affine2D, offset_copy
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import KDTree
 
 from llm_astar_lab.pictures import raster, style
 from llm_astar_lab.pictures.instructed import InstructedPath, instructed_path
@@ -302,6 +301,9 @@ def write_labels(axes: Axes, picture: Picture) -> None:
 
 def apart(way: NDArray[np.int32], ways: Sequence[NDArray[np.int32]]) -> Point:
     """Return the cell of a way [n, 2] that is farthest from the others, its middle without any."""
+    # A tenth of a second, which most pictures do not take.
+    from scipy.spatial import KDTree  # noqa: PLC0415
+
     others = [other for other in ways if other is not way] or [way[[0, -1]]]
     distances, _ = KDTree(np.concatenate(others)).query(way)
     return tuple(way[distances.argmax()].tolist())

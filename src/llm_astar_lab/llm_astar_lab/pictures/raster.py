@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.expansion_order import ExpansionOrder
 from matplotlib.axes import Axes
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
 
 from llm_astar_lab.pictures import style
 
@@ -131,7 +131,7 @@ def widen_expanded(codes: Bytes, size: int) -> Bytes:
     """Return codes whose expanded cells are `size` cells wide, so that single ones can be seen."""
     if size < 2:
         return codes
-    wide = maximum_filter(codes == EXPANDED, size=size)
+    wide = ndimage.maximum_filter(codes == EXPANDED, size=size)
     return np.where(wide & (codes < EXPANDED), np.uint8(EXPANDED), codes)
 
 

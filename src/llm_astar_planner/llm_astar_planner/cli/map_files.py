@@ -150,15 +150,25 @@ def maps_of(path: Path, pairs: int | None = None) -> list[ProblemMap]:
         raise BarrierMapError(f'{error}{known}') from None
 
 
-def open_places(name: str, map_name: str | None) -> place_files.Places:
+def open_places(name: str, map_name: str | None, *, by_words: bool = True) -> place_files.Places:
     """Return the places of a file, or of the one beside the map if `name` is empty.
 
-    Raises PlacesError for a malformed file, FileNotFoundError for one that does not exist.
+    Raises PlacesError for a malformed file and, if they are named `by_words` of an instruction or
+    question, for a name that these mean otherwise; FileNotFoundError for a file that does not
+    exist.
     """
-    if name:
-        return named_places(find_file(name, 'maps'))
-    beside = place_files.places_beside(find_file(map_name, 'maps')) if map_name else None
-    return place_files.NO_PLACES if beside is None else named_places(beside)
+    path = find_file(name, 'maps') if name else None
+    if path is None and map_name:
+        path = place_files.places_beside(find_file(map_name, 'maps'))
+    if path is None:
+        return place_files.NO_PLACES
+    places = place_files.load_places(path)
+    if by_words:
+        # Its tables take a fifth of a second to read.
+        from llm_astar_planner.instructions.grammar.vocabulary import check_names  # noqa: PLC0415
+
+        check_names(places, str(path))
+    return places
 
 
 def zones_text(name: str | None) -> str:
@@ -174,14 +184,6 @@ def zones_text(name: str | None) -> str:
     except ZonesError as error:
         raise ZonesError(f'{name}: {error}') from None
     return text
-
-
-def named_places(path: Path) -> place_files.Places:
-    """Return the places of a file that instructions can name. Raises PlacesError."""
-    # Its tables take a tenth of a second to read.
-    from llm_astar_planner.instructions.grammar.vocabulary import check_names  # noqa: PLC0415
-
-    return check_names(place_files.load_places(path), str(path))
 
 
 def warn_of_places(places: place_files.Places, grid_map: GridMap) -> None:

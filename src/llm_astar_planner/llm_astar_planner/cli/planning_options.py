@@ -199,7 +199,10 @@ def read_problem(arguments: argparse.Namespace) -> Problem:
     maps, problem = map_files.open_maps(arguments, 0 if all(ends) else None)
     options = read_planning_options(arguments, problem)
     planner = options.make_planner(problem, map_files.zones_text(arguments.zones))
-    places = map_files.open_places(options.values['places_file'], arguments.map)
+    words = options.values['instruction'] or getattr(arguments, 'why', None)
+    places = map_files.open_places(
+        options.values['places_file'], arguments.map, by_words=bool(words)
+    )
     map_files.warn_of_places(places, planner.grid_map)
     coordinates = map_files.coordinates_of(arguments, problem, planner.grid_map)
     start, goal = choose_endpoints(arguments, problem, places, planner.costmap, coordinates)

@@ -33,7 +33,7 @@ from llm_astar_planner.search.astar import (
 )
 from llm_astar_planner.search.borders import Borders, Crossing, is_far
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.landmarks import NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 
@@ -60,8 +60,10 @@ MOST_JUMP_POINTS = 0.35
 LEAST_OF_ROUTE = 1.06
 # How greedily such a route is followed, whose costs are known: at first, after so many expansions
 # per move that a path needs at least, after twice as many, and so on; then it is given up.
-ROUTE_WEIGHTS = (1.06, 1.1, 1.15, 1.2)
+ROUTE_WEIGHTS = (1.02, 1.06, 1.1, 1.2)
 ROUTE_WORK = 32
+# Cells that are more than so many targets of a route behind wait until those ahead lead nowhere.
+ROUTE_LAG = 1
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 # The fewest expansions of the plain search at a time; later this share of those done.
@@ -366,11 +368,12 @@ class WaypointSearch(SlicedSearch):
     def __init__(self, query: GuidedSearch, plain: PlainSearch, weight: float) -> None:
         """Search the grid of the plain search, with its estimate; `follow` starts it."""
         super().__init__(plain.grid, query.start, query.goal)
-        self._plain = plain
+        self._plain, self._active = plain, plain.active
         self._control = np.array([
             self.start, self.goal, self.generation, round(weight * kernels.ONE),
             round(PASSING_RADIUS * plain.grid.straight),
             plain_kernels.EVERY_MOVE if plain.grid.has_rules else plain_kernels.FORWARD,
+            kernels.MAX_TARGETS,
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
@@ -386,7 +389,7 @@ class WaypointSearch(SlicedSearch):
         self._targets = targets
         self._heads = kernels.follow(
             self._cells, targets, workspace.records, workspace.pool, workspace.keys,
-            self._heads, plain.distances, plain.active, self._control, same,
+            self._heads, plain.distances, self._active, self._control, same,
         )  # fmt: skip
 
     def advance(self, quota: int) -> None:
@@ -399,7 +402,7 @@ class WaypointSearch(SlicedSearch):
         control[kernels.G_BEST] = min(control[kernels.G_BEST], plain.best)
         ended = kernels.advance(
             self._cells, workspace.records, workspace.pool, workspace.keys,
-            self._heads, self._targets, plain.distances, plain.active, control, quota,
+            self._heads, self._targets, plain.distances, self._active, control, quota,
         )  # fmt: skip
         self.best, self.expansions, self.storage = control[kernels.G_BEST :].tolist()
         self.work = self.expansions
@@ -424,6 +427,9 @@ class RouteSearch(WaypointSearch):
         super().__init__(query, plain, first)
         crossing = Crossing(borders, plain.grid, query.start, query.goal)
         self._lower_bound, self._most = crossing.lower_bound, most
+        # What is left of the route is more than landmarks prove.
+        self._active = NONE_ACTIVE
+        self._control[kernels.G_LAG] = ROUTE_LAG
         self.head_for(crossing.targets(kernels.MAX_TARGETS))
 
     def advance(self, quota: int) -> None:

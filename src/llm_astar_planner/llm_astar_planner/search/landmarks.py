@@ -26,7 +26,8 @@ from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 
-# The number of landmarks on large maps; small maps get more, which cost little there.
+# The number of landmarks on large maps; small maps get more, which cost little there. Where fewer
+# fit, on maps of over 1448 x 1448, the borders of tiles lead better.
 COUNT = 8
 MAX_COUNT = 32
 # More than COUNT landmarks are measured only while they fit in so many bytes.
@@ -34,8 +35,6 @@ _SMALL_BYTES = 32 * 1024 * 1024
 # Fewer than COUNT, or none, if these would not fit: at 4000 x 4000 cells two take 128 MB, and
 # what else is held for the map, 14 bytes a cell, should not be more than doubled.
 MAX_BYTES = 64 * 1024 * 1024
-# With fewer the borders of tiles lead better: on maps of over 2048 x 2048.
-_FEW = 4
 # One landmark alone proves little: only what lies on a line with it.
 MIN_COUNT = 2
 # Landmarks that one query uses.
@@ -123,7 +122,7 @@ class Landmarks:
                 return None
             nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
         borders = None
-        if count < _FEW and grid.cell_surcharge.size:
+        if count < COUNT and grid.cell_surcharge.size:
             borders = Borders(freest.cells)
             if not any(borders.measure(borders.every, stop)):
                 return None

@@ -31,6 +31,11 @@ def test_a_plain_plan_imports_none_of_the_large_libraries():
     assert not modules_after('plan', '--map', 'depot', *ends) & HEAVY
 
 
+def test_a_plan_between_places_reads_no_vocabulary():
+    modules = modules_after('plan', '--map', 'depot', '--from', 'dock 1', '--to', 'workshop')
+    assert 'llm_astar_planner.instructions.grammar.vocabulary' not in modules
+
+
 @pytest.mark.parametrize(
     ('arguments', 'library'),
     [

@@ -53,15 +53,15 @@ def canonical_successors(move: int, mask: int) -> int:
     return kept & mask
 
 
-def forward_successors(move: int, mask: int) -> int:
-    """Return the moves of `mask` to try in a cell entered by `move`, whatever cells cost.
+def forward_moves(move: int) -> int:
+    """Return the moves to try, if they are legal, in a cell entered by `move` at any costs.
 
     Left out are the previous cell and those that it reaches by one straight move: that costs
     less than the way around, and it was tried when the previous cell was expanded. That needs
     moves which can be made back.
     """
     steps = [(int(x), int(y)) for x, y in zip(STEP_X + STEP_X[move], STEP_Y + STEP_Y[move])]
-    return mask & sum(1 << other for other in range(8) if sum(map(abs, steps[other])) > 1)
+    return sum(1 << other for other in range(8) if sum(map(abs, steps[other])) > 1)
 
 
 # Indexed by move << 8 | legal moves: those that uniform costs need, then from EVERY_MOVE on all,
@@ -70,7 +70,7 @@ EVERY_MOVE, FORWARD = 8 << 8, 9 << 8
 CANONICAL_SUCCESSORS = np.array(
     [canonical_successors(move, mask) for move in range(8) for mask in range(256)]
     + list(range(256))
-    + [forward_successors(move, mask) for move in range(8) for mask in range(256)],
+    + [mask & moves for moves in map(forward_moves, range(8)) for mask in range(256)],
     dtype=np.uint8,
 )
 

@@ -78,7 +78,7 @@ def relax(
             above = np.uint64((cell - step * LINE) * PARTS)
             one = np.uint64((cell - step * (LINE + 1)) * PARTS)
             other = np.uint64((cell - step * (LINE - 1)) * PARTS)
-            for number in range(PARTS):
+            for number in range(gain.size):
                 part = np.uint64(number)
                 first = min(frame[left + part] + by_left, frame[above + part] + by_above)
                 second = min(frame[one + part] + by_one, frame[other + part] + by_other)
@@ -90,34 +90,36 @@ def relax(
 
 
 @jit
-def relax_behind(frame: Float32s, costs: Float32s, cell: int, count: int, step: int) -> None:
+def relax_behind(
+    frame: Float32s, costs: Float32s, cell: int, count: int, step: int, gain: Float32s
+) -> None:
     """Lower the distances of a line of cells over the neighbour behind, against `relax`."""
     for _ in range(count):
         cost = costs[cell if step > 0 else cell - 1, 0]
         if cost < NOWHERE:
             at, behind = np.uint64(cell * PARTS), np.uint64((cell + step) * PARTS)
-            for number in range(PARTS):
+            for number in range(gain.size):
                 part = np.uint64(number)
                 frame[at + part] = min(frame[at + part], frame[behind + part] + cost)
         cell -= step
 
 
 @jit
-def settle(frame: Float32s, costs: Float32s, height: int, width: int) -> None:
+def settle(frame: Float32s, costs: Float32s, height: int, width: int, lanes: int) -> None:
     """Make the distances of a frame [LINE * LINE * PARTS] final, by lines down and up."""
-    gain = np.empty(PARTS, dtype=np.float32)
+    gain = np.empty(lanes, dtype=np.float32)
     begun = False
     while True:
         gain[:] = 0.0
         for y in range(1, height + 1):
             relax(frame, costs, y * LINE + 1, width, 1, gain)
-            relax_behind(frame, costs, y * LINE + width - 1, width - 1, 1)
+            relax_behind(frame, costs, y * LINE + width - 1, width - 1, 1, gain)
         if begun and gain.max() == 0.0:
             break
         gain[:] = 0.0
         for y in range(height, 0, -1):
             relax(frame, costs, y * LINE + width, width, -1, gain)
-            relax_behind(frame, costs, y * LINE + 2, width - 1, -1)
+            relax_behind(frame, costs, y * LINE + 2, width - 1, -1, gain)
         if gain.max() == 0.0:
             break
         begun = True
@@ -168,7 +170,7 @@ def measure(cells: Cells, borders: Int64s, rows: Uint16s) -> None:
                 y, x = (place, SIDE) if upright else (SIDE, place)
                 if y < lines and x < places and moves[(top + y) * width + left + x]:
                     frame[((y + 1) * LINE + x + 1) * PARTS + part] = 0.0
-        settle(frame, costs, lines, places)
+        settle(frame, costs, lines, places, PARTS)
         for side in range(6):
             for part in range(PARTS):
                 nearest[:] = NOWHERE
@@ -201,7 +203,7 @@ def reach_borders(cells: Cells, cell: int, found: Int64s) -> None:
     costs = np.empty((LINE * LINE, 4), dtype=np.float32)
     load(cells, (top, left, lines, places), frame, costs)
     frame[((cell // width - top + 1) * LINE + cell % width - left + 1) * PARTS] = 0.0
-    settle(frame, costs, lines, places)
+    settle(frame, costs, lines, places, 1)
     for side in range(4):
         for part in range(PARTS):
             found[side, part] = UNSEEN

@@ -29,10 +29,10 @@ MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 
 # Slots of the control array: the query, then the state of the queue and the counts.
 (
-    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS, G_SUCCESSORS,
-    G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT, G_BEST, G_EXPANSIONS, G_STORAGE,
+    G_START, G_GOAL, G_GENERATION, G_WEIGHT, G_RADIUS, G_SUCCESSORS, G_LAG,
+    G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT, G_REACHED, G_BEST, G_EXPANSIONS, G_STORAGE,
     G_SIZE,
-) = range(16)  # fmt: skip
+) = range(18)  # fmt: skip
 # Weights are whole numbers, in parts of this one.
 ONE = 1 << 16
 
@@ -196,7 +196,7 @@ def follow(
         bucket = min((keys[number] - base) >> shift, last)
         pool[number] = opened[number] << 32 | heads[bucket]
         heads[bucket] = number + 1
-    control[G_FREE] = control[G_BUCKET] = 0
+    control[G_FREE] = control[G_BUCKET] = control[G_REACHED] = 0
     control[G_TOP] = control[G_LIVE] = count
     control[G_SHIFT], control[G_BASE] = shift, base
     return heads
@@ -218,15 +218,17 @@ def advance(
     """Expand up to `quota` cells along the targets; return how the call ended.
 
     `targets` is int64 [n, 4]: x, y, the units from there to the goal along the list, which ends
-    with the goal, and those from the target before. FOUND: the goal was taken from the queue.
-    EXHAUSTED: no open cell leads to a path cheaper than control[G_BEST], which the caller may
-    lower between calls. RUNNING: the quota is used up. NEED_SPACE and OVERFLOW are those of
-    `_kernels/astar`.
+    with the goal, and those from the target before. Cells that head for one more than
+    control[G_LAG] before the farthest one headed for are put off. FOUND: the goal was taken from
+    the queue. EXHAUSTED: no open cell leads to a path cheaper than control[G_BEST], which the
+    caller may lower between calls. RUNNING: the quota is used up. NEED_SPACE and OVERFLOW are
+    those of `_kernels/astar`.
     """
     moves, cell_surcharge, width, straight, diagonal = cells
     graded = cell_surcharge.size > 0
     goal, generation = control[G_GOAL], control[G_GENERATION]
     weight, radius = control[G_WEIGHT], control[G_RADIUS]
+    reached, lag = control[G_REACHED], control[G_LAG]
     extra = diagonal - straight
     free, top, live = control[G_FREE], control[G_TOP], control[G_LIVE]
     base, bucket, shift = control[G_BASE], control[G_BUCKET], control[G_SHIFT]
@@ -249,7 +251,7 @@ def advance(
             if bucket < last:
                 break
             base = move_window(heads, pool, keys, control)
-            bucket = 0
+            bucket = reached = 0
         if live == 0:
             status = shared.EXHAUSTED
             break
@@ -264,6 +266,12 @@ def advance(
         if cell == goal:
             status = shared.FOUND
             break
+        index = state >> 32 + TARGET_SHIFT & MAX_TARGETS - 1
+        if index + lag < reached:
+            # Put off until nothing else is in the window; its entry, and so its key, stays.
+            _, free, top = push(pool, heads, last, cell << 32, free, top)
+            live += 1
+            continue
         states[np.uint64(cell)] = state | closed
         spent += 1
         g = state & 0xFFFFFFFF
@@ -272,9 +280,9 @@ def advance(
             break
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        index = state >> 32 + TARGET_SHIFT & MAX_TARGETS - 1
         # Its successors head for the first target that the cell has not passed.
         index = advance_target(targets, index, x, y, straight, extra, radius)
+        reached = max(reached, index)
         target_x, target_y, rest = targets[index, 0], targets[index, 1], targets[index, 2]
         # Canonical moves alone could not turn where the targets do.
         row = control[G_SUCCESSORS] + ((state >> 32 & 7) << 8)
@@ -310,7 +318,7 @@ def advance(
             keys[entry - 1] = key
             live += 1
     control[G_FREE], control[G_TOP], control[G_LIVE] = free, top, live
-    control[G_BASE], control[G_BUCKET] = base, bucket
+    control[G_BASE], control[G_BUCKET], control[G_REACHED] = base, bucket, reached
     control[G_BEST], control[G_STORAGE] = best, storage
     control[G_EXPANSIONS] += spent
     return status
