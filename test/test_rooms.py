@@ -15,34 +15,34 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 38_660, 316
+ALL_LINES, ALL_MODULES = 37_340, 307
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
-    ADAPTER: {'': 124, 'maps': 1_100, 'messages': 570},
+    ADAPTER: {'': 124, 'maps': 1_100, 'messages': 560},
     PLANNER: {
         '': 500,
-        'search': 5_590,
-        'costmap': 1_000,
-        'planning': 4_230,
-        'waypoints': 2_670,
-        'instructions': 7_510,
-        'nodes': 4_190,
-        'cli': 1_620,
+        'search': 5_440,
+        'costmap': 970,
+        'planning': 4_120,
+        'waypoints': 2_490,
+        'instructions': 7_580,
+        'nodes': 4_050,
+        'cli': 1_600,
     },
     LAB: {
         '': 20,
-        'bags': 860,
-        'evaluation': 590,
-        'datasets': 560,
-        'runner': 650,
-        'results': 640,
-        'analysis': 590,
-        'report': 960,
+        'bags': 830,
+        'evaluation': 530,
+        'datasets': 420,
+        'runner': 560,
+        'results': 630,
+        'analysis': 580,
+        'report': 830,
         'instruct_bench': 1_130,
-        'pictures': 940,
+        'pictures': 920,
         'play': 880,
-        'commands': 1_280,
-        'nodes': 530,
+        'commands': 1_040,
+        'nodes': 510,
     },
 }
 ROOMS = [(package, room) for package, rooms in LIMITS.items() for room in rooms]

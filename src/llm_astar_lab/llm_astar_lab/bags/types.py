@@ -261,7 +261,7 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
             element, base = element_of(kind, detail)
             # Arrays of numbers are read at once.
             at_once = element is Nodetype.BASE and base[0] not in ('string', 'wstring')
-            if kind is Nodetype.ARRAY and detail[1] > MAX_ELEMENTS and not at_once:
+            if kind is Nodetype.ARRAY and int(detail[1]) > MAX_ELEMENTS and not at_once:
                 raise ValueError(f'{name}: {field}: {detail[1]} elements')
     return types
 
