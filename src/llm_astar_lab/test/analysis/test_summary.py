@@ -35,7 +35,6 @@ def test_a_summary_holds_each_metric():
     assert summary.optimal.value == 0.5
     assert summary.verdicts == {'accepted': 0.5, 'occupied': 0.5}
     assert summary.waypoints == pytest.approx(2 / 3)
-    assert summary.cost == pytest.approx(0.9 + 1.0)
 
 
 def test_the_share_of_optimal_paths_has_an_interval_over_the_maps():

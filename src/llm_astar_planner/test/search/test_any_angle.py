@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from grids import can_see, queries
+from grids import can_see, queries, shortest_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search import any_angle
 from llm_astar_planner.search._kernels import line_of_sight as kernels
 from llm_astar_planner.search.any_angle import interpolate, string_pull, turning_points
-from llm_astar_planner.search.astar import shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
 
 
