@@ -351,8 +351,6 @@ TEMPLATES = {
         ('part', 'avoid the corner of {a}', None),
         ('part', 'avoid the door of {a}', None),
         ('part', 'visit the cupboard in {a}', None),
-        ('part', 'avoid the room next to {a}', None),
-        ('part', 'go to the room opposite {a}', None),
         ('part', 'avoid the left part of {a}',
          lambda a, b, c: [avoid({'half': 'west', 'of': a})]),
         ('part', 'stop at {a} and then go on to {b}', lambda a, b, c: in_turn(a, b)),

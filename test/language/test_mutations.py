@@ -22,7 +22,7 @@ from language.judge import (
     say,
     table,
 )
-from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
+from llm_astar_planner.instructions.chain import make_interpreter
 
 NUMBER = 2000 if os.environ.get('LLM_ASTAR_JUDGE_ALL') else 300
 RIGHT, FALSE, NOT_THE_MEANING = 'right', 'false', 'not the meaning'
@@ -58,7 +58,7 @@ def uncertain(court, case, reading):
 
 def judge_all(number):
     """Return (case, result, reading) of mutated sentences."""
-    interpreter = GrammarInterpreter()
+    interpreter = make_interpreter({})
     courts = {language: Court(world) for language, world in mutations.WORLDS.items()}
     return [
         (case, *judged(interpreter, courts[case.language], case))

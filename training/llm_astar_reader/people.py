@@ -204,4 +204,4 @@ def known_words() -> set[str]:
 
 
 # On so many maps a word has been said that is no name of a place.
-MAPS = 4
+MAPS = 6

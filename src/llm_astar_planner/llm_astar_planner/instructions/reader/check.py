@@ -21,7 +21,7 @@ from llm_astar_planner.instructions.reader.views import Clauses, Views
 
 LONGEST = 64
 # The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
-CERTAIN = 0.1
+CERTAIN = 0.05
 
 
 def doubt_about(text: str, places: Places, clauses: Sequence[Mapping[str, Any]]) -> str:

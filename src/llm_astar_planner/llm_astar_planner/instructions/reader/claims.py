@@ -14,8 +14,8 @@ from zlib import crc32
 from llm_astar_planner.instructions.grammar.selection import WALL
 from llm_astar_planner.instructions.grammar.vocabulary import nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable
-from llm_astar_planner.instructions.reader.lifting import Lifted, is_letter
-from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Parts, flat
+from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter
+from llm_astar_planner.instructions.reader.meaning import UNKNOWN, WISH, Parts, flat
 from llm_astar_planner.instructions.reader.network import known_words
 
 # What slots of regions begin with.
@@ -27,6 +27,27 @@ LEADING = {
 }  # fmt: skip
 ENDS = ('.', ';', ':', '!', '?')
 FIRST = ('first', 'erst', 'premier', 'primero')
+# Words that ask for a part of a place or a group, or to say something: no meaning has them.
+PARTIAL = {
+    'corner', 'corners', 'edge', 'some', 'most', 'several', 'part', 'rest', 'ecke', 'rand',
+    'teil', 'einige', 'manche', 'meisten', 'coin', 'bord', 'partie', 'quelques', 'certains',
+    'plupart', 'reste', 'rincon', 'esquina', 'borde', 'parte', 'algunos', 'algunas', 'mayoria',
+    'resto', 'ignore', 'pretend', 'ignoriere', 'ignora', 'ignorez', 'finge',
+}  # fmt: skip
+# What makes a least distance a greatest one, and what turns a part of a sentence into a condition.
+AT_MOST = re.compile(
+    r'no more than|not more than|at most|within|maximum|hochstens|maximal|au plus|como mucho|'
+    r'como maximo|a lo sumo'
+)
+CONDITIONS = {
+    'if', 'when', 'whenever', 'unless', 'wenn', 'falls', 'sobald', 'si', 'quand', 'lorsque',
+    'cuando',
+}  # fmt: skip
+AT_ONCE = re.compile(r'at once|immediately|sofort|unmittelbar|immediatement|inmediatamente')
+OTHERS = re.compile(
+    r'(?:last|other|another|andere|letzte|autre|otro) robot|(?<!you )\bwill\b|for a while|'
+    r'what (?:is|s) @S|from (?:the )?@S|desde (?:el )?@S|\bhalf of (?!the map|it)'
+)
 
 
 def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
@@ -40,7 +61,7 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     left = [name for name in one.slots if name not in tokens and name[0] != 'R']
     if left:
         return f'{left[0]} is left'
-    return leftover(one) or unnamed(one, tokens) or alone(one)
+    return leftover(one) or twisted(one, tokens) or unnamed(one, tokens) or alone(one)
 
 
 def leftover(one: Lifted) -> str:
@@ -48,6 +69,22 @@ def leftover(one: Lifted) -> str:
     language = set(one.tokens)
     found = (word.said or word.text for word in one.words if re.search(r'\d', word.text))
     return next((f'"{said}" is left' for said in found if comparable(said) in language), '')
+
+
+def twisted(one: Lifted, meaning: Collection[str]) -> str:
+    """Return words that make another sentence of it, which no meaning can say; '' for none.
+
+    'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'.
+    """
+    said = ' '.join(one.tokens)
+    found = [token for token in one.tokens if token in PARTIAL]
+    checks = ((OTHERS, ''), (AT_MOST, 'K'), (AT_ONCE, 'T'))
+    matches = (words.search(said) for words, kind in checks if not kind or kind in meaning)
+    found += [match[0] for match in matches if match]
+    if WISH not in meaning:
+        parts = re.split(r' [.,;:!?] ?', said)
+        found += [part for part in parts if part.split(' ')[0] in CONDITIONS and SIGN not in part]
+    return f'"{found[0]}" may ask for something else' if found else ''
 
 
 def unnamed(one: Lifted, meaning: Collection[str]) -> str:

@@ -3,7 +3,7 @@
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.check import doubt_about
-from llm_astar_planner.instructions.reader.claims import unnamed
+from llm_astar_planner.instructions.reader.claims import twisted, unnamed
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import Writer, ordered
 
@@ -62,6 +62,23 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
     avoid = {'kind': 'avoid', 'region': {'place': 'kitchen'}}
     assert doubt_about('avoid ward 1', HOSPITAL, [avoid])
     assert doubt_about('avoid the kitchen', HOSPITAL, [avoid]) == ''
+
+
+@pytest.mark.parametrize(
+    ('text', 'meaning'),
+    [
+        ('avoid the corner of the kitchen', 'A R1'),
+        ('some people avoid the kitchen', 'A R1'),
+        ('Anna will visit the kitchen', 'V R1 )'),
+        ('when it rains, go to the kitchen', 'V R1 )'),
+        ('stay no more than 2 m from the lift', 'K R1 L1'),
+        ('enter the kitchen from the north', 'P R1 S1'),
+        ('as soon as you enter ward 1, head for ward 2 at once', 'T R1 R2'),
+    ],
+)
+def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
+    assert twisted(lifted(text, HOSPITAL), meaning.split())
+    assert not twisted(lifted('avoid the kitchen, then go to ward 1', HOSPITAL), meaning.split())
 
 
 @pytest.mark.parametrize(
