@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
 from language import corpora, free, mutations, written
 from language.judge import Court, Driver, Verdict, judge, table
 
-COLUMNS = ('sentences', 'number', 'can be met', 'met', 'met and claimed', 'claims', 'false claims')
+COLUMNS = ('group', 'sentences', 'can be met', 'met', 'met and claimed', 'claims', 'false claims')
 # A kind of sentence, its language, its map, the text and what it may mean.
 Case = tuple[str, str, Any, str, Any]
 

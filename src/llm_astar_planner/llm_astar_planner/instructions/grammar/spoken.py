@@ -3,7 +3,7 @@
 
 """Numbers of several words before a unit: 'a hundred and forty centimetres' is 140 cm.
 
-A lexicon knows numbers of one word; of 'setenta y cinco centímetros' it would take the 5 alone.
+The lexicon knows numbers of one word: of 'setenta y cinco centímetros' it would take the 5 alone.
 """
 
 import re
@@ -57,8 +57,9 @@ def with_last_number(words: list[Word]) -> list[Word]:
         at += 1
     said = [part for word in words[at:] for part in parts(word.text)]
     total = value(said)
-    is_one_word = len(said) < 2 and said != ['cien']
-    if is_one_word or said[-1] in JOINTS or total is None:
+    # One word alone is in the lexicon, but this one.
+    is_several = len(said) > 1 or said == ['cien']
+    if not is_several or said[-1] in JOINTS or total is None:
         return words
     return [*words[:at], Word(str(total), words[at].start, words[-1].end)]
 

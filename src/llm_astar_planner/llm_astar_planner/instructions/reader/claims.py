@@ -4,7 +4,8 @@
 """What speaks against a reading: rules over the words, which know nothing of the networks.
 
 Each was kept because on locked sentences it refused more of the wrong readings than of the right
-ones; rules for negations, conditions, wishes, ends and unknown words were not.
+ones, `twisted` because sentences of `test/language/mutations.py` were claimed falsely without it.
+Rules for negations, conditions on places, wishes, ends and unknown words were not kept.
 """
 
 import re
@@ -72,7 +73,7 @@ def leftover(one: Lifted) -> str:
 
 
 def twisted(one: Lifted, meaning: Collection[str]) -> str:
-    """Return words that make another sentence of it, which no meaning can say; '' for none.
+    """Return words that ask for what no meaning can say; '' for none.
 
     'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'.
     """
