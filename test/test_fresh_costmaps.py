@@ -27,6 +27,8 @@ START, GOAL, OTHER = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5), Pose2D(36.5, 6.5)
 FREE = np.zeros((30, 40), dtype=np.int8)
 WALL = FREE.copy()
 WALL[:, 20] = 100
+CORNER = WALL.copy()
+CORNER[0, 0] = 100
 PERIOD, CLEARING = 0.2, 0.6
 
 
@@ -77,6 +79,12 @@ class Costmap:
         self.stopped.set()
         if self.thread is not None:
             self.thread.join()
+
+    def stop_with(self, cells):
+        """Publish this as the last one, by which a receiver knows that no other is on its way."""
+        self.stop()
+        self.cells = cells
+        self.publish()
 
     def clear(self):
         """Publish what was made before, and CLEARING seconds later that all is free."""
@@ -191,8 +199,9 @@ def test_a_retry_on_an_unchanged_costmap_fails_as_soon_as_it_came_again(robot):
 
 
 def test_another_goal_is_no_retry_and_waits_for_nothing(robot):
-    robot.costmap.stop()
-    wait_for(lambda: not robot.planner._server._maps.is_preparing, 'the last map')
+    robot.costmap.stop_with(CORNER)
+    last = GridMap(CORNER).digest
+    wait_for(lambda: robot.planner._server._maps.name.startswith(f'map {last}'), 'the last map')
     assert (robot.ask().seconds_map, robot.ask(OTHER).seconds_map) == (0.0, 0.0)
 
 
