@@ -39,8 +39,8 @@ class Finding:
     detail: str
 
 
-# Modules, what needs them and how to install them: of a robot, of the laboratory, of the nodes, and
-# optional ones. `distro` is the one that is sourced, or whose wheels `make install` takes.
+# Modules, what needs them and how to install them: of a robot, of the laboratory, of the nodes,
+# and optional ones. `distro` is the one that is sourced, or whose wheels `make install` takes.
 MODULES = json.loads(Path(__file__).with_name('doctor.json').read_text(encoding='utf-8'))
 INSTALL_AGAIN = '{error}; install the package again'
 
