@@ -107,9 +107,11 @@ class PlannerClient:
     It spins its node in a thread of its own, so that a round trip takes a millisecond or two.
     """
 
-    def __init__(self, node: Node, planner: str = 'planner_node') -> None:
-        """Take a node that nobody else spins."""
-        self.node = node
+    def __init__(
+        self, node: Node, planner: str = 'planner_node', seconds: float = DISCOVERY_SECONDS
+    ) -> None:
+        """Take a node that nobody else spins, and how long to wait for other nodes."""
+        self.node, self.planner, self.seconds = node, planner, seconds
         # As the planner names itself in /diagnostics: with its namespace, without the slash.
         self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
@@ -117,6 +119,7 @@ class PlannerClient:
         self._reports: Recent[int, tuple[float, PlanReport]] = Recent(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
+        self._services: dict[str, Client] = {}
         # Whether the last call was answered, so the planner has discovered this caller.
         self._is_discovered = False
         self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
@@ -234,6 +237,30 @@ class PlannerClient:
             raise PlannerClientError(f'{client.srv_name} did not respond within {seconds:g} s')
         return response
 
+    def service(self, kind: Any, name: str) -> Client:  # noqa: ANN401 - a service type
+        """Return the client of a service, which is kept."""
+        if name not in self._services:
+            self._services[name] = self.node.create_client(kind, name)
+        return self._services[name]
+
+    def values(self, names: Sequence[str], node: str = '') -> dict[str, Any]:
+        """Return parameters of the planner, or of another node. Raises PlannerClientError."""
+        name = node or self.planner
+        client = self.service(GetParameters, f'{name}/get_parameters')
+        request = GetParameters.Request(names=list(names))
+        found = self.ask(client, request, self.seconds).values
+        if len(found) != len(names):
+            raise PlannerClientError(f'{name} lacks some of {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
+
+    def set_values(self, values: Mapping[str, Any]) -> None:
+        """Set parameters of the planner. Raises PlannerClientError where one is refused."""
+        client = self.service(SetParameters, f'{self.planner}/set_parameters')
+        results = self.ask(client, setting(values), self.seconds).results
+        for name, result in zip(values, results):
+            if not result.successful:
+                raise PlannerClientError(f'{self.planner} refused {name}: {result.reason}')
+
     def _on_report(self, message: DiagnosticArray) -> None:
         report = report_from_message(message, PlanReport)
         self._reports[stamp_of(message)] = time.perf_counter(), report
@@ -252,9 +279,7 @@ class PlannerCaller(PlannerClient):
 
     def __init__(self, node: Node, planner: str, seconds: float) -> None:
         """Call the node `planner` from a node that nobody else spins."""
-        super().__init__(node, planner)
-        self.planner = planner
-        self.seconds = seconds
+        super().__init__(node, planner, seconds)
         self._answers: dict[str, list[dict[str, Any]]] = {}
         self._places: dict[str, Any] = {}
         self._maps: list[GridMap] = []
@@ -263,8 +288,6 @@ class PlannerCaller(PlannerClient):
         self._confirm = node.create_publisher(Bool, f'{planner}/confirm', RELIABLE)
         self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
         self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
-        self._reader = node.create_client(GetParameters, f'{planner}/get_parameters')
-        self._setter = node.create_client(SetParameters, f'{planner}/set_parameters')
 
     def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
@@ -299,20 +322,6 @@ class PlannerCaller(PlannerClient):
             if time.monotonic() > deadline:
                 raise PlannerClientError(f'{self.planner} did not take the answer')
             time.sleep(POLL_SECONDS)
-
-    def values(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return the planner's parameters of these names."""
-        request = GetParameters.Request(names=list(names))
-        found = self.ask(self._reader, request, self.seconds).values
-        if len(found) != len(names):
-            raise PlannerClientError(f'{self.planner} lacks some of {", ".join(names)}')
-        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
-
-    def set_values(self, values: Mapping[str, Any]) -> None:
-        """Set parameters of the planner."""
-        for result in self.ask(self._setter, setting(values), self.seconds).results:
-            if not result.successful:
-                raise PlannerClientError(result.reason)
 
     def pose(self, where: str | Sequence[float], places: Places | None = None) -> Pose2D:
         """Return a point, which may be the text 'X,Y', or the goal of the place of that name.
