@@ -43,17 +43,8 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool, String
 
 from llm_astar_planner.caches import Recent
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Understanding,
-    not_understood,
-)
-from llm_astar_planner.instructions.messages import (
-    Question,
-    QuestionError,
-    interpretation_from_json,
-    parse_object,
-)
+from llm_astar_planner.instructions import interpretation as readings
+from llm_astar_planner.instructions import messages
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.entities import (
     ASK_AGAIN_S,
@@ -291,26 +282,26 @@ class PlannerCaller(PlannerClient):
 
     def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
-        with contextlib.suppress(QuestionError):
-            answer = parse_object(message.data)
+        with contextlib.suppress(messages.QuestionError):
+            answer = messages.parse_object(message.data)
             self._answers.get(answer.get('id', ''), []).append(answer)
 
     def _on_places(self, message: String) -> None:
         """Keep the newest places."""
-        with contextlib.suppress(QuestionError):
-            self._places = parse_object(message.data)
+        with contextlib.suppress(messages.QuestionError):
+            self._places = messages.parse_object(message.data)
 
     def interpretations(self, text: str) -> Iterator[dict[str, Any]]:
         """Yield what the planner understands of a text: now, and again if a model is asked."""
         id_ = uuid.uuid4().hex
         self.wait_for_subscriber(self._questions, self.seconds)
         answers = self._answers[id_] = []
-        self._questions.publish(String(data=Question(text, id_).to_text()))
+        self._questions.publish(String(data=messages.Question(text, id_).to_text()))
         for number in range(2):
             what = f'the interpretation by {self.planner}'
             self.wait_for(lambda: len(answers) > number, what, self.seconds)  # noqa: B023
             yield answers[number]
-            if answers[number].get('status') != Understanding.PENDING.value:
+            if answers[number].get('status') != readings.Understanding.PENDING.value:
                 return
 
     def confirm(self, text: str, *, is_meant: bool) -> None:
@@ -369,16 +360,16 @@ class PlannerCaller(PlannerClient):
             self._maps = [grid_map]
             self._arrived.notify_all()
 
-    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+    def interpret(self, text: str, places: Places, time_limit: float) -> readings.Interpretation:
         """Return what the graph understands of a text; its own places and limits hold."""
         del places, time_limit
         try:
             *_, answer = self.interpretations(text)
             if answer.get('error'):
-                return not_understood(text, str(answer['error']))
-            return interpretation_from_json(answer)
+                return readings.not_understood(text, str(answer['error']))
+            return messages.interpretation_from_json(answer)
         except LlmAstarError as error:
-            return not_understood(text, str(error))
+            return readings.not_understood(text, str(error))
 
 
 @contextlib.contextmanager
