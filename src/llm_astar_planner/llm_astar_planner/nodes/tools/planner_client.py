@@ -46,17 +46,7 @@ from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions import interpretation as readings
 from llm_astar_planner.instructions import messages
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.entities import (
-    ASK_AGAIN_S,
-    CALLS,
-    LATCHED,
-    RELIABLE,
-    REPORTS,
-    REPORTS_OF_CALLS,
-    Entities,
-    ask,
-    setting,
-)
+from llm_astar_planner.nodes.common import entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
@@ -69,7 +59,7 @@ POLL_SECONDS = 0.01
 # 'X,Y' in metres, where a name could stand.
 POINT = re.compile(r'\s*-?[\d.]+\s*,\s*-?[\d.]+\s*')
 # Reports on plans of other clients arrive too, and nobody fetches them.
-KEPT_REPORTS = REPORTS_OF_CALLS.depth
+KEPT_REPORTS = entities.REPORTS_OF_CALLS.depth
 # Events kept for a reader that is busy; more are dropped, as on the topics themselves.
 MAX_WAITING = 1000
 
@@ -109,12 +99,16 @@ class PlannerClient:
         # With the time of arrival, as `time.perf_counter` has it.
         self._reports: Recent[int, tuple[float, PlanReport]] = Recent(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
-        self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
+        self._client = node.create_client(
+            GetPlan, f'{planner}/get_plan', qos_profile=entities.CALLS
+        )
         self._services: dict[str, Client] = {}
         # Whether the last call was answered, so the planner has discovered this caller.
         self._is_discovered = False
-        self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
-        self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
+        self.listen(
+            DiagnosticArray, f'{planner}/report', self._on_report, entities.REPORTS_OF_CALLS
+        )
+        self.listen(DiagnosticArray, '/diagnostics', self._on_health, entities.RELIABLE)
 
     def __enter__(self) -> PlannerClient:
         self._thread = SpinThread(self.node)
@@ -215,7 +209,7 @@ class PlannerClient:
         client: Client,
         request: Any,  # noqa: ANN401 - of the service
         seconds: float = DISCOVERY_SECONDS,
-        ask_again: float = ASK_AGAIN_S,
+        ask_again: float = entities.ASK_AGAIN_S,
     ) -> Any:  # noqa: ANN401 - any service
         """Call a service of the graph, and again after `ask_again` seconds without a response.
 
@@ -223,7 +217,7 @@ class PlannerClient:
         """
         if not client.wait_for_service(seconds):
             raise PlannerClientError(f'{client.srv_name} does not exist')
-        response = ask(client, request, seconds, ask_again)
+        response = entities.ask(client, request, seconds, ask_again)
         if response is None:
             raise PlannerClientError(f'{client.srv_name} did not respond within {seconds:g} s')
         return response
@@ -247,7 +241,7 @@ class PlannerClient:
     def set_values(self, values: Mapping[str, Any]) -> None:
         """Set parameters of the planner. Raises PlannerClientError where one is refused."""
         client = self.service(SetParameters, f'{self.planner}/set_parameters')
-        results = self.ask(client, setting(values), self.seconds).results
+        results = self.ask(client, entities.setting(values), self.seconds).results
         for name, result in zip(values, results):
             if not result.successful:
                 raise PlannerClientError(f'{self.planner} refused {name}: {result.reason}')
@@ -275,10 +269,10 @@ class PlannerCaller(PlannerClient):
         self._places: dict[str, Any] = {}
         self._maps: list[GridMap] = []
         self._listens_to_maps = False
-        self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
-        self._confirm = node.create_publisher(Bool, f'{planner}/confirm', RELIABLE)
-        self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
-        self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
+        self._questions = node.create_publisher(String, f'{planner}/interpret', entities.RELIABLE)
+        self._confirm = node.create_publisher(Bool, f'{planner}/confirm', entities.RELIABLE)
+        self.listen(String, f'{planner}/interpretation', self._on_answer, entities.REPORTS)
+        self.listen(String, f'{planner}/places_geojson', self._on_places, entities.LATCHED)
 
     def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
@@ -350,7 +344,7 @@ class PlannerCaller(PlannerClient):
         """Return the newest map, to which it listens from the first call on."""
         if not self._listens_to_maps:
             self._listens_to_maps = True
-            MapSubscription(Entities(self.node), self._on_map)
+            MapSubscription(entities.Entities(self.node), self._on_map)
         self.wait_for(lambda: bool(self._maps), 'a map', self.seconds)
         return self._maps[-1]
 
@@ -422,9 +416,9 @@ class Monitor:
         on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
         on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
         for topic, on_message, qos in (
-            (f'{planner}/report', on_report, REPORTS),
-            (f'{client}/exchange', on_exchange, REPORTS),
-            ('/diagnostics', self._on_diagnostics, RELIABLE),
+            (f'{planner}/report', on_report, entities.REPORTS),
+            (f'{client}/exchange', on_exchange, entities.REPORTS),
+            ('/diagnostics', self._on_diagnostics, entities.RELIABLE),
         ):
             node.create_subscription(DiagnosticArray, topic, on_message, qos)
         self._report_topic = node.resolve_topic_name(f'{planner}/report')
