@@ -23,14 +23,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
+from llm_astar_msgs_adapter.messages import report as reports
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
-from llm_astar_msgs_adapter.messages.report import (
-    ExchangeReport,
-    PlanReport,
-    Report,
-    ReportError,
-    report_from_message,
-)
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
@@ -72,7 +66,7 @@ class CalledPlan(NamedTuple):
     """A planner's answer: its path, its report and the round trip in seconds."""
 
     path: Path
-    report: PlanReport
+    report: reports.PlanReport
     seconds: float
 
     @property
@@ -97,7 +91,7 @@ class PlannerClient:
         self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
         # With the time of arrival, as `time.perf_counter` has it.
-        self._reports: Recent[int, tuple[float, PlanReport]] = Recent(KEPT_REPORTS)
+        self._reports: Recent[int, tuple[float, reports.PlanReport]] = Recent(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(
             GetPlan, f'{planner}/get_plan', qos_profile=entities.CALLS
@@ -247,7 +241,7 @@ class PlannerClient:
                 raise PlannerClientError(f'{self.planner} refused {name}: {result.reason}')
 
     def _on_report(self, message: DiagnosticArray) -> None:
-        report = report_from_message(message, PlanReport)
+        report = reports.report_from_message(message, reports.PlanReport)
         self._reports[stamp_of(message)] = time.perf_counter(), report
 
     def _on_health(self, message: DiagnosticArray) -> None:
@@ -413,8 +407,10 @@ class Monitor:
         )
         self._states: dict[str, object] = {}
         self._heard = False
-        on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
-        on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
+        on_report = partial(self._on_report, EventKind.PLAN, reports.PlanReport, self.planner)
+        on_exchange = partial(
+            self._on_report, EventKind.EXCHANGE, reports.ExchangeReport, self._client
+        )
         for topic, on_message, qos in (
             (f'{planner}/report', on_report, entities.REPORTS),
             (f'{client}/exchange', on_exchange, entities.REPORTS),
@@ -441,12 +437,12 @@ class Monitor:
             return None
 
     def _on_report(
-        self, kind: EventKind, report: type[Report], node: str, message: DiagnosticArray
+        self, kind: EventKind, report: type[reports.Report], node: str, message: DiagnosticArray
     ) -> None:
         self._heard = self._heard or node == self.planner
         try:
-            values = asdict(report_from_message(message, report))
-        except ReportError as error:
+            values = asdict(reports.report_from_message(message, report))
+        except reports.ReportError as error:
             self._node.get_logger().warning(f'{node}: {error}; is it of another version?')
             return
         self._add(kind, stamp_of(message), node, values)
