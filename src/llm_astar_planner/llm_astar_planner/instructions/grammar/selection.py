@@ -204,8 +204,7 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
     if group.noun == WALL and is_bare and (group.plural or quantity.kind or not found):
         return Selection(is_walls=True, places=group.places)
     found = narrowed(group, found, narrowing, where)
-    if not found:
-        raise Unclear(f'there is no such place: {group.words}')
+    unclear_if(not found, f'there is no such place: {group.words}')
     tag = group.tag or common_tag(group, found, tags, is_told=quantity.kind != 'ANY')
     is_one = len(found) == 1 and not group.tag
     several = group.plural or quantity.kind == 'ALL'
@@ -283,8 +282,7 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
 def axis_half(side: str, axis: str, value: float) -> Box:
     """Return everything on a side of a line 'y = 22.5'. Raises Unclear for 'south of x = 3'."""
     side = DRAWN.get(side, side)
-    if (axis == 'y') != (side in (NORTH, SOUTH)):
-        raise Unclear(f'{side} of {axis} = {value:g}')
+    unclear_if((axis == 'y') != (side in (NORTH, SOUTH)), f'{side} of {axis} = {value:g}')
     is_low = side in (SOUTH, WEST)
     low, high = (-math.inf, value) if is_low else (value, math.inf)
     return axis_box(axis, low, high)

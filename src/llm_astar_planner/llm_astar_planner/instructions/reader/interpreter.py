@@ -13,10 +13,8 @@ from llm_astar_planner.instructions.grammar.interpreter import asked
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
 from llm_astar_planner.instructions.interpretation import Interpretation, not_understood
-from llm_astar_planner.instructions.reader import meaning
 from llm_astar_planner.instructions.reader.check import doubt, viewed
-from llm_astar_planner.instructions.reader.meaning import Unreadable
-from llm_astar_planner.instructions.reader.views import Clauses, Views
+from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer
 from llm_astar_planner.instructions.specification import Specification, from_json
 
 NAME = 'reader'
@@ -48,7 +46,8 @@ def read_or_not(text: str, places: Places) -> Interpretation:
 def read(text: str, places: Places) -> Interpretation:
     """Return what the networks read in a clean text. Raises Unreadable or SpecificationError."""
     one, views = viewed(text, places)
-    clauses = best_of(views)
+    found = [meant for meant, _ in Counter(views.readings()).most_common(CONSIDERED)]
+    clauses = found[0] if len(found) == 1 else max(found, key=views.weight)
     if not clauses:
         raise Unreadable('nothing that is read for certain')
     about = {
@@ -56,19 +55,13 @@ def read(text: str, places: Places) -> Interpretation:
         for lexeme in one.lexemes
         if lexeme.kind == 'UNSUPPORTED'
     }
-    writer = meaning.Writer(one.slots, {'': text[: fields.MAX_NAME_CHARS], **about})
-    found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in clauses]})
+    writer = Writer(one.slots, {'': text[: fields.MAX_NAME_CHARS], **about})
+    said = from_json({'version': 2, 'clauses': [writer.clause(part) for part in clauses]})
     reason = doubt(one, clauses, views)
     if reason:
         question = vocabulary(one.language).questions['model']
-        said = text[: fields.MAX_QUESTION_CHARS // 3]
-        if all(isinstance(clause, Unknown) for clause in found.clauses):
+        question = question.replace('{said}', text[: fields.MAX_QUESTION_CHARS // 3])
+        if all(isinstance(clause, Unknown) for clause in said.clauses):
             raise Unreadable(reason)
-        found = Specification(asked(found.clauses, question.replace('{said}', said)))
-    return Interpretation(text, found, NAME, interpretation.status_of(found), reason)
-
-
-def best_of(views: Views) -> Clauses:
-    """Return the best of what was read, as all networks weigh it."""
-    found = [one for one, _ in Counter(views.readings()).most_common(CONSIDERED)]
-    return found[0] if len(found) == 1 else max(found, key=lambda one: views.weigh(one).all)
+        said = Specification(asked(said.clauses, question))
+    return Interpretation(text, said, NAME, interpretation.status_of(said), reason)
