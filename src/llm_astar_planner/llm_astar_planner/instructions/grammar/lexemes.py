@@ -9,13 +9,14 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import groupby, pairwise
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions.grammar.lexicon import Group
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, read_table
 from llm_astar_planner.instructions.regions import Box
 
 # Metres. A number beyond it is no place on a map.
@@ -183,33 +184,17 @@ def errand(run: Sequence[Lexeme]) -> Lexeme:
     return joined(run, 'FETCH', 'errand')
 
 
-# Runs of lexemes as text, see `tag_of`, and what each is put together to; the first one counts.
-LINE = '(?:AXIS (?:(?:=|OF|SIGNEQ) )?NUMBER (?:UNIT )?)'
-LINES = f'{LINE}(?:(?:COMMA|AND) )*{LINE}'
-# How often, with the limit before or after the number.
-OFTEN = (
-    '(?:(?:ATLEAST|ATMOST|EXACTLY|MORETHAN|LESSTHAN|ONLY) (?:TIMES|NUMBER) (?:TIMESWORD ){0,2}|'
-    '(?:TIMES|NUMBER) (?:(?:ORMORE |AT(?:MOST|LEAST) (?!TIMES |NUMBER ))?(?:TIMESWORD )?){2})'
-)
-# Words before a time or before who is followed, which belong to it.
-LEADS = '(?:(?:BEFORE|BY|IN|UPON|AT|PURPOSE|ATLEAST) )?(?:ATLEAST )?'
-BEFORE_TIME = '(?:(?:IN|BY|BEFORE|UPON|AT|PURPOSE|WITHIN|TO) )?'
-# What may stand between a verb of fetching and the end of what is fetched.
-ERRANDS = 'THING|PERSON|PRONOUN|NUMBER|RECTANGLE|THIS|ANY_ARTICLE|ANY|YOUR|AND'
-COMBINATIONS: tuple[tuple[str, Callable[[Sequence[Lexeme]], Lexeme | None]], ...] = (
-    (f'ANYTIMES |{OFTEN}(?:(?<!TIMES )(?<!TIMESWORD )AND (?=ATMOST ){OFTEN})*', times),
-    (f'FETCH (?:(?:{ERRANDS}) )*(?:THING|PERSON|PRONOUN|RECTANGLE) ', errand),
-    ('ALONG PERSON ', following),
-    (f'(?:UNSUPPORTED|WAIT) {LEADS}(?:(?:NUMBER )?TIMEWORD|PERSON) |UNSUPPORTED ', moment),
-    (f'{BEFORE_TIME}{LEADS}(?:NUMBER )?TIMEWORD ', moment),
-    ('NUMBER UNIT |NUMBER COMMA NUMBER UNIT ', length),
-    (rf'[(\[] (?:{LINES}|NUMBER (?:COMMA )?NUMBER )[)\]] ', point),
-    (f'{LINES}|NUMBER COMMA NUMBER (?!UNIT )', point),
-    ('AXIS (?:ABOVE|BELOW) NUMBER (?:UNIT )?', axis_range),
-    ('AXIS (?:FROM|BETWEEN|OF) NUMBER (?:TO|AND) NUMBER ', axis_range),
-    (LINE, axis_line),
-    (f'(?:BETWEEN|FROM) {LINE}(?:AND|TO) {LINE}', axis_range),
-)
+# The first one whose run is found counts.
+COMBINE = (times, errand, following, moment, length, point, axis_range, axis_line)
+
+
+@cache
+def combinations() -> list[tuple[re.Pattern[str], Callable[[Sequence[Lexeme]], Lexeme | None]]]:
+    """Return what runs of lexemes look like, of `runs.yaml`, and what puts each together."""
+    runs: dict[str, str] = {}
+    for name, pattern in read_table('runs').items():
+        runs[name] = pattern % runs
+    return [(re.compile(runs[one.__name__]), one) for one in COMBINE]
 
 
 def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -218,8 +203,8 @@ def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     text = ''.join(f'{tag_of(lexeme)} ' for lexeme in lexemes)
     at = begin = 0
     while at < len(lexemes):
-        for pattern, combine in COMBINATIONS:
-            match = re.compile(pattern).match(text, begin)
+        for pattern, combine in combinations():
+            match = pattern.match(text, begin)
             run = lexemes[at : at + match[0].count(' ')] if match else ()
             lexeme = combine(run) if run else None
             if lexeme is not None:
