@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -262,21 +262,19 @@ def named_or(found: list[Place], side: str, otherwise: Sequence[Place]) -> list[
     return named if len(named) == 1 else list(otherwise)
 
 
-def half_of(side: str, is_half: bool, whole: object) -> Selection:
+def half_of(side: str, said: Collection[str], whole: Place | None) -> Selection:
     """Return a half of the map, of a place, or of the direct way. Raises Unclear.
 
-    `whole` is a place, 'map', 'way' or None.
+    `said` are the kinds of the words for it.
     """
-    if isinstance(whole, Place):
-        unclear_if(side in DRAWN and not is_half, 'the left or right side as drawn or as driven')
+    is_half, is_drawn = 'HALFNOUN' in said, side in DRAWN
+    if whole is not None:
+        unclear_if(is_drawn and not is_half, 'the left or right side as drawn or as driven')
         return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
-    if side in DRAWN and whole == 'map':
-        side = DRAWN[side]
-    elif side in DRAWN and whole is None and is_half:
-        raise Unclear('the left or right half of what')
-    elif side not in DRAWN and whole == 'way':
-        raise Unclear('the way has a left and a right side')
-    return Selection((Half(side),))
+    is_named = bool({'OFMAP', 'OFWAY'} & {*said})
+    unclear_if(is_drawn and is_half and not is_named, 'the left or right half of what')
+    unclear_if(not is_drawn and 'OFWAY' in said, 'the way has a left and a right side')
+    return Selection((Half(DRAWN[side] if is_drawn and 'OFMAP' in said else side),))
 
 
 def axis_half(side: str, axis: str, value: float) -> Box:
