@@ -19,6 +19,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
+    COSTS,
     Interpretation,
     Interpreter,
     Understanding,
@@ -157,12 +158,11 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
     pending = not best.is_read and any(part.status is Understanding.PENDING for part in readings)
-    cost = ('seconds', 'prompt_tokens', 'output_tokens')
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
         detail='; '.join(filter(None, dict.fromkeys(reasons))),
-        **{name: sum(getattr(one, name) for one in readings) for name in cost},
+        **{name: sum(getattr(one, name) for one in readings) for name in COSTS},
     )
 
 

@@ -319,9 +319,8 @@ def region_from_json(value: object, where: str, nested: int = 0) -> Region:
             of = fields.as_text(values['of'], f'{where}: of') if values.get('of') else ''
             return Half(fields.as_choice(own, here, COMPASS if of else SIDES), of)
         case 'between':
-            if not isinstance(own, list) or len(own) != 2:
-                raise fields.SpecificationError(f'{here}: is not a list of two places')
-            return Between(*(fields.as_text(name, here) for name in own))
+            names = fields.as_list(own, here, 'places', 2)
+            return Between(*(fields.as_text(name, here) for name in names))
         case 'along':
             width = metres_in(values, 'width', ALONG_WIDTH, where)
             return Along(fields.as_text(own, here), width)
@@ -345,12 +344,11 @@ def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ..
 
 def box_from_json(value: object, where: str) -> Box:
     """Read a box, whose open sides are null. Raises SpecificationError where it is empty."""
-    if not isinstance(value, list) or len(value) != 4:
-        raise fields.SpecificationError(f'{where}: is not a list of four numbers')
+    sides = zip(fields.as_list(value, where, 'numbers', 4), OPEN_SIDES)
     box = Box(
         *(
             limit if side is None else fields.as_number(side, where, -fields.FAR, fields.FAR)
-            for side, limit in zip(value, OPEN_SIDES)
+            for side, limit in sides
         )
     )
     if not (box.x0 < box.x1 and box.y0 < box.y1):

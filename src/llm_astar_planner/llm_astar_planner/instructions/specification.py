@@ -22,6 +22,7 @@ from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import (
     MAX_QUESTION_CHARS,
     SpecificationError,
+    as_choice,
     as_mapping,
     as_text,
 )
@@ -126,22 +127,12 @@ def clause_from_json(value: object, where: str) -> Clause:
     """Read a clause; `where` names it in errors. Raises SpecificationError."""
     fields = as_mapping(value, where)
     kind = 'visit' if fields.get('kind') == 'via' else fields.get('kind')
-    if not isinstance(kind, str) or kind not in CLAUSES:
-        raise SpecificationError(
-            f'{where}: kind: {short_repr(kind)} is not one of {", ".join(CLAUSES)}'
-        )
+    made = CLAUSES[as_choice(kind, f'{where}: kind', CLAUSES)]
     where = f'{where} ({kind})'
-    if issubclass(CLAUSES[kind], Unknown):
-        return CLAUSES[kind](**CLAUSES[kind].read(fields, where))
-    strength = fields.get('strength', MUST)
-    if strength not in STRENGTHS:
-        raise SpecificationError(
-            f'{where}: strength: {short_repr(strength)} is neither must nor should'
-        )
-    guessed = fields.get('guessed', False)
-    if not isinstance(guessed, bool):
-        raise SpecificationError(f'{where}: guessed: {short_repr(guessed)} is not true or false')
-    asked = fields.get('unsure')
+    own = made.read(fields, where)
+    if issubclass(made, Unknown):
+        return made(**own)
+    strength = as_choice(fields.get('strength', MUST), f'{where}: strength', STRENGTHS)
+    asked = fields.get('unsure') or (GUESSED if fields.get('guessed') else '')
     unsure = as_text(asked, f'{where}: unsure', MAX_QUESTION_CHARS) if asked else ''
-    own = CLAUSES[kind].read(fields, where)
-    return CLAUSES[kind](strength, unsure or (GUESSED if guessed else ''), **own)
+    return made(strength, unsure, **own)

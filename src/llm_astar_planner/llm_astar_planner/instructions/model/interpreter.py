@@ -10,15 +10,15 @@ from pathlib import Path
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.interpretation import (
+    COSTS,
     Interpretation,
     Understanding,
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.model.answer import answer_schema, read_answer
+from llm_astar_planner.instructions.model.answer import answer_schema, read_answer, read_sentence
 from llm_astar_planner.instructions.model.check import grounded
 from llm_astar_planner.instructions.model.prompt import Examples, prompt_messages, shipped_examples
-from llm_astar_planner.instructions.model.sentence import read_sentence
 from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
@@ -39,8 +39,7 @@ def interpret_reply(exchange: Exchange, places: Places) -> Interpretation:
             detail = f'{detail}; {answer.unreadable} clauses were unreadable'.removeprefix('; ')
         status = status_of(specification)
         found = Interpretation(exchange.text, specification, exchange.model, status, detail)
-    cost = ('seconds', 'prompt_tokens', 'output_tokens')
-    return replace(found, **{name: getattr(exchange, name) for name in cost})
+    return replace(found, **{name: getattr(exchange, name) for name in COSTS})
 
 
 class ReplayInterpreter:

@@ -19,7 +19,7 @@ from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 from shapely.errors import ShapelyError
 
-from llm_astar_planner.instructions.model.sentence import read_sentence
+from llm_astar_planner.instructions.model.answer import read_sentence
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')
