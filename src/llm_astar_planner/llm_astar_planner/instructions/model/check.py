@@ -19,7 +19,6 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
-from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
@@ -101,7 +100,7 @@ def deal_out(clauses: Iterable[Clause], parts: Sequence[Part], reading: Reading)
         home = next((part for part in parts if not missing(clause, part)), None)
         if home is not None:
             home.clauses.append(clause)
-        elif not isinstance(clause, EndAt) and clause not in known:
+        elif clause.kind != 'end_at' and clause not in known:
             homeless.append(clause)
     for clause in homeless:
         strange = (part for part in parts if not part.clauses and 'UNKNOWN' in part.piece.kinds)

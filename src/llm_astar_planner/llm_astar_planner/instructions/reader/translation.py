@@ -39,23 +39,19 @@ class Translation:
 
     def meaning(self, clauses: Sequence[Json]) -> list[str]:
         """Return the tokens of clauses, each once. Raises Unreadable where slots cannot say it."""
-        found: list[list[str]] = []
-        for clause in clauses:
-            wish = [WISH] if clause.get('strength') == 'should' else []
-            found += [[*wish, *tokens] for tokens in self.clause(clause)]
-        return [token for tokens in dict.fromkeys(map(tuple, found)) for token in tokens]
+        found = [
+            (*([WISH] if clause.get('strength') == 'should' else []), *tokens)
+            for clause in clauses
+            for tokens in self.clause(clause)
+        ]
+        return [token for tokens in dict.fromkeys(found) for token in tokens]
 
     def clause(self, clause: Json) -> list[list[str]]:
         """Return the tokens of one clause, or of two that mean the same. Raises Unreadable."""
-        kind = clause['kind']
-        if kind == 'count':
-            region = self.region(clause['region'])
-            return self.count(clause.get('at_least') or 0, clause.get('at_most'), region)
-        return [self.simple(kind, clause)]
-
-    def simple(self, kind: str, clause: Json) -> list[str]:
-        """Return the tokens of a clause that is no count. Raises Unreadable."""
-        match kind:
+        match kind := clause['kind']:
+            case 'count':
+                region = self.region(clause['region'])
+                return self.count(clause.get('at_least') or 0, clause.get('at_most'), region)
             case 'unsupported':
                 found = [f'U_{clause.get("about", ABOUT[-1])}']
             case 'visit':
@@ -72,7 +68,7 @@ class Translation:
                 found = [LETTERS[kind], *self.regions(named)]
             case _:
                 raise Unreadable(f'no word for {kind}')
-        return found
+        return [found]
 
     def passed(self, region: list[str], side: str) -> list[str]:
         """Return the tokens of a side to pass; 'keep it on your left' says the other one."""
@@ -104,17 +100,15 @@ class Translation:
         """Return the tokens of regions to visit, a group once."""
         found: list[str] = []
         left = list(regions)
+        named = [slot.in_json for name, slot in self.slots.items() if name[0] == 'R']
         for name, slot in self.slots.items():
             members = [one.to_json() for one in slot.members]
-            if members and all(one in left for one in members) and not self.are_named(members):
+            # Of those that have all slots of their own no group is meant.
+            is_group = members and not all(one in named for one in members)
+            if is_group and all(one in left for one in members):
                 found += ['EA', name]
                 left = [one for one in left if one not in members]
         return [*self.regions(left), *found]
-
-    def are_named(self, regions: Sequence[Json]) -> bool:
-        """Whether all of some regions have slots of their own."""
-        known = [slot.value.to_json() for name, slot in self.slots.items() if name[0] == 'R']
-        return all(one in known for one in regions)
 
     def region(self, region: Json) -> list[str]:
         """Return the tokens of a region; '?' for a place that the sentence does not name."""
