@@ -233,13 +233,10 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     # ---- avoid
 
-    def avoid(self, verb: Token, things: Things) -> Meant:
-        """'avoid A and B', 'stay clear of A'."""
-        return self.keep_away(things) if value(verb) == AWAY else avoid_of(things)
-
-    def skip(self, things: Things) -> Meant:
-        """'skip A', 'leave A alone'."""
-        return avoid_of(things)
+    def avoid(self, *parts: Any) -> Meant:
+        """'avoid A and B', 'skip A', 'leave A alone', but 'stay clear of A' keeps a distance."""
+        *verb, things = parts
+        return self.keep_away(things) if AWAY in map(value, verb) else avoid_of(things)
 
     def keep_away(self, things: Things) -> Meant:
         """'keep away from A', without a number; of 'all but A' it is to avoid them."""
@@ -538,12 +535,8 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             )
         return things
 
-    def choice(self, *things: Selection) -> Things:
-        """'A or B'."""
-        return (self.one_of(*things),)
-
     def one_of(self, *things: Selection) -> Selection:
-        """'A or B' within brackets."""
+        """'A or B'."""
         parts = tuple(
             region
             for thing in things
@@ -636,23 +629,15 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'x below 10', 'between y = 5 and y = 20'."""
         return Selection((selection.common_box(value(box)),), is_limit=True)
 
-    def ranges(self, box: Token) -> Selection:
-        """'the area with x from 1 to 2 and y above 3'."""
-        return Selection((selection.common_box(value(box)),))
+    def ranges(self, *boxes: Token) -> Selection:
+        """'the area with x from 1 to 2 and y above 3', 'the whole map'."""
+        return Selection((selection.common_box(value(boxes[0]) if boxes else ()),))
 
-    def whole(self) -> Selection:
-        """'the whole map'."""
-        return Selection((selection.common_box(()),))
-
-    def between(self, first: Selection, second: Selection) -> Selection:
-        """'between A and B'."""
-        return Selection((regions.Between(first.place.name, second.place.name),))
-
-    def between_two(self, pair: Selection) -> Selection:
-        """'between the racks', if there are two."""
-        unclear_if(len(pair.places) != 2, 'between which two')
-        first, second = pair.places
-        return Selection((regions.Between(first.name, second.name),))
+    def between(self, *ends: Selection) -> Selection:
+        """'between A and B', 'between the racks', if there are two."""
+        names = [place.name for end in ends for place in end.places]
+        unclear_if(len(names) != 2, 'between which two')
+        return Selection((regions.Between(*names),))
 
     def rectangle(self, corner: Token, other: Token) -> Selection:
         """'the rectangle from 1, 2 to 3, 4'."""
