@@ -3,7 +3,6 @@
 
 """Understands route instructions by a grammar, without a model, in a millisecond."""
 
-import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Clauses
 from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
+from llm_astar_planner.instructions.clauses.unsupported import Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar import meaning
@@ -39,11 +38,6 @@ from llm_astar_planner.instructions.regions import AnyOf, Except, NamedPlace, Re
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 NAME = 'grammar'
-# What a canonical sentence quotes: what was not understood, and what a path does not have.
-CANONICAL = re.compile(
-    r'not understood: "(?P<text>[^"]{1,80})"|"(?P<words>[^"]{1,80})" is about (?P<about>'
-    f'{"|".join(ABOUT)}), which a path does not have'
-)
 # Places that a question names.
 MOST_NAMED = 6
 # A language is tried if it knows at least this share of the words that the best one knows.
@@ -643,9 +637,9 @@ def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
             if match['about']
             else Unknown(text=match['text']),
         )
-        for match in CANONICAL.finditer(text)
+        for match in SAID['canonical'].finditer(text)
     ]
-    return CANONICAL.sub(lambda match: ';' * len(match[0]), text), found
+    return SAID['canonical'].sub(lambda match: ';' * len(match[0]), text), found
 
 
 def result_of(

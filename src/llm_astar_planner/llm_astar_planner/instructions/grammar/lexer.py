@@ -49,10 +49,6 @@ WALL = 'wall'
 # something else: a synonym, or a word for a category.
 Phrase = tuple[int, list[tuple[str, object]], bool]
 NO_PHRASE: Phrase = (0, [], False)
-# What a letter, or one of these words, makes another name of: 'kitchen A', 'kitchen path'.
-PARTS_OF_NAMES = frozenset({'path', 'route', 'way', 'area', 'place'})
-# After an article other filling words are names.
-AFTER_ARTICLE = PARTS_OF_NAMES | {'whole', 'entire', 'robot', 'paths'}
 # Letters of the longest side that begins a compound.
 LONGEST_SIDE = 8
 
@@ -296,7 +292,7 @@ def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
     for lexeme, after in zip(scanned, kinds_after(scanned)):
         before = kept[-1] if kept else Lexeme('', '', 0, -1)
         is_name = is_part_of_name(before, lexeme, after) or (
-            was_article and lexeme.kind in ('MUST', 'THEN') and lexeme.value not in AFTER_ARTICLE
+            was_article and lexeme.kind in ('MUST', 'THEN') and lexeme.value not in KINDS.unnaming
         )
         # 'then second bench': a link already, so it tells which one.
         is_name |= before.kind == 'THEN' == lexeme.kind and lexeme.other == 'ORDINAL'
@@ -321,7 +317,7 @@ def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
     if place.kind not in ('PLACE', 'NOUN'):
         return False
     if lexeme.kind == 'MUST':
-        return lexeme.value in PARTS_OF_NAMES
+        return lexeme.value in KINDS.parts_of_names
     is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
     if lexeme.kind in ('AND', 'OR'):
         return is_letter and not after
