@@ -7,7 +7,10 @@ Lengths are metres and points lie in the map's frame. Where a region lies is fou
 `polygons` for the search, in `verification/regions` for the check.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,10 +119,31 @@ class Box(Region):
     x1: float
     y1: float
 
+    @classmethod
+    def overlap(cls, boxes: Sequence[Box]) -> Box:
+        """Return the box that lies in all boxes, of none the whole map; it may be empty."""
+        x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
+        return cls(max(x0), max(y0), min(x1), min(y1))
+
     @property
     def sides(self) -> tuple[float, float, float, float]:
         """All four."""
         return self.x0, self.y0, self.x1, self.y1
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing lies in it."""
+        return self.x0 >= self.x1 or self.y0 >= self.y1
+
+    @property
+    def outside(self) -> Box | None:
+        """Everything outside of it if it is open on three sides, None of other boxes."""
+        finite = [number for number, side in enumerate(self.sides) if math.isfinite(side)]
+        if len(finite) != 1:
+            return None
+        beyond = [*OPEN_SIDES]
+        beyond[finite[0] - 2] = self.sides[finite[0]]
+        return Box(*beyond)
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -351,7 +375,7 @@ def box_from_json(value: object, where: str) -> Box:
             for side, limit in sides
         )
     )
-    if not (box.x0 < box.x1 and box.y0 < box.y1):
+    if box.is_empty:
         empty = f'{short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
         raise fields.SpecificationError(f'{where}: {empty}')
     return box

@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, Noun, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
 
-AREA = 'area'
+AREA, WALL = 'area', 'wall'
 OBJECT, PASSAGE, ROOM, PLACE = 'object', 'passage', 'room', 'place'
 Members = tuple[Place, ...]
 # Of a place without a noun in its name, kind and tags.

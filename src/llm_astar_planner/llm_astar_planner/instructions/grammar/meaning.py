@@ -408,7 +408,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def keep_to(self, thing: Selection) -> Meant:
         """'keep to the south side'."""
         refuse_half_of_object(thing)
-        if isinstance(thing.one, regions.Box) and selection.outside(thing.one) is not None:
+        if isinstance(thing.one, regions.Box) and thing.one.outside:
             return self.stay_field(thing)
         return StayIn(SHOULD, region=thing.one)
 
@@ -421,8 +421,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         region = thing.one
         if not isinstance(region, regions.Box):
             raise Unclear('to stay in what')
-        beyond = selection.outside(region)
-        return StayIn(region=region) if beyond is None else Avoid(region=beyond)
+        return Avoid(region=region.outside) if region.outside else StayIn(region=region)
 
     def take(self, thing: Selection) -> Meant:
         """'take the middle aisle' is to drive along it, 'take the door' is to go through."""

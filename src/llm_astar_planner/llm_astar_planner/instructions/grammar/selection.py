@@ -15,16 +15,7 @@ from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
-from llm_astar_planner.instructions.regions import (
-    OPEN_SIDES,
-    ROUTE_SIDES,
-    AnyOf,
-    Box,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions.regions import AnyOf, Box, Half, NamedPlace, Region, Tagged
 
 NORTH, SOUTH, EAST, WEST = 'north', 'south', 'east', 'west'
 OPPOSITE = {NORTH: SOUTH, SOUTH: NORTH, EAST: WEST, WEST: EAST, 'left': 'right', 'right': 'left'}
@@ -252,7 +243,7 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        unclear_if(sides[0] in ROUTE_SIDES, 'left and right of what')
+        unclear_if(sides[0] in DRAWN, 'left and right of what')
     return list(extreme(found, compass))
 
 
@@ -288,9 +279,8 @@ def axis_half(side: str, axis: str, value: float) -> Box:
 
 def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
-    box = Box(max(x0), max(y0), min(x1), min(y1))
-    unclear_if(not (box.x0 < box.x1 and box.y0 < box.y1), 'an empty area')
+    box = Box.overlap(boxes)
+    unclear_if(box.is_empty, 'an empty area')
     return box
 
 
@@ -304,13 +294,3 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
         return [Selection((common_box(boxes),))]
     except Unclear:
         return list(limits)
-
-
-def outside(box: Box) -> Box | None:
-    """Return everything outside of a box that is open on three sides, None of other boxes."""
-    finite = [number for number, side in enumerate(box.sides) if math.isfinite(side)]
-    if len(finite) != 1:
-        return None
-    beyond = [*OPEN_SIDES]
-    beyond[finite[0] - 2] = box.sides[finite[0]]
-    return Box(*beyond)

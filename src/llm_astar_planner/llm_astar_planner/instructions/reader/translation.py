@@ -15,19 +15,14 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
+from llm_astar_planner.instructions.reader import meaning
 from llm_astar_planner.instructions.reader.lifting import Slot
-from llm_astar_planner.instructions.reader.meaning import (
-    CLOSE,
-    FIELDS,
-    ONE,
-    UNKNOWN,
-    WISH,
-    Unreadable,
-)
 from llm_astar_planner.instructions.regions import Region
 
 Json = Mapping[str, Any]
-LETTERS = {kind: letter for letter, (kind, *_) in FIELDS.items() if letter not in ('PX', 'K')}
+LETTERS = {
+    kind: letter for letter, (kind, *_) in meaning.FIELDS.items() if letter not in ('PX', 'K')
+}
 
 
 class Translation:
@@ -40,7 +35,7 @@ class Translation:
     def meaning(self, clauses: Sequence[Json]) -> list[str]:
         """Return the tokens of clauses, each once. Raises Unreadable where slots cannot say it."""
         found = [
-            (*([WISH] if clause.get('strength') == 'should' else []), *tokens)
+            (*([meaning.WISH] if clause.get('strength') == 'should' else []), *tokens)
             for clause in clauses
             for tokens in self.clause(clause)
         ]
@@ -55,7 +50,7 @@ class Translation:
             case 'unsupported':
                 found = [f'U_{clause.get("about", ABOUT[-1])}']
             case 'visit':
-                found = ['V', *self.visited(clause['regions']), CLOSE]
+                found = ['V', *self.visited(clause['regions']), meaning.CLOSE]
             case 'keep_distance':
                 walls = clause['from'] == 'walls'
                 region = ['WALLS'] if walls else self.region(clause['from'])
@@ -67,7 +62,7 @@ class Translation:
                 named = [clause[n] for n in ('region', 'first', 'second') if n in clause]
                 found = [LETTERS[kind], *self.regions(named)]
             case _:
-                raise Unreadable(f'no word for {kind}')
+                raise meaning.Unreadable(f'no word for {kind}')
         return [found]
 
     def passed(self, region: list[str], side: str) -> list[str]:
@@ -86,14 +81,14 @@ class Translation:
             return [*self.count(least, None, region), *self.count(0, most, region)]
         head = 'CE' if least == most else 'CG' if least else 'CL'
         number = least or most or 0
-        return [[head, *region, self.slot('K', number, ONE if number == 1 else '')]]
+        return [[head, *region, self.slot('K', number, meaning.ONE if number == 1 else '')]]
 
     def slot(self, kind: str, value: object, otherwise: str = '') -> str:
         """Return the name of a slot with a value. Raises Unreadable for none."""
         found = (n for n, slot in self.slots.items() if n[0] == kind and slot.means(value))
         name = next(found, otherwise)
         if not name:
-            raise Unreadable(f'{value} is not in the sentence')
+            raise meaning.Unreadable(f'{value} is not in the sentence')
         return name
 
     def visited(self, regions: Sequence[Json]) -> list[str]:
@@ -117,9 +112,9 @@ class Translation:
             case _ if found[0]:
                 pass
             case {'any_of': parts}:
-                found = ['OR', *self.regions(parts), CLOSE]
+                found = ['OR', *self.regions(parts), meaning.CLOSE]
             case {'region': inner, 'except': others}:
-                found = ['EX', *self.regions([inner, *others]), CLOSE]
+                found = ['EX', *self.regions([inner, *others]), meaning.CLOSE]
             case {'half': side, 'of': str(name)}:
                 found = ['HO', self.slot('S', side), *self.region({'place': name})]
             case {'half': side}:
@@ -131,9 +126,9 @@ class Translation:
             case {'end': end}:
                 found = [end.upper()]
             case {'place': _} | {'tag': _}:
-                found = [UNKNOWN]
+                found = [meaning.UNKNOWN]
             case _:
-                raise Unreadable('no such region in the sentence')
+                raise meaning.Unreadable('no such region in the sentence')
         return found
 
     def regions(self, regions: Sequence[Json]) -> list[str]:
