@@ -26,7 +26,6 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
 )
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
-from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
 from llm_astar_planner.instructions.reader.interpreter import NAME as READER
 from llm_astar_planner.instructions.reader.interpreter import ReaderInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
@@ -178,7 +177,7 @@ def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
 
     The grammar and the reader come first; then, with `source` endpoint, the model, with replay
     the recorded replies of `transcript`. Values that are no settings of a source are ignored.
-    Raises SettingsError, or TranscriptError or ExamplesError for a file.
+    Raises SettingsError, or TranscriptError for a file.
     """
     settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
     settings.check()
@@ -198,8 +197,7 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
     asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
-    examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
-    return ModelInterpreter(ChatClient(asked), examples=examples, recorder=recorder)
+    return ModelInterpreter(ChatClient(asked), recorder)
 
 
 class BackgroundInterpreter:

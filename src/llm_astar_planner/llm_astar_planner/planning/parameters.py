@@ -190,9 +190,8 @@ class ClientParameters:
 
     - `dataset`: Barrier maps whose ids are the keys of transcripts: a path, or a name in `maps/`
     - `fixed_endpoint`: Whether `base_url`, `api_key_env`, `prompt`, `examples_file`,
-      `instruction_examples`, `transcript`, `record`, `dataset` keep the values of the start;
-      otherwise any participant of the graph can change where the key is sent and which files are
-      read and written
+      `transcript`, `record`, `dataset` keep the values of the start; otherwise any participant of
+      the graph can change where the key is sent and which files are read and written
     """
 
     dataset = for_nodes('')
@@ -220,8 +219,7 @@ SEARCH = tuple(parameters_of(SearchParameters).values())
 REQUESTS = tuple(parameters_of(RequestParameters).values())
 # Parameters of llm_client_node that name an address, a key or a file.
 FIXED = (
-    'base_url', 'api_key_env', 'prompt', 'examples_file', 'instruction_examples', 'transcript',
-    'record', 'dataset',
+    'base_url', 'api_key_env', 'prompt', 'examples_file', 'transcript', 'record', 'dataset',
 )  # fmt: skip
 HIDDEN: dict[str, Any] = {'node_only': True, 'cli_default': None, 'cli_reason': ''}
 SET_BEFORE = '; planner_node sets it before it asks'
