@@ -22,7 +22,7 @@ LONGEST = 64
 # The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
 CERTAIN = 0.05
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
-RENUMBERED, TRUST = 3, 0.15
+RENUMBERED, TRUST = 1, 0.15
 Names = Mapping[str, str]
 Clauses = tuple[meaning.Parts, ...]
 
