@@ -55,7 +55,6 @@ from llm_astar_msgs_adapter.maps.problem_maps import (
 from llm_astar_planner.costmap.zones import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
 from llm_astar_planner.instructions.model.interpreter import interpret_reply
-from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
 from llm_astar_planner.instructions.specification import from_json
 from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
@@ -380,7 +379,6 @@ READERS: dict[str, Reader] = {
     'results_metadata': Reader(make_results('metadata.json'), read_results),
     'results_maps': Reader(make_results('maps.json'), read_results),
     'suite': Reader(file('suite.json', SUITE), load_suite),
-    'examples': Reader(file('x.json', Path(EXAMPLES_FILE).read_bytes()), load_examples),
     'specification': text_reader(CLAUSES, read_specification),
     'question': text_reader(
         {'text': 'avoid the lab', 'id': 'q', 'places': collection(PLACE)}, parse_question

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from llm_astar_planner.instructions.reader.features import BUCKETS, features
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import TOKENS
-from llm_astar_planner.instructions.reader.network import SCALE
+from llm_astar_planner.instructions.reader.network import BUCKETS, SCALE, features
 from torch import nn
 
 Sentences = Sequence[Sequence[str]]

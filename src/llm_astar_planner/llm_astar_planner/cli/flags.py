@@ -27,7 +27,7 @@ TEXTS = {
     'instruction': 'TEXT',
     'base_url': 'URL',
     'prompt': 'NAME|FILE',
-    **dict.fromkeys(('examples_file', 'instruction_examples', 'transcript', 'record'), 'FILE'),
+    **dict.fromkeys(('examples_file', 'transcript', 'record'), 'FILE'),
 }
 CONFIRM_HINT = 'llm-astar: hint: if what is asked is meant, add --confirm\n'
 # A yes, in each language of the instructions.

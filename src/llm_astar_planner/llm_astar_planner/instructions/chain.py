@@ -19,13 +19,13 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
+    COSTS,
     Interpretation,
     Interpreter,
     Understanding,
     not_understood,
 )
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
-from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
 from llm_astar_planner.instructions.reader.interpreter import NAME as READER
 from llm_astar_planner.instructions.reader.interpreter import (
     UNLIKELY,
@@ -161,12 +161,11 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
     pending = not best.is_read and any(part.status is Understanding.PENDING for part in readings)
-    cost = ('seconds', 'prompt_tokens', 'output_tokens')
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
         detail='; '.join(filter(None, dict.fromkeys(reasons))),
-        **{name: sum(getattr(one, name) for one in readings) for name in cost},
+        **{name: sum(getattr(one, name) for one in readings) for name in COSTS},
     )
 
 
@@ -183,7 +182,7 @@ def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
 
     The grammar and the reader come first; then, with `source` endpoint, the model, with replay
     the recorded replies of `transcript`. Values that are no settings of a source are ignored.
-    Raises SettingsError, or TranscriptError or ExamplesError for a file.
+    Raises SettingsError, or TranscriptError for a file.
     """
     settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
     settings.check()
@@ -204,8 +203,7 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
     asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
-    examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
-    return ModelInterpreter(ChatClient(asked), examples=examples, recorder=recorder)
+    return ModelInterpreter(ChatClient(asked), recorder)
 
 
 class BackgroundInterpreter:

@@ -56,15 +56,13 @@ def as_number(value: object, where: str, least: float, most: float) -> float:
 
 def as_numbers(value: object, where: str, count: int) -> list[float]:
     """Return a list of numbers within FAR. Raises SpecificationError otherwise."""
-    if not isinstance(value, list) or len(value) != count:
-        raise SpecificationError(f'{where}: is not a list of {count} numbers')
-    return [as_number(item, where, -FAR, FAR) for item in value]
+    return [as_number(item, where, -FAR, FAR) for item in as_list(value, where, 'numbers', count)]
 
 
-def as_list(value: object, where: str) -> list[Any]:
-    """Return a list with an element at least. Raises SpecificationError otherwise."""
-    if not isinstance(value, list) or not value:
-        raise SpecificationError(f'{where}: is not a list of regions')
+def as_list(value: object, where: str, what: str = 'regions', count: int = 0) -> list[Any]:
+    """Return a list of `count` elements, 0: of one at least. Raises SpecificationError."""
+    if not isinstance(value, list) or not value or len(value) != (count or len(value)):
+        raise SpecificationError(f'{where}: is not a list of {f"{count} " if count else ""}{what}')
     return value
 
 

@@ -35,6 +35,10 @@ class Understanding(Enum):
     PENDING = 'not understood yet'
 
 
+# The fields that say what an interpretation has cost, and their types.
+COSTS = {'seconds': float, 'prompt_tokens': int, 'output_tokens': int}
+
+
 @dataclass(frozen=True)
 class Interpretation:
     """What was understood of an instruction.

@@ -11,8 +11,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from llm_astar_planner.instructions.fields import as_mapping
-from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
+from llm_astar_planner.instructions.fields import as_mapping, as_number
+from llm_astar_planner.instructions.interpretation import (
+    COSTS,
+    Interpretation,
+    Understanding,
+    status_of,
+)
 from llm_astar_planner.instructions.specification import from_json
 from llm_astar_planner.instructions.text import InstructionError
 
@@ -140,8 +145,8 @@ def interpretation_from_json(value: object) -> Interpretation:
     if status in (Understanding.WHOLE, Understanding.UNSURE, Understanding.IRRELEVANT):
         status = status_of(specification)
     texts = {one: as_bounded_text(fields, one) for one in ('text', 'understood_by', 'detail')}
-    tokens = {one: int(as_count(fields, one)) for one in ('prompt_tokens', 'output_tokens')}
-    values: dict[str, Any] = {**texts, 'seconds': as_count(fields, 'seconds'), **tokens}
+    costs = {one: of(as_number(fields.get(one, 0), one, 0.0, 1e9)) for one, of in COSTS.items()}
+    values: dict[str, Any] = {**texts, **costs}
     return Interpretation(specification=specification, status=status, **values)
 
 
@@ -151,11 +156,3 @@ def as_bounded_text(fields: Mapping[str, Any], name: str) -> str:
     if not isinstance(value, str):
         raise QuestionError(f'{name}: is not a text')
     return value[:MAX_DETAIL]
-
-
-def as_count(fields: Mapping[str, Any], name: str) -> float:
-    """Return a number from 0 to a billion. Raises QuestionError otherwise."""
-    value = fields.get(name, 0)
-    if not isinstance(value, (int, float)) or not 0 <= value <= 1e9:
-        raise QuestionError(f'{name}: is not a number from 0 to 1e9')
-    return float(value)

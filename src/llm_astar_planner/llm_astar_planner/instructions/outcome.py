@@ -37,6 +37,8 @@ WORST_FIRST = (
     ClauseStatus.UNSUPPORTED,
     ClauseStatus.AS_FAR_AS_POSSIBLE,
 )
+# Metres.
+ROUNDING = 1e-6
 AS_FAR = ClauseStatus.AS_FAR_AS_POSSIBLE.value
 
 
@@ -172,3 +174,35 @@ class InstructionOutcome:
             'note': self.note,
             'interpretation': self.interpretation.to_json(),
         }
+
+
+def kept(clause: Clause, detail: str, measured: float = 0.0) -> ClauseOutcome:
+    """Return the outcome of a clause that a path keeps."""
+    return ClauseOutcome(clause, ClauseStatus.KEPT, detail, measured, 0.0)
+
+
+def broken(
+    clause: Clause,
+    detail: str,
+    measured: float,
+    where: tuple[float, float],
+    least: float = math.nan,
+    *,
+    impossible: bool = False,
+    is_least: bool = False,
+) -> ClauseOutcome:
+    """Return the outcome of a clause that a path violates: impossible, or by the least, or not."""
+    status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.NOT_KEPT
+    status = ClauseStatus.AS_FAR_AS_POSSIBLE if is_least else status
+    return ClauseOutcome(clause, status, detail, measured, least, where)
+
+
+def as_length(metres: float) -> str:
+    """Return a length as details show it: '2.3 m', and '0.004 m' where that says more."""
+    decimals = 1 if metres >= 0.1 or metres <= ROUNDING else 3
+    return f'{metres:.{decimals}f} m'
+
+
+def as_point(point: tuple[float, float]) -> str:
+    """Return a point as details show it: '4.1, 3.0'."""
+    return f'{point[0]:.1f}, {point[1]:.1f}'

@@ -7,7 +7,10 @@ Lengths are metres and points lie in the map's frame. Where a region lies is fou
 `polygons` for the search, in `verification/regions` for the check.
 """
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -116,10 +119,31 @@ class Box(Region):
     x1: float
     y1: float
 
+    @classmethod
+    def overlap(cls, boxes: Sequence[Box]) -> Box:
+        """Return the box that lies in all boxes, of none the whole map; it may be empty."""
+        x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
+        return cls(max(x0), max(y0), min(x1), min(y1))
+
     @property
     def sides(self) -> tuple[float, float, float, float]:
         """All four."""
         return self.x0, self.y0, self.x1, self.y1
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing lies in it."""
+        return self.x0 >= self.x1 or self.y0 >= self.y1
+
+    @property
+    def outside(self) -> Box | None:
+        """Everything outside of it if it is open on three sides, None of other boxes."""
+        finite = [number for number, side in enumerate(self.sides) if math.isfinite(side)]
+        if len(finite) != 1:
+            return None
+        beyond = [*OPEN_SIDES]
+        beyond[finite[0] - 2] = self.sides[finite[0]]
+        return Box(*beyond)
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -319,9 +343,8 @@ def region_from_json(value: object, where: str, nested: int = 0) -> Region:
             of = fields.as_text(values['of'], f'{where}: of') if values.get('of') else ''
             return Half(fields.as_choice(own, here, COMPASS if of else SIDES), of)
         case 'between':
-            if not isinstance(own, list) or len(own) != 2:
-                raise fields.SpecificationError(f'{here}: is not a list of two places')
-            return Between(*(fields.as_text(name, here) for name in own))
+            names = fields.as_list(own, here, 'places', 2)
+            return Between(*(fields.as_text(name, here) for name in names))
         case 'along':
             width = metres_in(values, 'width', ALONG_WIDTH, where)
             return Along(fields.as_text(own, here), width)
@@ -345,15 +368,14 @@ def joined_from_json(value: object, where: str, nested: int) -> tuple[Region, ..
 
 def box_from_json(value: object, where: str) -> Box:
     """Read a box, whose open sides are null. Raises SpecificationError where it is empty."""
-    if not isinstance(value, list) or len(value) != 4:
-        raise fields.SpecificationError(f'{where}: is not a list of four numbers')
+    sides = zip(fields.as_list(value, where, 'numbers', 4), OPEN_SIDES)
     box = Box(
         *(
             limit if side is None else fields.as_number(side, where, -fields.FAR, fields.FAR)
-            for side, limit in zip(value, OPEN_SIDES)
+            for side, limit in sides
         )
     )
-    if not (box.x0 < box.x1 and box.y0 < box.y1):
+    if box.is_empty:
         empty = f'{short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
         raise fields.SpecificationError(f'{where}: {empty}')
     return box

@@ -15,16 +15,10 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
 
-from llm_astar_planner.instructions import clauses
+from llm_astar_planner.instructions import clauses, fields
 from llm_astar_planner.instructions.clauses.clause import MUST, STRENGTHS, Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.fields import (
-    MAX_QUESTION_CHARS,
-    SpecificationError,
-    as_mapping,
-    as_text,
-)
 
 # That of the JSON form; 1, without a number, knows fewer kinds and `guessed` clauses.
 VERSION = 2
@@ -59,12 +53,12 @@ class Specification:
     def __post_init__(self) -> None:
         """Check the sizes."""
         if len(self.clauses) > MAX_CLAUSES:
-            raise SpecificationError(
+            raise fields.SpecificationError(
                 f'{len(self.clauses)} clauses, over the {MAX_CLAUSES} allowed'
             )
         visits = sum(len(clause.regions) for clause in self.clauses if isinstance(clause, Visit))
         if visits > MAX_VISITS:
-            raise SpecificationError(f'{visits} regions to visit are over {MAX_VISITS}')
+            raise fields.SpecificationError(f'{visits} regions to visit are over {MAX_VISITS}')
 
     @property
     def enforceable(self) -> tuple[Clause, ...]:
@@ -102,21 +96,21 @@ NOTHING_ASKED = Specification()
 
 def clause_to_json(clause: Clause) -> dict[str, Any]:
     """Return the JSON form of a clause."""
-    fields = {'kind': clause.kind, **clause.to_json()}
+    own = {'kind': clause.kind, **clause.to_json()}
     if isinstance(clause, Unknown):
-        return fields
+        return own
     unsure = {'unsure': clause.unsure, 'guessed': True} if clause.unsure else {}
-    return {**fields, 'strength': clause.strength, **unsure}
+    return {**own, 'strength': clause.strength, **unsure}
 
 
 def from_json(value: object) -> Specification:
     """Read a specification. Raises SpecificationError, which names the clause and the field."""
-    fields = as_mapping(value, 'specification')
-    version, found = fields.get('version', 1), fields.get('clauses')
+    values = fields.as_mapping(value, 'specification')
+    version, found = values.get('version', 1), values.get('clauses')
     if version not in range(1, VERSION + 1):
-        raise SpecificationError(f'version: {short_repr(version)} is not 1 to {VERSION}')
+        raise fields.SpecificationError(f'version: {short_repr(version)} is not 1 to {VERSION}')
     if not isinstance(found, list):
-        raise SpecificationError('clauses: is not a list')
+        raise fields.SpecificationError('clauses: is not a list')
     return Specification(
         tuple(clause_from_json(item, f'clause {n}') for n, item in enumerate(found, start=1))
     )
@@ -124,24 +118,14 @@ def from_json(value: object) -> Specification:
 
 def clause_from_json(value: object, where: str) -> Clause:
     """Read a clause; `where` names it in errors. Raises SpecificationError."""
-    fields = as_mapping(value, where)
-    kind = 'visit' if fields.get('kind') == 'via' else fields.get('kind')
-    if not isinstance(kind, str) or kind not in CLAUSES:
-        raise SpecificationError(
-            f'{where}: kind: {short_repr(kind)} is not one of {", ".join(CLAUSES)}'
-        )
+    values = fields.as_mapping(value, where)
+    kind = 'visit' if values.get('kind') == 'via' else values.get('kind')
+    made = CLAUSES[fields.as_choice(kind, f'{where}: kind', CLAUSES)]
     where = f'{where} ({kind})'
-    if issubclass(CLAUSES[kind], Unknown):
-        return CLAUSES[kind](**CLAUSES[kind].read(fields, where))
-    strength = fields.get('strength', MUST)
-    if strength not in STRENGTHS:
-        raise SpecificationError(
-            f'{where}: strength: {short_repr(strength)} is neither must nor should'
-        )
-    guessed = fields.get('guessed', False)
-    if not isinstance(guessed, bool):
-        raise SpecificationError(f'{where}: guessed: {short_repr(guessed)} is not true or false')
-    asked = fields.get('unsure')
-    unsure = as_text(asked, f'{where}: unsure', MAX_QUESTION_CHARS) if asked else ''
-    own = CLAUSES[kind].read(fields, where)
-    return CLAUSES[kind](strength, unsure or (GUESSED if guessed else ''), **own)
+    own = made.read(values, where)
+    if issubclass(made, Unknown):
+        return made(**own)
+    strength = fields.as_choice(values.get('strength', MUST), f'{where}: strength', STRENGTHS)
+    asked = values.get('unsure') or (GUESSED if values.get('guessed') else '')
+    unsure = fields.as_text(asked, f'{where}: unsure', fields.MAX_QUESTION_CHARS) if asked else ''
+    return made(strength, unsure, **own)

@@ -19,21 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.instructions.interpretation import Interpretation
-from llm_astar_planner.waypoints.transcript import (
-    TranscriptError,
-    TranscriptWriter,
-    check_names,
-    check_type,
-    is_about_instruction,
-    read_records,
-)
+from llm_astar_planner.waypoints import transcript as transcripts
 
 _LOG = logging.getLogger(__name__)
-_TYPES: dict[str, tuple[type, ...]] = {
-    'str': (str,),
-    'float': (int, float),
-    'int': (int,),
-}
+_TYPES: dict[str, tuple[type, ...]] = {'str': (str,), 'float': (int, float), 'int': (int,)}
 
 
 @dataclass(frozen=True)
@@ -73,7 +62,7 @@ class InstructionRecorder:
 
     def __init__(self, path: str | Path) -> None:
         """Open the file for appending. Raises TranscriptError where it cannot be written."""
-        self._writer = TranscriptWriter(path)
+        self._writer = transcripts.TranscriptWriter(path)
 
     def write(self, exchange: Exchange, interpretation: Interpretation) -> None:
         """Append one exchange and what was made of it."""
@@ -90,16 +79,17 @@ def read_exchanges(path: str | Path) -> list[Exchange]:
     """
     return [
         parse_exchange(record, where)
-        for where, record in read_records(Path(path))
-        if is_about_instruction(record)
+        for where, record in transcripts.read_records(Path(path))
+        if transcripts.is_about_instruction(record)
     ]
 
 
 def parse_exchange(record: Mapping[str, Any], where: str) -> Exchange:
     """Validate one line. Raises TranscriptError that begins with `where` and names the field."""
     for field in fields(Exchange):
+        name = f'{where}: {field.name}'
         if field.name not in record:
-            raise TranscriptError(f'{where}: {field.name}: is missing')
-        check_type(record[field.name], _TYPES[str(field.type)], f'{where}: {field.name}')
-    check_names(record, where, 'model')
+            raise transcripts.TranscriptError(f'{name}: is missing')
+        transcripts.check_type(record[field.name], _TYPES[str(field.type)], name)
+    transcripts.check_names(record, where, 'model')
     return Exchange(**{field.name: record[field.name] for field in fields(Exchange)})

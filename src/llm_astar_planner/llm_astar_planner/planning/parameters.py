@@ -55,8 +55,7 @@ COSTMAP, SOURCE = tuple(costmap.COSTMAP.values()), tuple(waypoints.SOURCE.values
 SEARCH, REQUESTS = group('search'), group('requests')
 # Parameters of llm_client_node that name an address, a key or a file.
 FIXED = (
-    'base_url', 'api_key_env', 'prompt', 'examples_file', 'instruction_examples', 'transcript',
-    'record', 'dataset',
+    'base_url', 'api_key_env', 'prompt', 'examples_file', 'transcript', 'record', 'dataset',
 )  # fmt: skip
 HIDDEN: dict[str, Any] = {'node_only': True, 'cli_default': None, 'cli_reason': ''}
 SET_BEFORE = '; planner_node sets it before it asks'

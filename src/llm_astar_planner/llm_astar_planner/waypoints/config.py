@@ -60,8 +60,6 @@ class SourceSettings:
       template's own examples; 0: none do
     - `examples_file`: Dataset of barrier maps that examples are retrieved from: a path, or a name
       in `maps/`; empty: `samples_1000.json`
-    - `instruction_examples`: File of worked examples by which a model learns how to read
-      instructions; empty: the shipped ones (`instructions/model/examples.json`)
     - `response_format`: Response format to ask the endpoint for
     - `candidates`: How many routes `embedded` samples before it returns the best one; 1 is its
       greedy route
@@ -93,7 +91,6 @@ class SourceSettings:
     prompt_form: str = parameter(sources.MESSAGE, choices=sources.FORMS)
     retrieved_examples: int = parameter(0, between=(0, 100))
     examples_file: str = parameter('')
-    instruction_examples: str = parameter('')
     response_format: str = parameter('text', choices=sources.RESPONSE_FORMATS)
     candidates: int = parameter(8, between=(1, 64))
     temperature: float = parameter(0.0, between=(0.0, 2.0))

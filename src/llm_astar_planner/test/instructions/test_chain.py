@@ -17,7 +17,6 @@ from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.interpretation import Interpretation, Understanding
-from llm_astar_planner.instructions.model.prompt import ExamplesError
 from llm_astar_planner.instructions.regions import NamedPlace
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.waypoints.config import SettingsError
@@ -312,8 +311,6 @@ def test_the_settings_of_a_source_make_the_chain(chat_server, tmp_path):
     assert LOBBY.regions == live.specification.clauses[0].regions
     replay = make_interpreter({'source': 'replay', 'transcript': str(record)})
     assert replay.interpret(text, HOSPITAL, 1.0).specification == live.specification
-    with pytest.raises(ExamplesError, match='nowhere'):
-        make_interpreter({**values, 'instruction_examples': 'nowhere.json'})
     with pytest.raises(SettingsError, match='base_url'):
         make_interpreter({'source': 'endpoint', 'base_url': 'ftp://x'})
 

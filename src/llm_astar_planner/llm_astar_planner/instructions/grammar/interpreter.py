@@ -3,7 +3,6 @@
 
 """Understands route instructions by a grammar, without a model, in a millisecond."""
 
-import re
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,18 +12,10 @@ from operator import attrgetter
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.before import Before
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Clauses
-from llm_astar_planner.instructions.clauses.count import Count
-from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.clauses.never_after import NeverAfter
-from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.clauses.stay_in import StayIn
-from llm_astar_planner.instructions.clauses.then import Then
 from llm_astar_planner.instructions.clauses.unknown import Unknown
-from llm_astar_planner.instructions.clauses.unsupported import ABOUT, Unsupported
+from llm_astar_planner.instructions.clauses.unsupported import Unsupported
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar import meaning
@@ -47,11 +38,6 @@ from llm_astar_planner.instructions.regions import AnyOf, Except, NamedPlace, Re
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 NAME = 'grammar'
-# What a canonical sentence quotes: what was not understood, and what a path does not have.
-CANONICAL = re.compile(
-    r'not understood: "(?P<text>[^"]{1,80})"|"(?P<words>[^"]{1,80})" is about (?P<about>'
-    f'{"|".join(ABOUT)}), which a path does not have'
-)
 # Places that a question names.
 MOST_NAMED = 6
 # A language is tried if it knows at least this share of the words that the best one knows.
@@ -325,12 +311,8 @@ class Assembler:
         clauses = self.in_flow(piece, parsed)
         self.refuse_times(piece, clauses)
         # Of visits 'but not' is to avoid it; of what is avoided it is an exception.
-        if 'EXCEPTNOT' in piece.kinds and not {*map(type, clauses)} <= {
-            Visit,
-            Avoid,
-            KeepDistance,
-        }:
-            raise Unclear('but not what')
+        is_exception = kinds_of(clauses) <= {'visit', 'avoid', 'keep_distance'}
+        unclear_if('EXCEPTNOT' in piece.kinds and not is_exception, 'but not what')
         if 'AFTERYOU' in piece.kinds and SAID['perfect'].search(self.words_of(piece)):
             visits = [clause for clause in clauses if isinstance(clause, Visit)]
             clauses += befores_of(*visits) if len(visits) == 2 else ()
@@ -344,9 +326,9 @@ class Assembler:
             self.is_refusal_open and goes_on and not piece.preference_leads
         )
         self.is_preference_open = piece.preference_leads or (self.is_preference_open and goes_on)
-        is_sought = any(isinstance(one, (Visit, EndAt, Then, Count)) for one in clauses)
-        if is_sought and (piece.is_refusal or self.is_refusal_open):
-            raise Unclear('unless there is another way to what')
+        if piece.is_refusal or self.is_refusal_open:
+            is_sought = kinds_of(clauses) & {'visit', 'end_at', 'then', 'count'}
+            unclear_if(is_sought, 'unless there is another way to what')
         if piece.is_preference or self.is_preference_open:
             clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
         return clauses + tuple(unsupported)
@@ -373,7 +355,7 @@ class Assembler:
     def refuse_times(self, piece: Piece, clauses: Sequence[Clause]) -> None:
         """Raise Unclear for a time at what is not only visited: 'avoid the lab before noon'."""
         is_timed = any(one.value in ('time', 'waiting') for one in piece.unsupported)
-        only_visits = all(isinstance(clause, (Visit, EndAt, Before)) for clause in clauses)
+        only_visits = kinds_of(clauses) <= {'visit', 'end_at', 'before'}
         unclear_if(is_timed and not only_visits, 'at a time, or always')
         unclear_if(piece.unsupported and 'NEG' in piece.kinds, 'not so, or not at all')
 
@@ -400,23 +382,20 @@ class Assembler:
         if is_bare and is_other and piece.link in ('AND', 'COMMA'):
             # The end of 'avoid A and through B'.
             raise Unclear('not through it, or through it')
+        follows = isinstance(self.previous, Visit) and piece.link in ('BUT', 'COMMA', 'AND')
+        unclear_if(reading.is_negative and not follows, 'a place without a verb')
         if reading.things:
             clauses = self.bare_visits(piece, reading.things)
-        elif reading.is_negative and not (
-            isinstance(self.previous, Visit) and piece.link in ('BUT', 'COMMA', 'AND')
-        ):
-            raise Unclear('a place without a verb')
-        is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
+        is_visit = kinds_of(clauses) <= {'visit', 'before'}
         visited = [one.regions for one in clauses if isinstance(one, Visit)]
-        if piece.order != 'ANYORDER' and any(len(set(one)) < len(one) for one in visited):
-            raise Unclear('the same place twice')
+        if piece.order != 'ANYORDER':
+            unclear_if(any(len({*one}) < len(one) for one in visited), 'the same place twice')
         is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
-        is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
-        is_then = all(isinstance(clause, (Then, NeverAfter)) for clause in clauses)
-        if piece.is_later and not is_then and not (is_one and is_after_visit):
-            raise Unclear('which of them afterwards')
-        if piece.is_first and is_after_visit and piece.link != 'BUT':
-            raise Unclear('first, after another visit')
+        is_one = len(clauses) == 1 and (is_visit or clauses[0].kind == 'end_at')
+        is_told = kinds_of(clauses) <= {'then', 'never_after'} or (is_one and is_after_visit)
+        unclear_if(piece.is_later and not is_told, 'which of them afterwards')
+        is_too_late = piece.is_first and is_after_visit and piece.link != 'BUT'
+        unclear_if(is_too_late, 'first, after another visit')
         unclear_if(piece.link == 'THEN' and piece.goes_on and not self.parts, 'to go on with what')
         if piece.is_first and 'BEFORE' in piece.kinds and len(clauses) == 2 and is_visit:
             clauses += befores_of(*clauses)  # type: ignore[arg-type]
@@ -424,20 +403,18 @@ class Assembler:
             clauses = last_of(piece, clauses)
         if piece.is_strict and before is not None and isinstance(clauses[0], Visit):
             clauses += befores_of(before, clauses[0])
-        ends = (EndAt, Visit)
-        is_end = piece.link == 'THEN' and all(isinstance(clause, ends) for clause in clauses)
-        if (in_turn or piece.order) and not (is_visit or is_end):
-            raise Unclear('only visits have an order')
+        is_visit |= piece.link == 'THEN' and kinds_of(clauses) <= {'end_at', 'visit'}
+        unclear_if((in_turn or piece.order) and not is_visit, 'only visits have an order')
         return ordered(clauses, piece.order)
 
     def bare_visits(self, piece: Piece, things: meaning.Things) -> Clauses:
         """Return the visit of places without a verb, 'then the lab'. Raises Unclear."""
-        in_turn = piece.link == 'THEN' or 'LAST' in piece.said
-        if not (piece.is_first or (in_turn and isinstance(self.previous, (Visit, Before)))):
-            raise Unclear('a place without a verb')
+        is_last = 'LAST' in piece.said
+        goes_on = (piece.link == 'THEN' or is_last) and isinstance(self.previous, (Visit, Before))
+        unclear_if(not piece.is_first and not goes_on, 'a place without a verb')
         visit = meaning.visit_of(things)
-        if 'LAST' in piece.said and set(visit.regions) & known_visits(self.parts):
-            raise Unclear('the same place twice')
+        is_again = is_last and known_visits(self.parts) & {*visit.regions}
+        unclear_if(is_again, 'the same place twice')
         return (visit,)
 
     def has_room_for(self, clauses: Sequence[Clause]) -> bool:
@@ -464,6 +441,11 @@ def last_of(piece: Piece, clauses: Clauses) -> Clauses:
     return clauses
 
 
+def kinds_of(clauses: Sequence[Clause]) -> set[str]:
+    """Return the kinds of clauses."""
+    return {clause.kind for clause in clauses}
+
+
 def known_visits(parts: Sequence[ReadPiece]) -> set[Region]:
     """Return the regions that parts ask to visit."""
     return {region for part in parts for visit in part.visits for region in visit.regions}
@@ -476,7 +458,7 @@ def some_of(names: Sequence[str]) -> str:
 
 def entered_in(clause: Clause, places: Places) -> set[str]:
     """Return the places of which a clause says that they themselves are entered."""
-    if isinstance(clause, (Avoid, KeepDistance, Pass)):
+    if clause.kind in ('avoid', 'keep_distance', 'pass'):
         return set()
     wholes = [
         one for one in clause.regions if isinstance(one, (NamedPlace, Tagged, Except, AnyOf))
@@ -563,7 +545,7 @@ def ordered(clauses: Clauses, order: str) -> Clauses:
 
 def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
     """Drop 'visit all rooms, not the lab': a set, and one of it that is treated otherwise."""
-    for kind, other in ((Visit, Avoid), (Avoid, Visit)):
+    for kind, other in (('visit', 'avoid'), ('avoid', 'visit')):
         sets = [part for part in parts if 'NOUN' in part.piece.kinds]
         singles = {
             name: part
@@ -577,11 +559,11 @@ def drop_exceptions(parts: Sequence[ReadPiece], places: Places) -> None:
                 part.drop()
 
 
-def place_names(part: ReadPiece, kind: type[Clause], places: Places) -> set[str]:
+def place_names(part: ReadPiece, kind: str, places: Places) -> set[str]:
     """Return the places that clauses of a kind, avoid or visit, name; of avoid those of tags."""
-    regions = [one for clause in part.clauses if type(clause) is kind for one in clause.regions]
+    regions = [one for clause in part.clauses if clause.kind == kind for one in clause.regions]
     found = {region.place for region in regions if isinstance(region, NamedPlace)}
-    if kind is Avoid:
+    if kind == 'avoid':
         tags = [region.tag for region in regions if isinstance(region, Tagged)]
         found |= {place.name for tag in tags for place in places.with_tag(tag)}
     return found
@@ -600,13 +582,12 @@ def drop_withdrawn(parts: Sequence[ReadPiece]) -> None:
 
 def drop_timed(parts: Sequence[ReadPiece]) -> None:
     """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
-    ended, goes_on = (StayIn, EndAt), (Visit, Before, Then, Unsupported)
     for part, after in pairwise(parts):
-        is_ended = any(
-            isinstance(one, ended) if 'END' in after.piece.kinds else not isinstance(one, goes_on)
-            for one in part.clauses
-        )
-        if after.piece.link == 'THEN' and is_ended:
+        kinds = kinds_of(part.clauses)
+        ended = kinds - {'visit', 'before', 'then', 'unsupported'}
+        if 'END' in after.piece.kinds:
+            ended = kinds & {'stay_in', 'end_at'}
+        if after.piece.link == 'THEN' and ended:
             part.drop()
 
 
@@ -656,9 +637,9 @@ def without_quoted(text: str) -> tuple[str, list[tuple[int, Clause]]]:
             if match['about']
             else Unknown(text=match['text']),
         )
-        for match in CANONICAL.finditer(text)
+        for match in SAID['canonical'].finditer(text)
     ]
-    return CANONICAL.sub(lambda match: ';' * len(match[0]), text), found
+    return SAID['canonical'].sub(lambda match: ';' * len(match[0]), text), found
 
 
 def result_of(

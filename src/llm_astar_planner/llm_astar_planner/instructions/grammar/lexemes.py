@@ -9,17 +9,18 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import groupby, pairwise
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Place
 
-from llm_astar_planner.instructions.grammar.lexicon import Group
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS
+from llm_astar_planner.instructions.grammar.lexicon import HEAD, WALL, Group
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, read_table
 from llm_astar_planner.instructions.regions import Box
 
-# Metres. A number beyond it is no place on a map.
-MOST = 1e6
+# No more than on the way, but not after a 'not'.
+BEFORE_GOAL = 'before the goal'
 # Lexemes that say nothing before some others: 'the point | 20, 12', 'at least | 3 m'.
 GO_WITH = {
     'POINTWORD': ('POINT',),
@@ -183,33 +184,17 @@ def errand(run: Sequence[Lexeme]) -> Lexeme:
     return joined(run, 'FETCH', 'errand')
 
 
-# Runs of lexemes as text, see `tag_of`, and what each is put together to; the first one counts.
-LINE = '(?:AXIS (?:(?:=|OF|SIGNEQ) )?NUMBER (?:UNIT )?)'
-LINES = f'{LINE}(?:(?:COMMA|AND) )*{LINE}'
-# How often, with the limit before or after the number.
-OFTEN = (
-    '(?:(?:ATLEAST|ATMOST|EXACTLY|MORETHAN|LESSTHAN|ONLY) (?:TIMES|NUMBER) (?:TIMESWORD ){0,2}|'
-    '(?:TIMES|NUMBER) (?:(?:ORMORE |AT(?:MOST|LEAST) (?!TIMES |NUMBER ))?(?:TIMESWORD )?){2})'
-)
-# Words before a time or before who is followed, which belong to it.
-LEADS = '(?:(?:BEFORE|BY|IN|UPON|AT|PURPOSE|ATLEAST) )?(?:ATLEAST )?'
-BEFORE_TIME = '(?:(?:IN|BY|BEFORE|UPON|AT|PURPOSE|WITHIN|TO) )?'
-# What may stand between a verb of fetching and the end of what is fetched.
-ERRANDS = 'THING|PERSON|PRONOUN|NUMBER|RECTANGLE|THIS|ANY_ARTICLE|ANY|YOUR|AND'
-COMBINATIONS: tuple[tuple[str, Callable[[Sequence[Lexeme]], Lexeme | None]], ...] = (
-    (f'ANYTIMES |{OFTEN}(?:(?<!TIMES )(?<!TIMESWORD )AND (?=ATMOST ){OFTEN})*', times),
-    (f'FETCH (?:(?:{ERRANDS}) )*(?:THING|PERSON|PRONOUN|RECTANGLE) ', errand),
-    ('ALONG PERSON ', following),
-    (f'(?:UNSUPPORTED|WAIT) {LEADS}(?:(?:NUMBER )?TIMEWORD|PERSON) |UNSUPPORTED ', moment),
-    (f'{BEFORE_TIME}{LEADS}(?:NUMBER )?TIMEWORD ', moment),
-    ('NUMBER UNIT |NUMBER COMMA NUMBER UNIT ', length),
-    (rf'[(\[] (?:{LINES}|NUMBER (?:COMMA )?NUMBER )[)\]] ', point),
-    (f'{LINES}|NUMBER COMMA NUMBER (?!UNIT )', point),
-    ('AXIS (?:ABOVE|BELOW) NUMBER (?:UNIT )?', axis_range),
-    ('AXIS (?:FROM|BETWEEN|OF) NUMBER (?:TO|AND) NUMBER ', axis_range),
-    (LINE, axis_line),
-    (f'(?:BETWEEN|FROM) {LINE}(?:AND|TO) {LINE}', axis_range),
-)
+# The first one whose run is found counts.
+COMBINE = (times, errand, following, moment, length, point, axis_range, axis_line)
+
+
+@cache
+def combinations() -> list[tuple[re.Pattern[str], Callable[[Sequence[Lexeme]], Lexeme | None]]]:
+    """Return what runs of lexemes look like, of `runs.yaml`, and what puts each together."""
+    runs: dict[str, str] = {}
+    for name, pattern in read_table('runs').items():
+        runs[name] = pattern % runs
+    return [(re.compile(runs[one.__name__]), one) for one in COMBINE]
 
 
 def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -218,8 +203,8 @@ def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     text = ''.join(f'{tag_of(lexeme)} ' for lexeme in lexemes)
     at = begin = 0
     while at < len(lexemes):
-        for pattern, combine in COMBINATIONS:
-            match = re.compile(pattern).match(text, begin)
+        for pattern, combine in combinations():
+            match = pattern.match(text, begin)
             run = lexemes[at : at + match[0].count(' ')] if match else ()
             lexeme = combine(run) if run else None
             if lexeme is not None:
@@ -317,3 +302,97 @@ def with_pronouns(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
         elif result and result[-1].kind in KINDS.before_it:
             result.append(replace(lexeme, value='one'))
     return result
+
+
+def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes without articles and filling words; the doubt about one goes to the next.
+
+    After a place a letter, or a word such as 'path', is a part of a name that the map lacks.
+    """
+    kept: list[Lexeme] = []
+    doubts: tuple[tuple[str, str], ...] = ()
+    was_article = False
+    for lexeme, after in zip(scanned, kinds_after(scanned)):
+        before = kept[-1] if kept else Lexeme('', '', 0, -1)
+        is_name = is_part_of_name(before, lexeme, after) or (
+            was_article and lexeme.kind in ('MUST', 'THEN') and lexeme.value not in KINDS.unnaming
+        )
+        # 'then second bench': a link already, so it tells which one.
+        is_name |= before.kind == 'THEN' == lexeme.kind and lexeme.other == 'ORDINAL'
+        was_article = lexeme.kind == 'ARTICLE'
+        if is_name:
+            kept.append(replace(lexeme, kind='UNKNOWN'))
+        elif lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
+            goal = replace(lexeme, kind='ENDPOINT', value='goal')
+            kept += [replace(lexeme, kind='BEFORE', value=''), goal]
+        elif lexeme.kind in KINDS.left_out:
+            doubts += lexeme.doubts
+        else:
+            kept.append(replace(lexeme, doubts=doubts + lexeme.doubts))
+            doubts = ()
+    if doubts and kept:
+        kept[-1] = replace(kept[-1], doubts=kept[-1].doubts + doubts)
+    return kept
+
+
+def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
+    """Whether a word right after a place makes another name of it, that the map lacks."""
+    if place.kind not in ('PLACE', 'NOUN'):
+        return False
+    if lexeme.kind == 'MUST':
+        return lexeme.value in KINDS.parts_of_names
+    is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
+    if lexeme.kind in ('AND', 'OR'):
+        return is_letter and not after
+    return (
+        is_letter and lexeme.kind in ('ARTICLE', 'ANY_ARTICLE') and after not in KINDS.with_article
+    )
+
+
+def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Settle articles and nouns by the lexemes next to them.
+
+    'a' means any one before a noun and nothing elsewhere; a noun that means one place is it.
+    """
+    result: list[Lexeme] = []
+    for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
+        following = after.kind if after else ''
+        if lexeme.kind == 'ANY_ARTICLE':
+            if following == 'NOUN' or following in KINDS.adjectives:
+                result.append(replace(lexeme, kind='ANY', value='any'))
+            continue
+        if lexeme.kind == 'THIS':
+            is_group = after is not None and following != 'PLACE' and as_place(after) is after
+            if is_group and (following == 'NOUN' or following in KINDS.adjectives):
+                result.append(replace(lexeme, kind='UNKNOWN'))
+            continue
+        before = result[-1] if result else Lexeme('', '', 0, 0)
+        if any(tells_all(other, lexeme) for other in (before, after)):
+            # What is left are the doubts of other words than the noun itself.
+            lexeme = replace(lexeme, doubts=tuple(one for one in lexeme.doubts if one[1]))  # noqa: PLW2901
+        result.append(lexeme if before.kind in KINDS.adjectives else as_place(lexeme))
+    return result
+
+
+def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
+    """Whether a tag of the map tells the places, whatever the noun beside it: 'blue rooms'."""
+    if tag is None or tag.kind != 'TAG' or tag.doubts or not isinstance(noun.value, Group):
+        return False
+    return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
+
+
+def as_place(lexeme: Lexeme) -> Lexeme:
+    """Return a noun that means exactly one place as that place; walls in plural stay a group."""
+    group = lexeme.value
+    if not isinstance(group, Group) or len(group.places) != 1:
+        return lexeme
+    if group.noun == WALL and group.plural:
+        return lexeme
+    is_part = group.own == HEAD and not lexeme.doubts
+    doubts = ((group.words, ''),) if is_part else lexeme.doubts
+    return replace(lexeme, kind='PLACE', value=group.places[0], doubts=doubts)
+
+
+def composed(scanned: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes without filling words, those put together that mean one thing."""
+    return settled(in_context(combined(told_apart(with_pronouns(without_fillers(scanned))))))

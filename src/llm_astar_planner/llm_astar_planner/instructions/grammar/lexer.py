@@ -8,25 +8,11 @@ from dataclasses import dataclass, replace
 
 from llm_astar_msgs_adapter.maps.places import Place
 
-from llm_astar_planner.instructions.grammar.lexemes import (
-    MOST,
-    Lexeme,
-    combined,
-    joined,
-    kinds_after,
-    settled,
-    told_apart,
-    with_pronouns,
-)
-from llm_astar_planner.instructions.grammar.lexicon import HEAD, KIND, Group, Lexicon
+from llm_astar_planner.instructions.fields import FAR
+from llm_astar_planner.instructions.grammar.lexemes import BEFORE_GOAL, Lexeme, composed, joined
+from llm_astar_planner.instructions.grammar.lexicon import KIND, WALL, Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
-from llm_astar_planner.instructions.grammar.vocabulary import (
-    KINDS,
-    Meaning,
-    Noun,
-    Vocabulary,
-    nouns,
-)
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, Noun, Vocabulary, nouns
 from llm_astar_planner.instructions.grammar.words import Word, errors_between, squeezed
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
@@ -36,23 +22,17 @@ SHORTEST = 4
 LENGTHS = ((6, 1), (9, 2))
 # How far a longer word, 'officer', may be from a name that it begins with.
 LONGER = 5
-# No more than on the way, but not after a 'not'.
-BEFORE_GOAL = 'before the goal'
 SIGNS = {
     ',': 'COMMA', '-': 'COMMA', '\u2013': 'COMMA', '\u2014': 'COMMA', ':': 'COLON', '&': 'AND',
     ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', '<': 'BELOW', '>': 'ABOVE',
 }  # fmt: skip
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
-WALL = 'wall'
 # How many words a phrase takes, what it may mean (kinds and values), and whether it may mean
 # something else: a synonym, or a word for a category.
 Phrase = tuple[int, list[tuple[str, object]], bool]
 NO_PHRASE: Phrase = (0, [], False)
-# What a letter, or one of these words, makes another name of: 'kitchen A', 'kitchen path'.
-PARTS_OF_NAMES = frozenset({'path', 'route', 'way', 'area', 'place'})
-# After an article other filling words are names.
-AFTER_ARTICLE = PARTS_OF_NAMES | {'whole', 'entire', 'robot', 'paths'}
+Meaning = Sequence[tuple[str, str]]
 # Letters of the longest side that begins a compound.
 LONGEST_SIDE = 8
 
@@ -94,8 +74,7 @@ class Lexer:
             count, found = self.scan(words, at)
             scanned += found
             at += count
-        kept = without_fillers(scanned)
-        found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
+        found = resolved(composed(scanned))
         ends = [one for one in scanned if one.kind == 'ENROUTE' and one.value != BEFORE_GOAL]
         return [*found, *ends[:1]]
 
@@ -204,7 +183,7 @@ class Lexer:
             units, _, decimals = word.text.lstrip('-').partition('.')
             may_be_thousands = len(decimals) == 3 and units != '0'
             is_clear = self.vocabulary.language == 'en' or not may_be_thousands
-            return 'NUMBER' if is_clear and abs(float(word.text)) <= MOST else 'UNKNOWN'
+            return 'NUMBER' if is_clear and abs(float(word.text)) <= FAR else 'UNKNOWN'
         if word.text in SIGNS or not word.is_letters:
             return SIGNS.get(word.text, 'SIGN')
         articles = {
@@ -283,95 +262,6 @@ def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[L
         Lexeme(kind, value or (text if kind in KINDS.left_out else ''), start, end, *other, doubts)
         for kind, value in meanings[0]
     ]
-
-
-def without_fillers(scanned: Sequence[Lexeme]) -> list[Lexeme]:
-    """Return lexemes without articles and filling words; the doubt about one goes to the next.
-
-    After a place a letter, or a word such as 'path', is a part of a name that the map lacks.
-    """
-    kept: list[Lexeme] = []
-    doubts: tuple[tuple[str, str], ...] = ()
-    was_article = False
-    for lexeme, after in zip(scanned, kinds_after(scanned)):
-        before = kept[-1] if kept else Lexeme('', '', 0, -1)
-        is_name = is_part_of_name(before, lexeme, after) or (
-            was_article and lexeme.kind in ('MUST', 'THEN') and lexeme.value not in AFTER_ARTICLE
-        )
-        # 'then second bench': a link already, so it tells which one.
-        is_name |= before.kind == 'THEN' == lexeme.kind and lexeme.other == 'ORDINAL'
-        was_article = lexeme.kind == 'ARTICLE'
-        if is_name:
-            kept.append(replace(lexeme, kind='UNKNOWN'))
-        elif lexeme.value == BEFORE_GOAL and 'NEG' in {one.kind for one in kept}:
-            goal = replace(lexeme, kind='ENDPOINT', value='goal')
-            kept += [replace(lexeme, kind='BEFORE', value=''), goal]
-        elif lexeme.kind in KINDS.left_out:
-            doubts += lexeme.doubts
-        else:
-            kept.append(replace(lexeme, doubts=doubts + lexeme.doubts))
-            doubts = ()
-    if doubts and kept:
-        kept[-1] = replace(kept[-1], doubts=kept[-1].doubts + doubts)
-    return kept
-
-
-def is_part_of_name(place: Lexeme, lexeme: Lexeme, after: str) -> bool:
-    """Whether a word right after a place makes another name of it, that the map lacks."""
-    if place.kind not in ('PLACE', 'NOUN'):
-        return False
-    if lexeme.kind == 'MUST':
-        return lexeme.value in PARTS_OF_NAMES
-    is_letter = lexeme.end - lexeme.start == 1 and place.end + 1 == lexeme.start
-    if lexeme.kind in ('AND', 'OR'):
-        return is_letter and not after
-    return (
-        is_letter and lexeme.kind in ('ARTICLE', 'ANY_ARTICLE') and after not in KINDS.with_article
-    )
-
-
-def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Settle articles and nouns by the lexemes next to them.
-
-    'a' means any one before a noun and nothing elsewhere; a noun that means one place is it.
-    """
-    result: list[Lexeme] = []
-    for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
-        following = after.kind if after else ''
-        if lexeme.kind == 'ANY_ARTICLE':
-            if following == 'NOUN' or following in KINDS.adjectives:
-                result.append(replace(lexeme, kind='ANY', value='any'))
-            continue
-        if lexeme.kind == 'THIS':
-            is_group = after is not None and following != 'PLACE' and as_place(after) is after
-            if is_group and (following == 'NOUN' or following in KINDS.adjectives):
-                result.append(replace(lexeme, kind='UNKNOWN'))
-            continue
-        before = result[-1] if result else Lexeme('', '', 0, 0)
-        if any(tells_all(other, lexeme) for other in (before, after)):
-            # What is left are the doubts of other words than the noun itself.
-            lexeme = replace(lexeme, doubts=tuple(one for one in lexeme.doubts if one[1]))  # noqa: PLW2901
-        result.append(lexeme if before.kind in KINDS.adjectives else as_place(lexeme))
-    return result
-
-
-def tells_all(tag: Lexeme | None, noun: Lexeme) -> bool:
-    """Whether a tag of the map tells the places, whatever the noun beside it: 'blue rooms'."""
-    if tag is None or tag.kind != 'TAG' or tag.doubts or not isinstance(noun.value, Group):
-        return False
-    return set(noun.value.all_places.with_tag(str(tag.value))) <= set(noun.value.places)
-
-
-def as_place(lexeme: Lexeme) -> Lexeme:
-    """Return a noun that means exactly one place as that place; walls in plural stay a group."""
-    group = lexeme.value
-    if not isinstance(group, Group) or len(group.places) != 1:
-        return lexeme
-    if group.noun == WALL and group.plural:
-        return lexeme
-    is_part = group.own == HEAD and not lexeme.doubts
-    doubts = ((group.words, ''),) if is_part else lexeme.doubts
-    return replace(lexeme, kind='PLACE', value=group.places[0], doubts=doubts)
 
 
 def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

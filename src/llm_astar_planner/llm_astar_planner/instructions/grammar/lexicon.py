@@ -12,21 +12,9 @@ from llm_astar_msgs_adapter.maps.places import Place, Places
 
 from llm_astar_planner.instructions.grammar.spoken import NUMBERS, SMALL
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, Noun, nouns, vocabulary
-from llm_astar_planner.instructions.grammar.words import (
-    Phrases,
-    Word,
-    comparable,
-    phrase_words,
-    read_words,
-    word_set,
-)
+from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
 
-# What a name goes on with after its noun: 'door | between kitchen and lab'.
-PREPOSITIONS = word_set(
-    'of in at to between near by with from behind beside under over x y = von '
-    'zwischen im in am an zu zur zum bei mit de du des del entre en a con pour para'
-)
-AREA = 'area'
+AREA, WALL = 'area', 'wall'
 OBJECT, PASSAGE, ROOM, PLACE = 'object', 'passage', 'room', 'place'
 Members = tuple[Place, ...]
 # Of a place without a noun in its name, kind and tags.
@@ -172,7 +160,7 @@ def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
     for word, other in nouns().colours.items() if colour else ():
         if other == colour:
             tags.add((word,), tag)
-    count, _ = nouns().everywhere.longest(read_words(tag), 0)
+    count, _ = nouns().everywhere.longest(words, 0)
     if count < len(words):
         tags.add(words, tag)
         groups.add((*words[:-1], words[-1] + 's'), tag)
@@ -180,7 +168,8 @@ def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
 
 def head_of(words: tuple[str, ...]) -> tuple[str, ...]:
     """Return the words of a name up to its first preposition and without its identifier."""
-    end = next((n for n, word in enumerate(words) if n and word in PREPOSITIONS), len(words))
+    prepositions = nouns().prepositions
+    end = next((n for n, word in enumerate(words) if n and word in prepositions), len(words))
     while end > 1 and (len(words[end - 1]) == 1 or not words[end - 1].isalpha()):
         end -= 1
     return words[:end]
@@ -302,18 +291,14 @@ def variants(words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], bool]]:
 
 def is_synonym(words: tuple[str, ...], other: tuple[str, ...]) -> bool:
     """Whether the first noun of a name is said by a word that is not the usual one for it."""
-    found = [
-        nouns().everywhere.longest([Word(word, 0, 0) for word in phrase], 0)[1]
-        for phrase in (words, other)
-    ]
+    found = [nouns().everywhere.longest(phrase, 0)[1] for phrase in (words, other)]
     pairs = [(one, other) for one in found[0] for other in found[1] if one.name == other.name]
     return bool(pairs) and not any(is_same(one, other) for one, other in pairs)
 
 
 def translated(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
     """Yield the translations of 'rack A' (noun and identifier) and 'kitchen door' (two nouns)."""
-    read = [Word(word, 0, 0) for word in words]
-    count, first = nouns().everywhere.longest(read, 0)
+    count, first = nouns().everywhere.longest(words, 0)
     if not count or count == len(words):
         return
     rest = words[count:]
@@ -321,7 +306,7 @@ def translated(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
         for noun, language in itertools.product(first, LANGUAGES):
             for phrase in nouns().words[noun.name, language]:
                 yield (*phrase, *rest)
-    more, second = nouns().everywhere.longest(read, count)
+    more, second = nouns().everywhere.longest(words, count)
     if more == len(rest):
         yield from compounds(first, second)
 

@@ -42,6 +42,8 @@ DOOR = 'door'
 # Metres. What keeps away from a place, or avoids what nobody can enter, without a number.
 CLEAR = 1.0
 AWAY = 'away'
+# Sides of what lies so on the map, of a line of y or of a place, and of one of x.
+DIRECTIONS = {'ABOVE': ('north', 'east'), 'BELOW': ('south', 'west')}
 Things = tuple[Selection, ...]
 Modifiers = list[selection.Modifier]
 Described = tuple[Group, Modifiers]
@@ -200,21 +202,20 @@ def tokens_of(parts: tuple[Any, ...]) -> list[Token]:
     return [part for part in parts if isinstance(part, Token)]
 
 
-def two(parts: tuple[Any, ...]) -> list[Things]:
-    """Return the things among the parts of a clause."""
-    return [part for part in parts if isinstance(part, tuple)]
+class Later(Things):
+    """Things that come after the others of their clause, whichever were said first."""
+
+
+def in_turn(parts: tuple[Any, ...]) -> list[Things]:
+    """Return the things among the parts of a clause, those that come later last."""
+    found = [part for part in parts if isinstance(part, tuple)]
+    return sorted(found, key=lambda part: isinstance(part, Later))
 
 
 def visits(*in_turn: Things) -> Clauses:
     """Return the visits of some things, one after the other."""
     refused = tuple(one for things in in_turn for thing in things for one in thing.refused)
     return (*(visit_of(things) for things in in_turn), *avoid_of(refused))
-
-
-def beside(sides: tuple[str, str], line: Token) -> Selection:
-    """Return what lies on a side of a line: on the first of two sides of one of y, else of x."""
-    axis, at = value(line)
-    return Selection((selection.axis_half(sides[axis == 'x'], axis, at),), is_limit=True)
 
 
 @v_args(inline=True)
@@ -232,13 +233,10 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     # ---- avoid
 
-    def avoid(self, verb: Token, things: Things) -> Meant:
-        """'avoid A and B', 'stay clear of A'."""
-        return self.keep_away(things) if value(verb) == AWAY else avoid_of(things)
-
-    def skip(self, things: Things) -> Meant:
-        """'skip A', 'leave A alone'."""
-        return avoid_of(things)
+    def avoid(self, *parts: Any) -> Meant:
+        """'avoid A and B', 'skip A', 'leave A alone', but 'stay clear of A' keeps a distance."""
+        *verb, things = parts
+        return self.keep_away(things) if AWAY in map(value, verb) else avoid_of(things)
 
     def keep_away(self, things: Things) -> Meant:
         """'keep away from A', without a number; of 'all but A' it is to avoid them."""
@@ -300,7 +298,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def keep_distance(self, *parts: Any) -> Meant:
         """'keep 3 m away from A and B', 'do not approach A closer than 2 m'."""
-        (metres,), (things,) = tokens_of(parts), two(parts)
+        (metres,), (things,) = tokens_of(parts), in_turn(parts)
         return distance_of(things, float(value(metres)))
 
     # ---- visits
@@ -331,35 +329,25 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'there and back', 'come back'."""
         return Visit(regions=(regions.End('goal'),)), EndAt(region=regions.End('start'))
 
-    def visit_between(self, gap: Selection) -> Meant:
-        """'drive between A and B'."""
-        return visits((gap,))
-
     def enter(self, *tokens: Token) -> str:
         """'go through', 'take'; says whether it is 'pass by' or 'along'."""
         return tokens[0].type if tokens else ''
 
-    use = enter
-
-    def visit_by_way_of(self, *parts: Any) -> Meant:
-        """'go to B via A', 'before B visit A', 'visit B after A'."""
-        return visits(*two(parts)[::-1])
+    def later(self, things: Things) -> Things:
+        """'A' of 'visit A after B'."""
+        return Later(things)
 
     def visit_in_turn(self, *parts: Any) -> Meant:
         """'go through A to B', 'visit A before B', 'after A visit B'."""
-        return visits(*two(parts))
+        return visits(*in_turn(parts))
 
     def visit_after_you(self, *parts: Any) -> Meant:
         """'after you visit A, go to B': both, and B after each entry of A."""
-        return (*visits(*two(parts)), *after_each(Then, *two(parts)))
-
-    def visit_after_you_swapped(self, *parts: Any) -> Meant:
-        """'go to B after you visit A'."""
-        return self.visit_after_you(*two(parts)[::-1])
+        return (*visits(*in_turn(parts)), *after_each(Then, *in_turn(parts)))
 
     def only_after(self, how: str, *parts: Any) -> Meant:
         """'visit B only after A': both, and B not before; 'enter B only after A' asks for none."""
-        seconds, firsts = two(parts)
+        firsts, seconds = in_turn(parts)
         orders = befores(firsts, seconds)
         return orders if how == 'ENTER' else (*visits(firsts, seconds), *orders)
 
@@ -367,37 +355,27 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def then(self, *parts: Any) -> Meant:
         """'once you visit A, you must go to B'."""
-        return after_each(Then, *two(parts))
-
-    def then_swapped(self, *parts: Any) -> Meant:
-        """'go to B once you have visited A'."""
-        return after_each(Then, *two(parts)[::-1])
+        return after_each(Then, *in_turn(parts))
 
     def never_after(self, *parts: Any) -> Meant:
         """'after A never B', 'once in A do not enter B'."""
-        return after_each(NeverAfter, *two(parts))
-
-    never_avoid = never_after
-
-    def never_swapped(self, *parts: Any) -> Meant:
-        """'do not enter B after A'."""
-        return after_each(NeverAfter, *two(parts)[::-1])
+        return after_each(NeverAfter, *in_turn(parts))
 
     def count(self, *parts: Any) -> Meant:
         """'visit A at most twice'."""
-        (times,), (things,) = tokens_of(parts), two(parts)
+        (times,), (things,) = tokens_of(parts), in_turn(parts)
         return count_of(things, *value(times)[:2])
 
     def count_not(self, *parts: Any) -> Meant:
         """'never go to A more than twice'."""
-        (times,), (things,) = tokens_of(parts), two(parts)
+        (times,), (things,) = tokens_of(parts), in_turn(parts)
         least, most, turns = value(times)
         unclear_if(not turns, 'not so often')
         return count_of(things, 0, least - 1) if least else count_of(things, int(most) + 1, None)
 
     def before(self, *parts: Any) -> Meant:
         """'A must be visited before B'; of several, each of them."""
-        return befores(*two(parts))
+        return befores(*in_turn(parts))
 
     def visit_before(self, _: str, first: Things, how: str, second: Things) -> Meant:
         """'visit A before you enter B', which need not be; 'visit A before going to B'."""
@@ -406,10 +384,6 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def before_visit(self, how: str, second: Things, _: str, first: Things) -> Meant:
         """'before you enter B, visit A'."""
         return self.visit_before('', first, how, second)
-
-    def before_swapped(self, *parts: Any) -> Meant:
-        """'do not enter B before A'."""
-        return befores(*two(parts)[::-1])
 
     def move_in(self, thing: Selection) -> Meant:
         """'drive in the north half'."""
@@ -434,7 +408,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def keep_to(self, thing: Selection) -> Meant:
         """'keep to the south side'."""
         refuse_half_of_object(thing)
-        if isinstance(thing.one, regions.Box) and selection.outside(thing.one) is not None:
+        if isinstance(thing.one, regions.Box) and thing.one.outside:
             return self.stay_field(thing)
         return StayIn(SHOULD, region=thing.one)
 
@@ -447,8 +421,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         region = thing.one
         if not isinstance(region, regions.Box):
             raise Unclear('to stay in what')
-        beyond = selection.outside(region)
-        return StayIn(region=region) if beyond is None else Avoid(region=beyond)
+        return Avoid(region=region.outside) if region.outside else StayIn(region=region)
 
     def take(self, thing: Selection) -> Meant:
         """'take the middle aisle' is to drive along it, 'take the door' is to go through."""
@@ -518,15 +491,7 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def pass_of(self, side: Token, thing: Selection) -> Meant:
         """'pass north of A'."""
-        return self.pass_at((thing,), str(value(side)))
-
-    def pass_above(self, thing: Selection) -> Meant:
-        """'pass above A', on the map."""
-        return self.pass_at((thing,), 'north')
-
-    def pass_below(self, thing: Selection) -> Meant:
-        """'pass below A', on the map."""
-        return self.pass_at((thing,), 'south')
+        return self.pass_at((thing,), str(DIRECTIONS.get(side.type, [value(side)])[0]))
 
     def pass_half(self, thing: Selection) -> Meant:
         """'pass on the north side of A'."""
@@ -542,8 +507,6 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def at_side(self, *tokens: Token) -> str:
         """'on the north side'."""
         return next(str(value(token)) for token in tokens if token.type == 'SIDE')
-
-    own_side = toward_side = at_side
 
     # ---- the rest
 
@@ -571,12 +534,8 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             )
         return things
 
-    def choice(self, *things: Selection) -> Things:
-        """'A or B'."""
-        return (self.one_of(*things),)
-
     def one_of(self, *things: Selection) -> Selection:
-        """'A or B' within brackets."""
+        """'A or B'."""
         parts = tuple(
             region
             for thing in things
@@ -655,56 +614,29 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def half(self, *parts: Any) -> Selection:
         """'the north half of the lab'."""
         tokens = tokens_of(parts)
-        whole = next((part for part in parts if not isinstance(part, Token)), None)
-        return selection.half_of(
-            self.at_side(*tokens), 'HALFNOUN' in {one.type for one in tokens}, whole
-        )
-
-    def of_map(self) -> str:
-        """'of the map'."""
-        return 'map'
-
-    def of_way(self) -> str:
-        """'of the direct way'."""
-        return 'way'
-
-    def of_place(self, thing: Selection) -> object:
-        """'of the lab'."""
-        return thing.place
+        whole = next((part.place for part in parts if isinstance(part, Selection)), None)
+        return selection.half_of(self.at_side(*tokens), {one.type for one in tokens}, whole)
 
     def field(self, side: Token, line: Token) -> Selection:
         """'north of y = 10'."""
-        return beside((value(side), value(side)), line)
-
-    def above(self, line: Token) -> Selection:
-        """'above y = 10'."""
-        return beside(('north', 'east'), line)
-
-    def below(self, line: Token) -> Selection:
-        """'below y = 10'."""
-        return beside(('south', 'west'), line)
+        axis, at = value(line)
+        upright, across = DIRECTIONS.get(side.type, (value(side),) * 2)
+        box = selection.axis_half(across if axis == 'x' else upright, axis, at)
+        return Selection((box,), is_limit=True)
 
     def limits(self, box: Token) -> Selection:
         """'x below 10', 'between y = 5 and y = 20'."""
         return Selection((selection.common_box(value(box)),), is_limit=True)
 
-    def ranges(self, box: Token) -> Selection:
-        """'the area with x from 1 to 2 and y above 3'."""
-        return Selection((selection.common_box(value(box)),))
+    def ranges(self, *boxes: Token) -> Selection:
+        """'the area with x from 1 to 2 and y above 3', 'the whole map'."""
+        return Selection((selection.common_box(value(boxes[0]) if boxes else ()),))
 
-    def whole(self) -> Selection:
-        """'the whole map'."""
-        return Selection((selection.common_box(()),))
-
-    def between(self, first: Selection, second: Selection) -> Selection:
-        """'between A and B'."""
-        return Selection((regions.Between(first.place.name, second.place.name),))
-
-    def between_two(self, pair: Selection) -> Selection:
-        """'between the racks', if there are two."""
-        unclear_if(len(pair.places) != 2, 'between which two')
-        first, second = pair.places
-        return Selection((regions.Between(first.name, second.name),))
+    def between(self, *ends: Selection) -> Selection:
+        """'between A and B', 'between the racks', if there are two."""
+        names = [place.name for end in ends for place in end.places]
+        unclear_if(len(names) != 2, 'between which two')
+        return Selection((regions.Between(*names),))
 
     def rectangle(self, corner: Token, other: Token) -> Selection:
         """'the rectangle from 1, 2 to 3, 4'."""

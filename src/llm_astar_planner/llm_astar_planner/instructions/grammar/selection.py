@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,16 +15,7 @@ from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
-from llm_astar_planner.instructions.regions import (
-    OPEN_SIDES,
-    ROUTE_SIDES,
-    AnyOf,
-    Box,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
+from llm_astar_planner.instructions.regions import AnyOf, Box, Half, NamedPlace, Region, Tagged
 
 NORTH, SOUTH, EAST, WEST = 'north', 'south', 'east', 'west'
 OPPOSITE = {NORTH: SOUTH, SOUTH: NORTH, EAST: WEST, WEST: EAST, 'left': 'right', 'right': 'left'}
@@ -204,8 +195,7 @@ def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifi
     if group.noun == WALL and is_bare and (group.plural or quantity.kind or not found):
         return Selection(is_walls=True, places=group.places)
     found = narrowed(group, found, narrowing, where)
-    if not found:
-        raise Unclear(f'there is no such place: {group.words}')
+    unclear_if(not found, f'there is no such place: {group.words}')
     tag = group.tag or common_tag(group, found, tags, is_told=quantity.kind != 'ANY')
     is_one = len(found) == 1 and not group.tag
     several = group.plural or quantity.kind == 'ALL'
@@ -253,7 +243,7 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        unclear_if(sides[0] in ROUTE_SIDES, 'left and right of what')
+        unclear_if(sides[0] in DRAWN, 'left and right of what')
     return list(extreme(found, compass))
 
 
@@ -263,28 +253,25 @@ def named_or(found: list[Place], side: str, otherwise: Sequence[Place]) -> list[
     return named if len(named) == 1 else list(otherwise)
 
 
-def half_of(side: str, is_half: bool, whole: object) -> Selection:
+def half_of(side: str, said: Collection[str], whole: Place | None) -> Selection:
     """Return a half of the map, of a place, or of the direct way. Raises Unclear.
 
-    `whole` is a place, 'map', 'way' or None.
+    `said` are the kinds of the words for it.
     """
-    if isinstance(whole, Place):
-        unclear_if(side in DRAWN and not is_half, 'the left or right side as drawn or as driven')
+    is_half, is_drawn = 'HALFNOUN' in said, side in DRAWN
+    if whole is not None:
+        unclear_if(is_drawn and not is_half, 'the left or right side as drawn or as driven')
         return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
-    if side in DRAWN and whole == 'map':
-        side = DRAWN[side]
-    elif side in DRAWN and whole is None and is_half:
-        raise Unclear('the left or right half of what')
-    elif side not in DRAWN and whole == 'way':
-        raise Unclear('the way has a left and a right side')
-    return Selection((Half(side),))
+    is_named = bool({'OFMAP', 'OFWAY'} & {*said})
+    unclear_if(is_drawn and is_half and not is_named, 'the left or right half of what')
+    unclear_if(not is_drawn and 'OFWAY' in said, 'the way has a left and a right side')
+    return Selection((Half(DRAWN[side] if is_drawn and 'OFMAP' in said else side),))
 
 
 def axis_half(side: str, axis: str, value: float) -> Box:
     """Return everything on a side of a line 'y = 22.5'. Raises Unclear for 'south of x = 3'."""
     side = DRAWN.get(side, side)
-    if (axis == 'y') != (side in (NORTH, SOUTH)):
-        raise Unclear(f'{side} of {axis} = {value:g}')
+    unclear_if((axis == 'y') != (side in (NORTH, SOUTH)), f'{side} of {axis} = {value:g}')
     is_low = side in (SOUTH, WEST)
     low, high = (-math.inf, value) if is_low else (value, math.inf)
     return axis_box(axis, low, high)
@@ -292,9 +279,8 @@ def axis_half(side: str, axis: str, value: float) -> Box:
 
 def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    x0, y0, x1, y1 = zip(OPEN_SIDES, *(box.sides for box in boxes))
-    box = Box(max(x0), max(y0), min(x1), min(y1))
-    unclear_if(not (box.x0 < box.x1 and box.y0 < box.y1), 'an empty area')
+    box = Box.overlap(boxes)
+    unclear_if(box.is_empty, 'an empty area')
     return box
 
 
@@ -308,13 +294,3 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
         return [Selection((common_box(boxes),))]
     except Unclear:
         return list(limits)
-
-
-def outside(box: Box) -> Box | None:
-    """Return everything outside of a box that is open on three sides, None of other boxes."""
-    finite = [number for number, side in enumerate(box.sides) if math.isfinite(side)]
-    if len(finite) != 1:
-        return None
-    beyond = [*OPEN_SIDES]
-    beyond[finite[0] - 2] = box.sides[finite[0]]
-    return Box(*beyond)

@@ -22,7 +22,6 @@ LANGUAGES = ('en', 'de', 'fr', 'es')
 
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
-VOWELS = frozenset('aeiou')
 
 
 def read_table(name: str) -> dict[str, Any]:
@@ -121,12 +120,15 @@ class Noun:
 class Nouns:
     """The table: phrases by language, all phrases, the words of each noun, and colours.
 
+    `prepositions` are what a name goes on with after its noun.
+
     `words` of a noun in a language are its singulars; `generic` the wider word of each.
     """
 
     def __init__(self) -> None:
         """Read the table."""
         table = read_table('nouns')
+        self.prepositions = frozenset(table.pop('prepositions').split())
         self.colours = {
             phrase_words(word)[0]: colour
             for colour, words in table.pop('colours').items()
@@ -159,17 +161,9 @@ def nouns() -> Nouns:
 
 
 def plurals(phrase: tuple[str, ...], language: str) -> tuple[str, ...]:
-    """Return the usual plural of a phrase: its last word in English, its first one elsewhere."""
+    """Return a phrase with an s at its last word in English, at its first one elsewhere."""
     at = len(phrase) - 1 if language in ('en', 'de') else 0
-    word = phrase[at]
-    if word.endswith(('s', 'x', 'z')):
-        ending = 'es' if language == 'en' else ''
-    elif word.endswith('eau'):
-        ending = 'x'
-    else:
-        consonant = language == 'es' and word[-1] not in VOWELS
-        ending = 'es' if consonant or word.endswith(('ch', 'sh')) else 's'
-    return (*phrase[:at], word + ending, *phrase[at + 1 :])
+    return (*phrase[:at], f'{phrase[at]}s', *phrase[at + 1 :])
 
 
 def forms(

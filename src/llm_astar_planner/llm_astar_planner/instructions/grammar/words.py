@@ -48,6 +48,10 @@ class Word:
     end: int
     said: str = ''
 
+    def __str__(self) -> str:
+        """Return its comparable form."""
+        return self.text
+
     @property
     def is_number(self) -> bool:
         """Whether it is one number, written in digits; '2-3' is none."""
@@ -144,11 +148,6 @@ def squeezed(word: str) -> str:
     return ''.join(letter for letter, _ in groupby(word))
 
 
-def word_set(text: str) -> frozenset[str]:
-    """Return the words of a text, divided by spaces, as a set."""
-    return frozenset(text.split())
-
-
 def errors_between(word: str, other: str) -> int:
     """Return how many letters were left out, added, changed or exchanged with the next one.
 
@@ -194,11 +193,11 @@ class Phrases(Generic[Value]):
         """The first words of all phrases."""
         return frozenset(self._root)
 
-    def longest(self, words: Sequence[Word], start: int) -> tuple[int, list[Value]]:
+    def longest(self, words: Sequence[Word | str], start: int) -> tuple[int, list[Value]]:
         """Return how many words the longest phrase at `start` takes, and its values."""
         node, best, values = self._root, 0, []
         for index in range(start, len(words)):
-            text = words[index].text
+            text = str(words[index])
             if text in node:
                 node = node[text]
                 if END in node:
@@ -209,5 +208,5 @@ class Phrases(Generic[Value]):
 
     def exactly(self, words: Sequence[str]) -> list[Value]:
         """Return the values of the phrase that words are, all of them."""
-        count, values = self.longest([Word(word, 0, 0) for word in words], 0)
+        count, values = self.longest(words, 0)
         return values if count == len(words) else []

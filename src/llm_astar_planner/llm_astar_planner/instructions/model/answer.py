@@ -13,8 +13,8 @@ of the published form.
 
 import json
 import re
-from collections.abc import Mapping, Set
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -26,9 +26,11 @@ from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.clause import Clause
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.fields import SpecificationError
+from llm_astar_planner.instructions.fields import FAR, SpecificationError
+from llm_astar_planner.instructions.grammar.interpreter import languages_of, lexer_for
+from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS
-from llm_astar_planner.instructions.model.sentence import Sentence
+from llm_astar_planner.instructions.grammar.words import read_words
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import clause_from_json
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
@@ -42,6 +44,62 @@ UNKNOWN_PLACE = 'unknown'
 FORMS = Path(__file__).with_name('answer_forms.json')
 # The kinds with one region, in the field `where`.
 _WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
+
+
+@dataclass(frozen=True, eq=False)
+class Sentence:
+    """The lexemes of a sentence in its likeliest language, with all that they mention."""
+
+    lexemes: tuple[Lexeme, ...]
+    places: Places
+    written: tuple[float, ...] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the places that it may mean."""
+        return list(dict.fromkeys(name for one in self.lexemes for name in one.names))
+
+    @property
+    def numbers(self) -> list[float]:
+        """Every number that a clause may hold: as written, and in metres."""
+        found = (value for lexeme in self.lexemes for value in numbers_of(lexeme))
+        return [value for value in dict.fromkeys([*self.written, *found]) if abs(value) <= FAR]
+
+    @property
+    def sides(self) -> list[str]:
+        """The directions that it names, in the order of SIDES."""
+        found = {one.value for one in self.lexemes if one.kind in ('SIDE', 'MOST')}
+        return [side for side in regions.SIDES if side in found]
+
+    @property
+    def has_strange_words(self) -> bool:
+        """Whether a word is not known, or may mean several places: maybe a name."""
+        return any(one.kind == 'UNKNOWN' or len(one.names) > 1 for one in self.lexemes)
+
+    def has(self, *kinds: str) -> bool:
+        """Return whether a word of one of some kinds is in it."""
+        return any(lexeme.kind in kinds for lexeme in self.lexemes)
+
+
+def read_sentence(text: str, places: Places) -> Sentence:
+    """Find what a sentence mentions. The time grows with its length alone."""
+    words = read_words(text)
+    lexer = lexer_for(places, next(languages_of(words)))
+    corrected, _ = lexer.corrected(words)
+    written = tuple(float(word.text) for word in words if word.is_number)
+    return Sentence(tuple(lexer.lexemes(corrected)), places, written)
+
+
+def numbers_of(lexeme: Lexeme) -> Iterator[float]:
+    """Yield the numbers of a lexeme, lengths in metres."""
+    if lexeme.kind in ('LENGTH', 'NUMBER'):
+        yield lexeme.number
+    elif lexeme.kind == 'POINT':
+        yield from lexeme.value
+    elif lexeme.kind == 'AXISLINE':
+        yield lexeme.value[1]
+    elif lexeme.kind == 'RANGE':
+        yield from (side for box in lexeme.value for side in box.sides)
 
 
 class ReadReply(NamedTuple):
@@ -199,11 +257,8 @@ def known_places(clause: Clause, places: Places) -> Clause:
 
     Raises SpecificationError where it has a place or a tag that the map has not.
     """
-    known: dict[str, Any] = {
-        name: known_region(value, places)
-        for name, value in vars(clause).items()
-        if isinstance(value, Region)
-    }
+    own = {name: value for name, value in vars(clause).items() if isinstance(value, Region)}
+    known: dict[str, Any] = {name: known_region(value, places) for name, value in own.items()}
     if isinstance(clause, Visit):
         known['regions'] = tuple(known_region(region, places) for region in clause.regions)
     return replace(clause, **known)
@@ -211,22 +266,15 @@ def known_places(clause: Clause, places: Places) -> Clause:
 
 def known_region(region: Region, places: Places) -> Region:
     """Return a region with the places' own names. Raises SpecificationError for unknown ones."""
+    if isinstance(region, regions.Tagged) and not places.with_tag(region.tag):
+        raise SpecificationError(f'tag: no place has {region.tag!r}')
     match region:
-        case NamedPlace(name):
-            # Models write a tag where a name is asked for.
-            if places.get(name) is None and places.with_tag(name):
-                return regions.Tagged(name)
-            return NamedPlace(known_name(name, places))
-        case regions.Tagged(tag):
-            if not places.with_tag(tag):
-                raise SpecificationError(f'tag: no place has {tag!r}')
-        case regions.Half(side, of) if of:
-            return regions.Half(side, known_name(of, places))
-        case regions.Between(first, second):
-            return regions.Between(known_name(first, places), known_name(second, places))
-        case regions.Along(place, width) if place != regions.WALLS:
-            return regions.Along(known_name(place, places), width)
-    return region
+        case NamedPlace(name) if places.get(name) is None and places.with_tag(name):
+            return regions.Tagged(name)  # models write a tag where a name is asked for
+        case regions.Along(regions.WALLS):
+            return region
+    said = {n: v for n, v in vars(region).items() if n in ('place', 'of', 'first', 'second') and v}
+    return replace(region, **{field: known_name(name, places) for field, name in said.items()})
 
 
 def known_name(name: str, places: Places) -> str:

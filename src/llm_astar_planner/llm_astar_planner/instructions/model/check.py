@@ -19,10 +19,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions import regions
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
-from llm_astar_planner.instructions.clauses.end_at import EndAt
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
@@ -33,18 +30,11 @@ from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.model.sentence import numbers_of
+from llm_astar_planner.instructions.model.answer import numbers_of
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 TOLERANCE = 1e-3
-SAYING: dict[type[Clause], frozenset[str]] = {
-    Visit: KINDS.going,
-    StayIn: frozenset({'STAY'}),
-    EndAt: frozenset({'END'}),
-    Pass: frozenset({'PASS', 'AROUND_VERB'}),
-    KeepDistance: frozenset({'DISTANCE', 'FROM'}),
-}
 
 
 @dataclass(eq=False)
@@ -110,7 +100,7 @@ def deal_out(clauses: Iterable[Clause], parts: Sequence[Part], reading: Reading)
         home = next((part for part in parts if not missing(clause, part)), None)
         if home is not None:
             home.clauses.append(clause)
-        elif not isinstance(clause, EndAt) and clause not in known:
+        elif clause.kind != 'end_at' and clause not in known:
             homeless.append(clause)
     for clause in homeless:
         strange = (part for part in parts if not part.clauses and 'UNKNOWN' in part.piece.kinds)
@@ -149,32 +139,27 @@ def missing(clause: Clause, part: Part) -> str:
 
 def names_region(region: Region, part: Part) -> bool:
     """Whether a part of the sentence names a simple region."""
-    limits: list[float] = []
-    names, sides, is_said = set(), set(), True
+    lexemes = part.piece.lexemes
+    values = [(lexeme.kind, lexeme.value) for lexeme in lexemes]
+    is_named = True
     match region:
         case NamedPlace(name):
-            names = {name}
+            is_named = name in part.names
         case regions.Tagged(tag):
-            is_said = tag in tags_of(part)
+            is_named = tag in tags_of(part)
         case regions.Disc(x, y, radius):
-            limits = [radius] if radius else []
-            is_said = any(
-                one.kind == 'POINT' and one.value == (x, y) for one in part.piece.lexemes
-            )
+            is_named = ('POINT', (x, y)) in values and (not radius or has_number(radius, lexemes))
         case regions.Box():
-            limits = [side for side in region.sides if math.isfinite(side)]
+            is_named = all(has_number(s, lexemes) for s in region.sides if math.isfinite(s))
         case regions.Half(side, of):
-            names, sides = {of} - {''}, {side}
+            is_named = side in sides_of(part) and {of} - {''} <= part.names
         case regions.Between(first, second):
-            names = {first, second}
-        case regions.Along(place, _):
-            is_said = place in part.names or 'wall' in nouns_of(part)
+            is_named = {first, second} <= part.names
+        case regions.Along(place):
+            is_named = place in part.names or 'wall' in nouns_of(part)
         case regions.End(end):
-            is_said = any(
-                one.kind == 'ENDPOINT' and one.value == end for one in part.piece.lexemes
-            )
-    has_limits = all(has_number(limit, part.piece.lexemes) for limit in limits)
-    return is_said and has_limits and names <= part.names and sides <= sides_of(part)
+            is_named = ('ENDPOINT', end) in values
+    return is_named
 
 
 def sides_of(part: Part) -> set[str]:
@@ -185,12 +170,11 @@ def sides_of(part: Part) -> set[str]:
 
 def tags_of(part: Part) -> set[str]:
     """Return the kinds and tags that a part names."""
-    groups = [lexeme.value for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN']
-    tags = {str(lexeme.value) for lexeme in part.piece.lexemes if lexeme.kind == 'TAG'}
-    for group in groups:
-        places = set(group.places)
-        tags |= {t for t in group.all_places.tags if set(group.all_places.with_tag(t)) == places}
-    return tags
+    found = {str(lexeme.value) for lexeme in part.piece.lexemes if lexeme.kind == 'TAG'}
+    for group in (lexeme.value for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'):
+        tagged, named = group.all_places, {*group.places}
+        found |= {tag for tag in tagged.tags if {*tagged.with_tag(tag)} == named}
+    return found
 
 
 def nouns_of(part: Part) -> set[str]:
@@ -221,10 +205,10 @@ def is_sure(clause: Clause, part: Part) -> bool:
     refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in lexemes)
     if isinstance(clause, Avoid):
         return refusals == 1 and not kinds & KINDS.others
-    says = SAYING.get(type(clause))
-    if says is None or refusals:
+    says: frozenset[str] = getattr(KINDS, f'says_{clause.kind}', frozenset())
+    if refusals:
         return False
-    others = KINDS.others - {'LENGTH'} | (KINDS.verbs - KINDS.going)
+    others = KINDS.others - {'LENGTH'} | (KINDS.verbs - KINDS.says_visit)
     return bool(kinds & says) and not kinds & (others - says)
 
 

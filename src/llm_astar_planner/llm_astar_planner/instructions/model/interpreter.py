@@ -4,21 +4,21 @@
 """Asks a language model what an instruction means, and trusts nothing that it answers."""
 
 import time
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.interpretation import (
+    COSTS,
     Interpretation,
     Understanding,
     not_understood,
     status_of,
 )
-from llm_astar_planner.instructions.model.answer import answer_schema, read_answer
+from llm_astar_planner.instructions.model.answer import answer_schema, read_answer, read_sentence
 from llm_astar_planner.instructions.model.check import grounded
-from llm_astar_planner.instructions.model.prompt import Examples, prompt_messages, shipped_examples
-from llm_astar_planner.instructions.model.sentence import read_sentence
+from llm_astar_planner.instructions.model.prompt import prompt_messages
 from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
@@ -39,8 +39,7 @@ def interpret_reply(exchange: Exchange, places: Places) -> Interpretation:
             detail = f'{detail}; {answer.unreadable} clauses were unreadable'.removeprefix('; ')
         status = status_of(specification)
         found = Interpretation(exchange.text, specification, exchange.model, status, detail)
-    cost = ('seconds', 'prompt_tokens', 'output_tokens')
-    return replace(found, **{name: getattr(exchange, name) for name in cost})
+    return replace(found, **{name: getattr(exchange, name) for name in COSTS})
 
 
 class ReplayInterpreter:
@@ -79,8 +78,6 @@ class ModelInterpreter:
     """
 
     client: ChatClient
-    _: KW_ONLY
-    examples: Examples = field(default_factory=shipped_examples)
     recorder: InstructionRecorder | None = None
 
     name = 'endpoint'
@@ -95,7 +92,7 @@ class ModelInterpreter:
         started = time.monotonic()
         if not text:
             return Interpretation('', status=Understanding.IRRELEVANT)
-        messages = prompt_messages(text, places, self.examples)
+        messages = prompt_messages(text, places)
         schema = answer_schema(read_sentence(text, places), places)
         try:
             completion = self.client.complete(messages, started + time_limit, schema)

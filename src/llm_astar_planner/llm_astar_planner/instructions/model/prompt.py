@@ -9,21 +9,16 @@ prompt (llama.cpp, vLLM, most services) reads only the instruction again.
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
 import shapely
-from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
-from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
-from shapely.errors import ShapelyError
 
-from llm_astar_planner.instructions.model.sentence import read_sentence
+from llm_astar_planner.instructions.model.answer import read_sentence
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')
-MAX_EXAMPLES_BYTES = 100_000
 # A place this many times longer than wide is called horizontal or vertical.
 ELONGATED = 3.0
 # Places that a prompt lists; of more, those that the instruction seems to mention come first.
@@ -33,51 +28,23 @@ SYSTEM = Path(__file__).with_name('system.txt').read_text(encoding='utf-8').rstr
 
 # On one line, with the letters of all languages, as models are shown it.
 to_json = partial(json.dumps, ensure_ascii=False)
-# What values of other types and polygons that are none raise.
-EXAMPLE_ERRORS = (
-    ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError,
-    ShapelyError,
-)  # fmt: skip
-
-
-class ExamplesError(LlmAstarError, ValueError):
-    """A file of worked examples cannot be used; the message names the file and the field."""
-
-
-@dataclass(frozen=True, eq=False)
-class Examples:
-    """Worked examples: the places of one map, and instructions with their answers as JSON."""
-
-    places: Places
-    turns: tuple[tuple[str, str], ...]
-
-
-def load_examples(path: str | Path = EXAMPLES_FILE) -> Examples:
-    """Read a file of worked examples, of the form of the shipped one. Raises ExamplesError."""
-    loaded = read_json(path, ExamplesError, MAX_EXAMPLES_BYTES)
-    try:
-        places = places_from_polygons({entry['name']: entry for entry in loaded['places']})
-        turns = tuple(
-            (str(example['text']), to_json({'clauses': list(example['clauses'])}))
-            for example in loaded['examples']
-        )
-    except EXAMPLE_ERRORS as error:
-        what = f'{type(error).__name__}: {shortened(str(error), 200)}'
-        raise ExamplesError(f'{path}: not a file of worked examples: {what}') from None
-    return Examples(places, turns)
 
 
 @cache
-def shipped_examples() -> Examples:
-    """Return the examples of the package."""
-    return load_examples()
+def examples() -> tuple[Places, tuple[tuple[str, str], ...]]:
+    """Return worked examples: the places of one map, and instructions with their answers."""
+    loaded = json.loads(EXAMPLES_FILE.read_text(encoding='utf-8'))
+    places = places_from_polygons({entry['name']: entry for entry in loaded['places']})
+    turns = ((one['text'], to_json({'clauses': one['clauses']})) for one in loaded['examples'])
+    return places, tuple(turns)
 
 
-def prompt_messages(text: str, places: Places, examples: Examples) -> tuple[Message, ...]:
+def prompt_messages(text: str, places: Places) -> tuple[Message, ...]:
     """Return the chat that asks for the clauses of a clean instruction."""
     messages = [Message('system', SYSTEM)]
-    head = f'{places_text(examples.places)}\n'
-    for instruction, answer in examples.turns:
+    example_places, turns = examples()
+    head = f'{places_text(example_places)}\n'
+    for instruction, answer in turns:
         messages.append(Message('user', f'{head}{instruction_line(instruction)}'))
         messages.append(Message('assistant', answer))
         head = ''

@@ -3,33 +3,95 @@
 
 """Whether a reading of a sentence may be claimed, whoever proposes it.
 
-Networks that were trained apart have all to find it likely, and rules that know nothing of them
-must find no doubt.
+Networks that were trained apart have all to find it likely, in whatever order the slots of the
+sentence are numbered, and rules that know nothing of them must find no doubt.
 """
 
-from collections.abc import Mapping, Sequence
+import random
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.reader import claims
-from llm_astar_planner.instructions.reader.lifting import Lifted, lifted
-from llm_astar_planner.instructions.reader.meaning import Unreadable, ordered
+from llm_astar_planner.instructions.reader import claims, meaning, network
+from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Lifted, lifted, slot_name
 from llm_astar_planner.instructions.reader.translation import Translation
-from llm_astar_planner.instructions.reader.views import Clauses, Views
 
 LONGEST = 64
 # The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
 CERTAIN = 0.05
+# How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
+RENUMBERED, TRUST = 1, 0.15
+Names = Mapping[str, str]
+Clauses = tuple[meaning.Parts, ...]
+
+
+class Views:
+    """A sentence with its slots numbered in several ways, as the readers have read it."""
+
+    def __init__(self, one: Lifted) -> None:
+        """Read it."""
+        self.sentences, self.names = zip(*numberings(one))
+        self.read = [network.reading(name, self.sentences) for name in network.READERS]
+        self._weights: dict[Clauses, float] = {}
+
+    def readings(self) -> list[Clauses]:
+        """Return what the readers read; () where that is nothing."""
+        return [
+            meaning.ordered(renamed(tokens, {shown: name for name, shown in names.items()}))
+            for read in self.read
+            for names, (tokens, _) in zip(self.names, read.written(self.names))
+        ]
+
+    def weight(self, clauses: Clauses) -> float:
+        """Return one number by which meanings are compared; the networks are asked once of each.
+
+        It is the least log probability that a reader gives it with the checker's log odds, both
+        on average over the numberings.
+        """
+        if clauses not in self._weights:
+            tokens = list(meaning.flat(clauses))
+            said = [
+                meaning.told_in_turn(sentence, renamed(tokens, names))
+                for sentence, names in zip(self.sentences, self.names)
+            ]
+            likely = min(float(read.log_probabilities(said).mean()) for read in self.read)
+            agreed = float(network.agreement(self.sentences, said).mean())
+            self._weights[clauses] = likely + TRUST * agreed
+        return self._weights[clauses]
+
+
+def renamed(tokens: Sequence[str], names: Names) -> list[str]:
+    """Return the tokens of a meaning with slots by other names."""
+    return [names.get(token, token) for token in tokens]
+
+
+def numberings(one: Lifted) -> Iterator[tuple[Sequence[str], Names]]:
+    """Yield the tokens of a sentence with its slots numbered in ways, and their names in each."""
+    yield one.tokens, {name: name for name in one.slots}
+    draw = random.Random(0)  # noqa: S311 - no secret
+    for _ in range(RENUMBERED if one.slots else 0):
+        names: dict[str, str] = {}
+        for kind, most in SLOTS.items():
+            mine = [name for name in one.slots if name[0] == kind]
+            numbers = draw.sample(range(1, most + 1), len(mine))
+            names |= {name: f'{kind}{n}' for name, n in zip(mine, numbers)}
+        yield tuple(shown(token, names) for token in one.tokens), names
+
+
+def shown(token: str, names: Names) -> str:
+    """Return a token with the number of its slot by other names."""
+    return token if token[0] != SIGN else token[:2] + names[slot_name(token)][1:]
 
 
 def doubt_about(text: str, places: Places, clauses: Sequence[Mapping[str, Any]]) -> str:
     """Return why clauses in JSON may not be claimed of a clean text, '' where they may."""
     try:
         one, views = viewed(text, places)
-        return doubt(one, ordered(Translation(one.slots, places).meaning(clauses)), views)
-    except Unreadable as error:
+        tokens = Translation(one.slots, places).meaning(clauses)
+        return doubt(one, meaning.ordered(tokens), views)
+    except meaning.Unreadable as error:
         return str(error)
 
 
@@ -38,11 +100,11 @@ def viewed(text: str, places: Places) -> tuple[Lifted, Views]:
     """Return a clean text with slots, and as the networks read it. Raises Unreadable."""
     one = lifted(text, places)
     if not 0 < len(one.tokens) <= LONGEST:
-        raise Unreadable(f'more than {LONGEST} words')
+        raise meaning.Unreadable(f'more than {LONGEST} words')
     return one, Views(one)
 
 
 def doubt(one: Lifted, clauses: Clauses, views: Views) -> str:
     """Return why a meaning is not certain, '' where it is."""
-    is_certain = views.weigh(clauses).all >= CERTAIN
+    is_certain = views.weight(clauses) >= CERTAIN
     return claims.doubt(one, clauses) if is_certain else 'the networks do not agree on it'

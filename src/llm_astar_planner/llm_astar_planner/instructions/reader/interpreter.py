@@ -18,11 +18,9 @@ from llm_astar_planner.instructions.interpretation import (
     Interpreter,
     not_understood,
 )
-from llm_astar_planner.instructions.reader import meaning
 from llm_astar_planner.instructions.reader.check import doubt, viewed
-from llm_astar_planner.instructions.reader.meaning import Unreadable
+from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer, ordered
 from llm_astar_planner.instructions.reader.translation import Translation
-from llm_astar_planner.instructions.reader.views import Clauses, Views
 from llm_astar_planner.instructions.specification import Specification, from_json
 
 NAME = 'reader'
@@ -73,7 +71,7 @@ def is_likely(found: Interpretation, places: Places) -> bool:
     try:
         one, views = viewed(found.text, places)
         said = Translation(one.slots, places).meaning(found.specification.to_json()['clauses'])
-        return views.weigh(meaning.ordered(said)).all >= LIKELY
+        return views.weight(ordered(said)) >= LIKELY
     except Unreadable:
         return True
 
@@ -95,7 +93,8 @@ def read_or_not(text: str, places: Places) -> Interpretation:
 def read(text: str, places: Places) -> Interpretation:
     """Return what the networks read in a clean text. Raises Unreadable or SpecificationError."""
     one, views = viewed(text, places)
-    clauses = best_of(views)
+    found = [meant for meant, _ in Counter(views.readings()).most_common(CONSIDERED)]
+    clauses = found[0] if len(found) == 1 else max(found, key=views.weight)
     if not clauses:
         raise Unreadable('nothing that is read for certain')
     about = {
@@ -103,17 +102,11 @@ def read(text: str, places: Places) -> Interpretation:
         for lexeme in one.lexemes
         if lexeme.kind == 'UNSUPPORTED'
     }
-    writer = meaning.Writer(one.slots, {'': text[: fields.MAX_NAME_CHARS], **about})
-    found = from_json({'version': 2, 'clauses': [writer.clause(part) for part in clauses]})
+    writer = Writer(one.slots, {'': text[: fields.MAX_NAME_CHARS], **about})
+    said = from_json({'version': 2, 'clauses': [writer.clause(part) for part in clauses]})
     reason = doubt(one, clauses, views)
     if reason:
-        if all(isinstance(clause, Unknown) for clause in found.clauses):
+        if all(isinstance(clause, Unknown) for clause in said.clauses):
             raise Unreadable(reason)
-        found = Specification(asked(found.clauses, question_about(text, places)))
-    return Interpretation(text, found, NAME, interpretation.status_of(found), reason)
-
-
-def best_of(views: Views) -> Clauses:
-    """Return the best of what was read, as all networks weigh it."""
-    found = [one for one, _ in Counter(views.readings()).most_common(CONSIDERED)]
-    return found[0] if len(found) == 1 else max(found, key=lambda one: views.weigh(one).all)
+        said = Specification(asked(said.clauses, question_about(text, places)))
+    return Interpretation(text, said, NAME, interpretation.status_of(said), reason)

@@ -9,7 +9,7 @@ follows. Slots are regions R, lengths L, sides S and counts K, numbered as in th
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -48,6 +48,32 @@ Parts = tuple[Any, ...]
 
 class Unreadable(LlmAstarError):  # noqa: N818 (no error of the program: the meaning is none)
     """A meaning that makes no clauses."""
+
+
+def kind_tokens() -> dict[str, frozenset[str]]:
+    """Return the tokens of each kind; slots are all that there could be."""
+    slots = {kind: {t for t in TOKENS if t[0] == kind and t[1:].isdigit()} for kind in 'RLSK'}
+    region = {*REGIONS, 'START', 'GOAL', UNKNOWN, *slots['R']} - {EACH}
+    clause = CLAUSES.keys() - {*REGIONS, WISH} | {t for t in TOKENS if t.startswith('U_')}
+    kinds = {
+        't': clause | {WISH, END}, 'c': clause, 'r': region, 'w': region | {'WALLS'},
+        'f': region | {EACH}, 'v': region | {EACH, CLOSE}, 'm': region | {CLOSE},
+        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'},
+        'k': slots['K'] | {ONE},
+    }  # fmt: skip
+    return {name: frozenset(tokens) for name, tokens in kinds.items()}
+
+
+KINDS = kind_tokens()
+
+
+def after(stack: str, token: str) -> str:
+    """Return what is expected after a token; `stack` is what was, the next one first."""
+    kind, rest = stack[0], stack[1:]
+    if token == CLOSE:
+        return rest
+    again = kind if kind in 'vm' else ''
+    return CLAUSES.get(token, '') + again + rest + ('t' if kind == 't' else '')
 
 
 def parsed(tokens: Iterator[str]) -> Iterator[Parts]:
@@ -137,12 +163,11 @@ def sorted_parts(part: Parts) -> Parts:
 class Writer:
     """Writes the clauses of a meaning in JSON, with the slots of its sentence.
 
-    `about` are the words for what a path does not have, '' for others; `used` the slots named.
+    `about` are the words for what a path does not have, '' for others.
     """
 
     slots: Mapping[str, Slot]
     about: Mapping[str, str]
-    used: set[str] = field(default_factory=set)
 
     def clause(self, part: Parts) -> dict[str, Any]:
         """Return a clause. Raises Unreadable."""
@@ -171,10 +196,8 @@ class Writer:
         """Return a part of a clause in JSON. Raises Unreadable."""
         kind, *inner = part
         if kind in self.slots:
-            self.used.add(kind)
             return self.slots[kind].in_json
         if kind == EACH:
-            self.used.add(inner[0][0])
             slot = self.slots[inner[0][0]]
             return [one.to_json() for one in slot.members] or slot.in_json
         values = [self.value(one) for one in inner]

@@ -11,25 +11,15 @@ in the light of the sentence, and the sentence in that of the meaning. Their wei
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.instructions.reader.features import features
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
-from llm_astar_planner.instructions.reader.meaning import (
-    CLAUSES,
-    CLOSE,
-    EACH,
-    END,
-    ONE,
-    REGIONS,
-    TOKENS,
-    UNKNOWN,
-    WISH,
-)
+from llm_astar_planner.instructions.reader.meaning import END, KINDS, TOKENS, after
 
 FILE = Path(__file__).with_name('reader.npz')
 # The hashes of the words that were seen in training, in the same file.
@@ -43,33 +33,8 @@ READERS = ('reader', 'second', 'third', 'fourth')
 LONGEST = 32
 Array = NDArray[np.float32]
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
-ABOUT = frozenset(token for token in TOKENS if token.startswith('U_'))
-
-
-def kind_tokens() -> dict[str, frozenset[str]]:
-    """Return the tokens of each kind; slots are all that there could be."""
-    slots = {kind: {t for t in TOKENS if t[0] == kind and t[1:].isdigit()} for kind in 'RLSK'}
-    region = {*REGIONS, 'START', 'GOAL', UNKNOWN, *slots['R']} - {EACH}
-    clause = (CLAUSES.keys() - {*REGIONS, WISH}) | ABOUT
-    kinds = {
-        't': clause | {WISH, END}, 'c': clause, 'r': region, 'w': region | {'WALLS'},
-        'f': region | {EACH}, 'v': region | {EACH, CLOSE}, 'm': region | {CLOSE},
-        'p': slots['R'] | {UNKNOWN}, 's': slots['S'], 'l': slots['L'] | {'D'},
-        'k': slots['K'] | {ONE},
-    }  # fmt: skip
-    return {name: frozenset(tokens) for name, tokens in kinds.items()}
-
-
-KINDS = kind_tokens()
-
-
-def after(stack: str, token: str) -> str:
-    """Return what is expected after a token; `stack` is what was, the next one first."""
-    kind, rest = stack[0], stack[1:]
-    if token == CLOSE:
-        return rest
-    again = kind if kind in 'vm' else ''
-    return CLAUSES.get(token, '') + again + rest + ('t' if kind == 't' else '')
+# Of the table of embeddings: its rows, and the letters of the parts of words.
+BUCKETS, PARTS = 8192, (3, 4)
 
 
 @cache
@@ -136,6 +101,24 @@ def softmax(values: Array) -> Array:
     """Return shares along the last axis."""
     found = np.exp(values - values.max(axis=-1, keepdims=True))
     return np.asarray(found / found.sum(axis=-1, keepdims=True))
+
+
+@lru_cache(maxsize=8192)
+def features(token: str) -> tuple[tuple[int, float], ...]:
+    """Return the rows of the table of embeddings that a token is the sum of, with weights.
+
+    A slot, '@R3', is its kind and its number.
+    """
+    if token[0] == '@':
+        return bucket(token[:2]), bucket(f'#{token[2:]}')
+    padded = f'<{token}>'
+    parts = [padded[at : at + n] for n in PARTS for at in range(len(padded) - n + 1)]
+    return (bucket(f'={token}'), *(bucket(part, 1.0 / len(parts)) for part in parts))
+
+
+def bucket(text: str, weight: float = 1.0) -> tuple[int, float]:
+    """Return the row of a text, and a weight."""
+    return crc32(text.encode()) % BUCKETS, weight
 
 
 def encoded(sentences: Sequence[Sequence[str]], table: Mapping[str, Array]) -> Array:

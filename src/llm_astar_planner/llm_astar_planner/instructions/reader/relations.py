@@ -4,9 +4,11 @@
 """Places told by another one: 'the room next to the kitchen', 'the ward opposite the pharmacy'."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from llm_astar_msgs_adapter.maps.places import Place
+
+from llm_astar_planner.instructions.grammar.vocabulary import SAID
 
 # Metres. Rooms so near each other have a wall in common.
 THICKEST_WALL = 0.6
@@ -52,18 +54,8 @@ def first(places: Sequence[Place], order: Callable[[Place], float]) -> list[Plac
     return [one for one in places if order(one) <= least + THICKEST_WALL]
 
 
-# Words between a noun and a place, without accents.
-RELATIONS: Mapping[str, Callable[[Sequence[Place], Place], list[Place]]] = {
-    r'(right )?next( door)? to|(right )?beside|adjacent to|adjoining|neighbou?ring'
-    r'|(direkt |gleich )?neben|(juste )?a cote d\w*|voisine? d\w*|(justo )?al lado d\w*'
-    r'|junto al?': beside,
-    r'opposite( to| from)?|(right )?across( the \w+)? from|facing|gegenuber( von)?'
-    r'|(juste )?en face d\w*|(en)?frente (a|de)l?': opposite,
-    r'(that is |which is )?(nearest|closest)( to)?|am nachsten (zu|an|bei)'
-    r'|(la|le) plus (proche|pres) d\w*|mas cerca(na|no)? (a|de)l?': nearest,
-    r'(that is |which is )?(farthest|furthest)( away)? from|am weitesten (weg )?von'
-    r'|(la|le) plus (loin|eloignee?) d\w*|mas (lejos|lejana|lejano|alejad[ao]) del?': farthest,
-}
+# Their words are in `patterns.yaml`.
+RELATIONS = (beside, opposite, nearest, farthest)
 ARTICLES = re.compile(r' (the|der|dem|den|die|das|la|le|l|les|los|las|el)$')
 
 
@@ -71,5 +63,5 @@ def related(places: Sequence[Place], said: str, other: Place) -> list[Place]:
     """Return those of some places that words put beside another one, [] for other words."""
     words = ARTICLES.sub('', said)
     some = [one for one in places if one.name != other.name]
-    found = (way(some, other) for form, way in RELATIONS.items() if re.fullmatch(form, words))
+    found = (way(some, other) for way in RELATIONS if SAID[way.__name__].fullmatch(words))
     return next(found, [])

@@ -15,19 +15,14 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.clauses.unsupported import ABOUT
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE
+from llm_astar_planner.instructions.reader import meaning
 from llm_astar_planner.instructions.reader.lifting import Slot
-from llm_astar_planner.instructions.reader.meaning import (
-    CLOSE,
-    FIELDS,
-    ONE,
-    UNKNOWN,
-    WISH,
-    Unreadable,
-)
 from llm_astar_planner.instructions.regions import Region
 
 Json = Mapping[str, Any]
-LETTERS = {kind: letter for letter, (kind, *_) in FIELDS.items() if letter not in ('PX', 'K')}
+LETTERS = {
+    kind: letter for letter, (kind, *_) in meaning.FIELDS.items() if letter not in ('PX', 'K')
+}
 
 
 class Translation:
@@ -39,27 +34,23 @@ class Translation:
 
     def meaning(self, clauses: Sequence[Json]) -> list[str]:
         """Return the tokens of clauses, each once. Raises Unreadable where slots cannot say it."""
-        found: list[list[str]] = []
-        for clause in clauses:
-            wish = [WISH] if clause.get('strength') == 'should' else []
-            found += [[*wish, *tokens] for tokens in self.clause(clause)]
-        return [token for tokens in dict.fromkeys(map(tuple, found)) for token in tokens]
+        found = [
+            (*([meaning.WISH] if clause.get('strength') == 'should' else []), *tokens)
+            for clause in clauses
+            for tokens in self.clause(clause)
+        ]
+        return [token for tokens in dict.fromkeys(found) for token in tokens]
 
     def clause(self, clause: Json) -> list[list[str]]:
         """Return the tokens of one clause, or of two that mean the same. Raises Unreadable."""
-        kind = clause['kind']
-        if kind == 'count':
-            region = self.region(clause['region'])
-            return self.count(clause.get('at_least') or 0, clause.get('at_most'), region)
-        return [self.simple(kind, clause)]
-
-    def simple(self, kind: str, clause: Json) -> list[str]:
-        """Return the tokens of a clause that is no count. Raises Unreadable."""
-        match kind:
+        match kind := clause['kind']:
+            case 'count':
+                region = self.region(clause['region'])
+                return self.count(clause.get('at_least') or 0, clause.get('at_most'), region)
             case 'unsupported':
                 found = [f'U_{clause.get("about", ABOUT[-1])}']
             case 'visit':
-                found = ['V', *self.visited(clause['regions']), CLOSE]
+                found = ['V', *self.visited(clause['regions']), meaning.CLOSE]
             case 'keep_distance':
                 walls = clause['from'] == 'walls'
                 region = ['WALLS'] if walls else self.region(clause['from'])
@@ -71,8 +62,8 @@ class Translation:
                 named = [clause[n] for n in ('region', 'first', 'second') if n in clause]
                 found = [LETTERS[kind], *self.regions(named)]
             case _:
-                raise Unreadable(f'no word for {kind}')
-        return found
+                raise meaning.Unreadable(f'no word for {kind}')
+        return [found]
 
     def passed(self, region: list[str], side: str) -> list[str]:
         """Return the tokens of a side to pass; 'keep it on your left' says the other one."""
@@ -90,31 +81,29 @@ class Translation:
             return [*self.count(least, None, region), *self.count(0, most, region)]
         head = 'CE' if least == most else 'CG' if least else 'CL'
         number = least or most or 0
-        return [[head, *region, self.slot('K', number, ONE if number == 1 else '')]]
+        return [[head, *region, self.slot('K', number, meaning.ONE if number == 1 else '')]]
 
     def slot(self, kind: str, value: object, otherwise: str = '') -> str:
         """Return the name of a slot with a value. Raises Unreadable for none."""
         found = (n for n, slot in self.slots.items() if n[0] == kind and slot.means(value))
         name = next(found, otherwise)
         if not name:
-            raise Unreadable(f'{value} is not in the sentence')
+            raise meaning.Unreadable(f'{value} is not in the sentence')
         return name
 
     def visited(self, regions: Sequence[Json]) -> list[str]:
         """Return the tokens of regions to visit, a group once."""
         found: list[str] = []
         left = list(regions)
+        named = [slot.in_json for name, slot in self.slots.items() if name[0] == 'R']
         for name, slot in self.slots.items():
             members = [one.to_json() for one in slot.members]
-            if members and all(one in left for one in members) and not self.are_named(members):
+            # Of those that have all slots of their own no group is meant.
+            is_group = members and not all(one in named for one in members)
+            if is_group and all(one in left for one in members):
                 found += ['EA', name]
                 left = [one for one in left if one not in members]
         return [*self.regions(left), *found]
-
-    def are_named(self, regions: Sequence[Json]) -> bool:
-        """Whether all of some regions have slots of their own."""
-        known = [slot.value.to_json() for name, slot in self.slots.items() if name[0] == 'R']
-        return all(one in known for one in regions)
 
     def region(self, region: Json) -> list[str]:
         """Return the tokens of a region; '?' for a place that the sentence does not name."""
@@ -123,9 +112,9 @@ class Translation:
             case _ if found[0]:
                 pass
             case {'any_of': parts}:
-                found = ['OR', *self.regions(parts), CLOSE]
+                found = ['OR', *self.regions(parts), meaning.CLOSE]
             case {'region': inner, 'except': others}:
-                found = ['EX', *self.regions([inner, *others]), CLOSE]
+                found = ['EX', *self.regions([inner, *others]), meaning.CLOSE]
             case {'half': side, 'of': str(name)}:
                 found = ['HO', self.slot('S', side), *self.region({'place': name})]
             case {'half': side}:
@@ -137,9 +126,9 @@ class Translation:
             case {'end': end}:
                 found = [end.upper()]
             case {'place': _} | {'tag': _}:
-                found = [UNKNOWN]
+                found = [meaning.UNKNOWN]
             case _:
-                raise Unreadable('no such region in the sentence')
+                raise meaning.Unreadable('no such region in the sentence')
         return found
 
     def regions(self, regions: Sequence[Json]) -> list[str]:

@@ -4,14 +4,10 @@
 """avoid: the metres of the path in a region and its margin."""
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, kept
 from llm_astar_planner.instructions.verification.geometry import EDGE, total
-from llm_astar_planner.instructions.verification.measurement import (
-    NEGLIGIBLE,
-    Measurement,
-    kept,
-    require_size,
-)
+from llm_astar_planner.instructions.verification.measurement import Measurement
+from llm_astar_planner.instructions.verification.regions import require_size
 
 
 def check(measurement: Measurement, clause: Avoid, _: int) -> ClauseOutcome:
@@ -25,7 +21,7 @@ def check(measurement: Measurement, clause: Avoid, _: int) -> ClauseOutcome:
     require_size(area)
     spans = area.spans(measurement.path)
     metres, ends_inside = total(spans), any(measurement.ends_in(spans))
-    if metres <= NEGLIGIBLE and not ends_inside:
+    if metres <= EDGE and not ends_inside:
         off = '' if measurement.on_map(area) else ', the region lies off the map'
         return kept(clause, f'0.0 m inside{off}')
     reference, where = measurement.reference, measurement.path.point(float(spans[0, 0]))

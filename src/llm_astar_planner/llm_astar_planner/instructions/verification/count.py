@@ -7,9 +7,9 @@ import math
 
 from llm_astar_planner.instructions.clauses.clause import SHOULD
 from llm_astar_planner.instructions.clauses.count import Count
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, broken, kept
 from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Spans, first_from
-from llm_astar_planner.instructions.verification.measurement import Measurement, broken, kept
+from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
 
 # Cells. Who was no farther away than this has not left a region.

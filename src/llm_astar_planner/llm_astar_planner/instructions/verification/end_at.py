@@ -6,15 +6,9 @@
 import math
 
 from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.outcome import ClauseOutcome
-from llm_astar_planner.instructions.verification.measurement import (
-    NO_AREA,
-    Measurement,
-    broken,
-    kept,
-    length_text,
-    point_text,
-)
+from llm_astar_planner.instructions.outcome import ClauseOutcome, as_length, as_point, broken, kept
+from llm_astar_planner.instructions.verification.measurement import Measurement
+from llm_astar_planner.instructions.verification.regions import NO_AREA
 
 
 def check(measurement: Measurement, clause: EndAt, _: int) -> ClauseOutcome:
@@ -23,7 +17,7 @@ def check(measurement: Measurement, clause: EndAt, _: int) -> ClauseOutcome:
     if not region.area.has_size:
         return broken(clause, NO_AREA, math.nan, goal, impossible=True)
     if region.ends.contains([goal])[0]:
-        return kept(clause, f'ends at {point_text(goal)}')
+        return kept(clause, f'ends at {as_point(goal)}')
     away = region.ends.distance(measurement.path.part(measurement.path.length).shape)
     reference = measurement.reference
     reason = ''
@@ -31,5 +25,5 @@ def check(measurement: Measurement, clause: EndAt, _: int) -> ClauseOutcome:
         reason = 'the region lies off the map'
     elif not (reference.cells_in(region.ends) & reference.reachable).any():
         reason = 'no free cell of it can be reached'
-    detail = f'ends {length_text(away)} away, at {point_text(goal)}'
+    detail = f'ends {as_length(away)} away, at {as_point(goal)}'
     return broken(clause, reason or detail, away, goal, impossible=bool(reason))

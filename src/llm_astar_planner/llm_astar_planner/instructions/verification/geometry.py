@@ -33,7 +33,8 @@ Vectors = NDArray[np.float64]
 # The first and the last place of lines in something, float64 [n] each; last before first: nowhere.
 Stretches = tuple[NDArray[np.float64], NDArray[np.float64]]
 Parts = Callable[[Vectors, Vectors], Iterable[Stretches]]
-# Metres. A path that lies no deeper in an area than this runs along its edge.
+# Metres. A path that lies no deeper in an area than this runs along its edge, and a stretch that
+# is no longer is a rounding.
 EDGE = 1e-6
 # Sides of a quarter circle where an arc has to become a polygon: 0.075 mm off for 1 m of radius.
 QUARTER_SIDES = 64

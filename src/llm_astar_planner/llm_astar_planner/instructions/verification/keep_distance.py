@@ -10,17 +10,9 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.clause import SHOULD
 from llm_astar_planner.instructions.clauses.keep_distance import KeepDistance
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, as_length, as_point, broken, kept
 from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Polyline, Spans, total
-from llm_astar_planner.instructions.verification.measurement import (
-    NEGLIGIBLE,
-    Measurement,
-    Point,
-    broken,
-    kept,
-    length_text,
-    point_text,
-)
+from llm_astar_planner.instructions.verification.measurement import Measurement, Point
 from llm_astar_planner.lazy import ndimage
 
 # A distance may be short by this share or by these metres, whichever is more.
@@ -46,7 +38,7 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     nearest = target.distance(path.shape)
     if nearest >= limit - EDGE:
         # What is short of it by a rounding is not to look like less.
-        text = length_text(nearest) if nearest >= clause.metres else f'{nearest:.2f} m'
+        text = as_length(nearest) if nearest >= clause.metres else f'{nearest:.2f} m'
         away = f'never nearer than {text}'
         return kept(clause, away if math.isfinite(nearest) else 'nothing is near')
     zone = target.grown(limit - EDGE)
@@ -54,12 +46,12 @@ def check(measurement: Measurement, clause: KeepDistance, _: int) -> ClauseOutco
     metres, least = total(spans), measurement.reference.least_inside(zone)
     middle = apart_from_ends(path, spans, clause.metres)
     if metres <= measurement.allowed(least):
-        detail = f'{length_text(metres)} nearer, the least possible'
-        at_ends = total(middle) <= NEGLIGIBLE
+        detail = f'{as_length(metres)} nearer, the least possible'
+        at_ends = total(middle) <= EDGE
         if at_ends or clause.strength == SHOULD:
             nearest, where = nearest_in(path, target, spans if at_ends else middle)
             detail += ', at its ends' * at_ends
-            detail += f', {length_text(nearest)} away at {point_text(where)}'
+            detail += f', {as_length(nearest)} away at {as_point(where)}'
             return broken(clause, detail, metres, where, least, is_least=True)
     return fall_short(measurement, clause, target, middle if len(middle) else spans)
 
@@ -89,12 +81,12 @@ def fall_short(
         zones = (target.grown(near - EDGE).spans(path) for near in (greatest, asked))
         counted = between_ends(path, np.concatenate([*zones]), asked)
     nearest, where = nearest_in(path, target, counted)
-    detail = f'least distance {length_text(nearest)} of {asked:g} m, at {point_text(where)}'
+    detail = f'least distance {as_length(nearest)} of {asked:g} m, at {as_point(where)}'
     if is_most:
-        detail = f'{length_text(nearest)} of {asked:g} m, the most that passes'
-        detail += f', at {point_text(where)}'
+        detail = f'{as_length(nearest)} of {asked:g} m, the most that passes'
+        detail += f', at {as_point(where)}'
     elif is_partly_possible:
-        detail += f', {length_text(greatest)} is possible'
+        detail += f', {as_length(greatest)} is possible'
     impossible = clause.strength != SHOULD and (greatest == 0.0 or begins_or_ends_in)
     return broken(
         clause, detail, asked - nearest, where, asked - greatest,
@@ -112,7 +104,7 @@ def is_end(path: Polyline, span: NDArray[np.float64], metres: float) -> bool:
     """Tell whether a stretch begins or ends the path and lies within `metres` of that end."""
     points = path.part(*span).corners
     ends = []
-    if span[0] <= NEGLIGIBLE:
+    if span[0] <= EDGE:
         ends.append(path.point(0.0))
     if span[1] >= path.length - EDGE:
         ends.append(path.point(path.length))
@@ -122,7 +114,7 @@ def is_end(path: Polyline, span: NDArray[np.float64], metres: float) -> bool:
 def between_ends(path: Polyline, spans: Spans, metres: float) -> Spans:
     """Return what is left of a path without its way from and to its ends, all if nothing is."""
     ends = [span for span in spans if is_end(path, span, metres)]
-    first = max((last for begin, last in ends if begin <= NEGLIGIBLE), default=0.0)
+    first = max((last for begin, last in ends if begin <= EDGE), default=0.0)
     last = min((begin for begin, last in ends if last > first), default=path.length)
     return np.array([[first, last] if first < last else [0.0, path.length]])
 

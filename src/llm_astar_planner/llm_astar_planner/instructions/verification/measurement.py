@@ -12,20 +12,17 @@ import numpy as np
 
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause
 from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
+from llm_astar_planner.instructions.outcome import ClauseOutcome, as_length, as_point, broken
 from llm_astar_planner.instructions.regions import Region
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.verification import geometry
+from llm_astar_planner.instructions.verification import regions as placed
 from llm_astar_planner.instructions.verification.reference import Reference
-from llm_astar_planner.instructions.verification.regions import RegionError, Regions, Resolved
 from llm_astar_planner.instructions.verification.walls import Walls
 
-# Metres in a region that are no more than rounding.
-NEGLIGIBLE = 1e-6
 # What a path may have over the least possible, besides one cell.
 EXCESS = 1.05
-NO_AREA = 'the region has no area'
 Point = tuple[float, float]
 
 
@@ -54,9 +51,9 @@ class Measurement:
         return Walls(self.route.costmap)
 
     @cached_property
-    def regions(self) -> Regions:
+    def regions(self) -> placed.Regions:
         """Where regions lie."""
-        return Regions(self.route, self.walls)
+        return placed.Regions(self.route, self.walls)
 
     @cached_property
     def reference(self) -> Reference:
@@ -68,7 +65,7 @@ class Measurement:
         """Where a clause asks the path to end, None without such a clause."""
         for clause in reversed(self.specification.clauses):
             if isinstance(clause, EndAt):
-                with suppress(RegionError):
+                with suppress(placed.RegionError):
                     return self.regions.resolve(clause.region).ends
         return None
 
@@ -82,10 +79,10 @@ class Measurement:
         """The path's last point."""
         return self.path.point(self.path.length)
 
-    def sized(self, region: Region) -> Resolved:
+    def sized(self, region: Region) -> placed.Resolved:
         """Return where a region lies. Raises RegionError if it does not exist or has no area."""
         found = self.regions.resolve(region)
-        require_size(found.area)
+        placed.require_size(found.area)
         return found
 
     def ends_in(self, spans: geometry.Spans) -> list[bool]:
@@ -104,7 +101,7 @@ class Measurement:
     def unreachable_reason(self, area: geometry.Area) -> str:
         """Say why no path can touch an area, '' if one can."""
         if not area.has_size:
-            return NO_AREA
+            return placed.NO_AREA
         if not self.on_map(area):
             return 'the region lies off the map'
         if not self.reference.can_touch(area, self.reference.reachable):
@@ -117,7 +114,7 @@ class Measurement:
         Where none are needed none are allowed.
         """
         resolution = self.route.costmap.grid_map.resolution
-        return EXCESS * least + resolution if least > NEGLIGIBLE else 0.0
+        return EXCESS * least + resolution if least > geometry.EDGE else 0.0
 
     def broken_by(
         self, clause: Clause, metres: float, side: str, where: Point, least: float, **how: bool
@@ -128,9 +125,9 @@ class Measurement:
         """
         possible = ''
         if least > 0.0:
-            is_least = length_text(metres) == length_text(least)
-            possible = ', the least possible' + ('' if is_least else f' is {length_text(least)}')
-        detail = f'{length_text(metres)} {side}{possible}, from {point_text(where)}'
+            is_least = as_length(metres) == as_length(least)
+            possible = ', the least possible' + ('' if is_least else f' is {as_length(least)}')
+        detail = f'{as_length(metres)} {side}{possible}, from {as_point(where)}'
         if clause.strength == SHOULD:
             how = {'is_least': metres <= self.allowed(least)}
         return broken(clause, detail, metres, where, least, **how)
@@ -138,42 +135,4 @@ class Measurement:
     def place_text(self, place: float) -> str:
         """Return a place of the drive as details show it: '4.1, 3.0', and if it was driven."""
         driven = ' on the way driven' if place < self.begin else ''
-        return point_text(self.drive.point(place)) + driven
-
-
-def require_size(area: geometry.Area) -> None:
-    """Raise RegionError for an area in which no path can lie."""
-    if not area.has_size:
-        raise RegionError(NO_AREA)
-
-
-def kept(clause: Clause, detail: str, measured: float = 0.0, least: float = 0.0) -> ClauseOutcome:
-    """Return the outcome of a clause that a path keeps."""
-    return ClauseOutcome(clause, ClauseStatus.KEPT, detail, measured, least)
-
-
-def broken(
-    clause: Clause,
-    detail: str,
-    measured: float,
-    where: Point,
-    least: float = math.nan,
-    *,
-    impossible: bool = False,
-    is_least: bool = False,
-) -> ClauseOutcome:
-    """Return the outcome of a clause that a path violates: impossible, or by the least, or not."""
-    status = ClauseStatus.IMPOSSIBLE if impossible else ClauseStatus.NOT_KEPT
-    status = ClauseStatus.AS_FAR_AS_POSSIBLE if is_least else status
-    return ClauseOutcome(clause, status, detail, measured, least, where)
-
-
-def length_text(metres: float) -> str:
-    """Return a length as details show it: '2.3 m', and '0.004 m' where that says more."""
-    decimals = 1 if metres >= 0.1 or metres <= NEGLIGIBLE else 3
-    return f'{metres:.{decimals}f} m'
-
-
-def point_text(point: Point) -> str:
-    """Return a point as details show it: '4.1, 3.0'."""
-    return f'{point[0]:.1f}, {point[1]:.1f}'
+        return as_point(self.drive.point(place)) + driven

@@ -8,9 +8,9 @@ import math
 import numpy as np
 
 from llm_astar_planner.instructions.clauses.never_after import NeverAfter
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, broken, kept
 from llm_astar_planner.instructions.verification.geometry import first_from, total
-from llm_astar_planner.instructions.verification.measurement import Measurement, broken, kept
+from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.reference import Reference, grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import Resolved
 

@@ -10,17 +10,10 @@ import shapely
 from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.clauses.pass_by import Pass
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, as_length, broken, kept
 from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Polyline, total
-from llm_astar_planner.instructions.verification.measurement import (
-    NEGLIGIBLE,
-    NO_AREA,
-    Measurement,
-    broken,
-    kept,
-    length_text,
-)
-from llm_astar_planner.instructions.verification.regions import RegionError
+from llm_astar_planner.instructions.verification.measurement import Measurement
+from llm_astar_planner.instructions.verification.regions import NO_AREA, RegionError
 
 Vector = NDArray[np.float64]
 
@@ -36,10 +29,10 @@ def check(measurement: Measurement, clause: Pass, _: int) -> ClauseOutcome:
     wrong = crossings(drive, centre, -ahead, touching=True)
     inside = region.shrunk(EDGE).spans(drive)
     metres, where = total(inside), measurement.start
-    if metres > NEGLIGIBLE:
+    if metres > EDGE:
         where = drive.point(float(inside[0, 0]))
         through = measurement.place_text(float(inside[0, 0]))
-        detail = f'{length_text(metres)} through it, from {through}'
+        detail = f'{as_length(metres)} through it, from {through}'
     elif wrong:
         where = drive.point(wrong[0])
         detail = f'passed on the other side, at {measurement.place_text(wrong[0])}'

@@ -24,11 +24,18 @@ from llm_astar_planner.instructions.verification.walls import Walls
 # Metres that open sides reach beyond everything on the map.
 BEYOND = 1000.0
 COMPASS_DIRECTIONS = {'north': (0, 1), 'south': (0, -1), 'east': (1, 0), 'west': (-1, 0)}
+NO_AREA = 'the region has no area'
 Cut = Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
 
 
 class RegionError(LlmAstarError, ValueError):
     """A region that does not exist; the message is a fragment such as 'there is no place ...'."""
+
+
+def require_size(area: geometry.Area) -> None:
+    """Raise RegionError for an area in which no path can lie."""
+    if not area.has_size:
+        raise RegionError(NO_AREA)
 
 
 @dataclass(frozen=True, eq=False)

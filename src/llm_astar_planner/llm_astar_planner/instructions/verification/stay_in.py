@@ -6,14 +6,9 @@
 import numpy as np
 
 from llm_astar_planner.instructions.clauses.stay_in import StayIn
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, broken, kept
 from llm_astar_planner.instructions.verification.geometry import EDGE, total
-from llm_astar_planner.instructions.verification.measurement import (
-    NEGLIGIBLE,
-    Measurement,
-    broken,
-    kept,
-)
+from llm_astar_planner.instructions.verification.measurement import Measurement
 
 
 def check(measurement: Measurement, clause: StayIn, _: int) -> ClauseOutcome:
@@ -22,9 +17,9 @@ def check(measurement: Measurement, clause: StayIn, _: int) -> ClauseOutcome:
     area = region.grown(EDGE)
     inside = area.spans(path) if region.has_size else np.empty((0, 2))
     metres = max(0.0, path.length - total(inside))
-    if len(inside) and metres <= NEGLIGIBLE:
+    if len(inside) and metres <= EDGE:
         return kept(clause, '0.0 m outside')
-    starts_inside = len(inside) and inside[0, 0] <= NEGLIGIBLE
+    starts_inside = len(inside) and inside[0, 0] <= EDGE
     where = path.point(float(inside[0, 1])) if starts_inside else measurement.start
     reason = '' if len(inside) else measurement.unreachable_reason(area)
     if reason:

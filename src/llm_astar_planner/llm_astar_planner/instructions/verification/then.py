@@ -6,9 +6,9 @@
 import math
 
 from llm_astar_planner.instructions.clauses.then import Then
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, broken, kept
 from llm_astar_planner.instructions.verification.geometry import ROUNDING, first_from
-from llm_astar_planner.instructions.verification.measurement import Measurement, broken, kept
+from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.reference import Reference, grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import Resolved
 

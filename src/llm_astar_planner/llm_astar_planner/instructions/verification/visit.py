@@ -9,15 +9,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from llm_astar_planner.instructions.clauses.visit import Visit
-from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.outcome import ClauseOutcome, as_length, broken, kept
 from llm_astar_planner.instructions.verification.geometry import Spans, first_from
-from llm_astar_planner.instructions.verification.measurement import (
-    Measurement,
-    Point,
-    broken,
-    kept,
-    length_text,
-)
+from llm_astar_planner.instructions.verification.measurement import Measurement, Point
 from llm_astar_planner.instructions.verification.regions import RegionError, Resolved
 
 
@@ -92,5 +86,5 @@ def miss(measurement: Measurement, attempt: Attempt) -> tuple[str, float, Point]
         return f'reached before its turn, at {early}, and not again', metres, where
     away = attempt.region.area.distance(measurement.drive.shape)
     if away > 0.0:
-        return f'never nearer than {length_text(away)}', metres, where
-    return f'entered, but {length_text(metres)} short of a visit', metres, where
+        return f'never nearer than {as_length(away)}', metres, where
+    return f'entered, but {as_length(metres)} short of a visit', metres, where

@@ -8,11 +8,8 @@ from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
 from llm_astar_planner.instructions.model.prompt import (
     MAX_PROMPT_PLACES,
-    Examples,
-    ExamplesError,
-    load_examples,
+    examples,
     prompt_messages,
-    shipped_examples,
 )
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SourceSettings
@@ -31,12 +28,12 @@ def brief_pauses(monkeypatch):
     monkeypatch.setattr('llm_astar_planner.waypoints.llm.resilience.FIRST_DELAY_S', 0.01)
 
 
-def interpreter(base_url, recorder=None, examples=None, **settings):
+def interpreter(base_url, recorder=None, **settings):
     defaults = {'response_format': 'json_schema', 'model': 'tiny', 'max_output_tokens': 200}
     client = ChatClient(
         SourceSettings(source='endpoint', base_url=base_url, **{**defaults, **settings})
     )
-    return ModelInterpreter(client, examples=examples or shipped_examples(), recorder=recorder)
+    return ModelInterpreter(client, recorder)
 
 
 def interpret(server, text=TEXT, places=HOSPITAL, limit=10.0, **settings):
@@ -66,9 +63,9 @@ def kinds_of(schema):
 
 
 def test_the_prompt_is_the_same_up_to_the_places_and_then_to_the_sentence():
-    first = prompt_messages('avoid the kitchen', HOSPITAL, shipped_examples())
-    second = prompt_messages('take the lift', HOSPITAL, shipped_examples())
-    elsewhere = prompt_messages('take the lift', NO_PLACES, shipped_examples())
+    first = prompt_messages('avoid the kitchen', HOSPITAL)
+    second = prompt_messages('take the lift', HOSPITAL)
+    elsewhere = prompt_messages('take the lift', NO_PLACES)
     assert first[:-1] == second[:-1] == elsewhere[:-1]
     before, _, _ = first[-1].content.partition('Instruction:')
     assert second[-1].content.startswith(before)
@@ -154,7 +151,7 @@ def test_an_injection_changes_nothing_but_clauses(chat_server, text):
     chat_server.script = [chat_server.completion(GOOD)]
     found = interpret(chat_server, text)
     asked = chat_server.requests[0]['messages']
-    assert len(asked) == 2 * len(shipped_examples().turns) + 2
+    assert len(asked) == 2 * len(examples()[1]) + 2
     assert asked[-1]['content'].endswith(f'Instruction: {json.dumps(text)}')
     assert all(clause.unsure for clause in found.specification.enforceable)
     assert found.status in (Understanding.PARTLY, Understanding.NONE)
@@ -164,27 +161,9 @@ def test_a_long_list_of_places_is_bounded_and_begins_with_those_mentioned():
     many = type(HOSPITAL)(
         type(place)(f'{place.name} {n}', place.geometry) for n in range(30) for place in HOSPITAL
     )
-    asked = prompt_messages('go to kitchen 29', many, shipped_examples())[-1].content
+    asked = prompt_messages('go to kitchen 29', many)[-1].content
     assert asked.count('\n- ') == MAX_PROMPT_PLACES
     assert '- "kitchen 29"' in asked
-
-
-def test_examples_of_a_file_are_used(tmp_path):
-    path = tmp_path / 'mine.json'
-    path.write_text(
-        '{"places": [{"name": "a", "polygon": [[0, 0], [1, 0], [1, 1]]}],'
-        ' "examples": [{"text": "not a", "clauses": [{"do": "avoid", "where": "a"}]}]}'
-    )
-    messages = prompt_messages('x', NO_PLACES, load_examples(path))
-    assert [message.role for message in messages] == ['system', 'user', 'assistant', 'user']
-
-
-@pytest.mark.parametrize('text', ['', '[]', '{"places": [], "examples": [1]}', '{"places": 3}'])
-def test_a_wrong_file_of_examples_is_named(tmp_path, text):
-    path = tmp_path / 'mine.json'
-    path.write_text(text)
-    with pytest.raises(ExamplesError, match=r'mine\.json'):
-        load_examples(path)
 
 
 def test_exchanges_are_recorded_without_the_key_and_replayed(chat_server, tmp_path, monkeypatch):
@@ -230,12 +209,13 @@ def test_an_empty_instruction_is_not_asked(chat_server):
 
 
 @needs_llm
-def test_a_real_model_answers_in_the_form_of_the_schema():
+def test_a_real_model_answers_in_the_form_of_the_schema(monkeypatch):
+    brief = HOSPITAL, examples()[1][:1]
+    monkeypatch.setattr('llm_astar_planner.instructions.model.prompt.examples', lambda: brief)
     with LocalLlm() as server:
         found = interpret(
             server,
             limit=200.0,
-            examples=Examples(HOSPITAL, shipped_examples().turns[:1]),
             model='',
             max_output_tokens=60,
             max_retries=0,

@@ -4,14 +4,15 @@ import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import (
+    KINDS,
     Unreadable,
     Writer,
+    after,
     flat,
     ordered,
     parsed,
     told_in_turn,
 )
-from llm_astar_planner.instructions.reader.network import KINDS, after
 from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.specification import from_json
 
