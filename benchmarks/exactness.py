@@ -31,6 +31,8 @@ SIDES = (*range(63, 67), *range(126, 131), 193)
 # How often a map changes, and its size: two tiles and more.
 CHANGES, SHAPE = 50, (200, 330)
 BOUNDS = (1.0, 1.1)
+# On graded costs a path that is cheaper unrounded remains, though it may take more units.
+ROUNDING = 5e-4
 Array = NDArray[Any]
 
 
@@ -41,6 +43,7 @@ class Judge:
         """Take bool and 0 to 100, both [height, width]."""
         walls, prices = np.pad(blocked, 1, constant_values=True), np.pad(cost, 1)
         prices = prices.astype(np.int64) * 512 // 100
+        self.rounding = ROUNDING if cost.any() else 0.0
         self._cells, parts = np.arange(walls.size).reshape(walls.shape), []
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
             closed = walls | shifted(walls, down, right)
@@ -101,7 +104,7 @@ def map_problems(seed: int) -> Iterator[str]:
     most = random.choice([0, MAX_BYTES])
     options: dict[str, Any]
     options = {'landmarks': Landmarks.build(grid, max_bytes=most) if seed % 5 else None}
-    judge, points = Judge(blocked, cost, corner_cutting=cutting), free[3:6]
+    judge = Judge(blocked, cost, corner_cutting=cutting)
     for start, other in zip(free[:1].tolist(), free[1:2].tolist()):
         farthest = free[np.abs(free - start).max(axis=1).argmax()].tolist()
         least = judge.least(start)
@@ -109,10 +112,9 @@ def map_problems(seed: int) -> Iterator[str]:
             found = {('exact', 1.0): exact_astar(grid, start, goal)}
             for bound in BOUNDS:
                 options['max_suboptimality'] = bound
-                found['guided', bound] = guided(grid, start, goal, [], **options)
-                # Of two paths that waypoints lead to the one that is cheaper unrounded remains.
-                kind = 'waypoints', max(bound, grid.rounding)
-                found[kind] = guided(grid, start, goal, points, **options)
+                for name, guides in (('guided', ()), ('waypoints', free[3:6])):
+                    kind = name, bound + judge.rounding
+                    found[kind] = guided(grid, start, goal, guides, **options)
             for (name, bound), result in found.items():
                 problem = judge.problem(result, bound, least[goal[1], goal[0]])
                 if problem is not None:
@@ -138,7 +140,7 @@ def change_problems(seed: int, changes: int) -> Iterator[str]:
             for bound in BOUNDS:
                 request = PlanRequest(start, goal, max_suboptimality=bound, time_limit=600.0)
                 for name, one in planners.items():
-                    problem = judge.problem(one.plan(request), bound, least)
+                    problem = judge.problem(one.plan(request), bound + judge.rounding, least)
                     if problem is not None:
                         yield f'map {seed}, change {number}, {name}, {start} to {goal}: {problem}'
         y, x, height, width = *random.integers(0, SHAPE), *random.integers(1, 40, 2)
