@@ -6,7 +6,10 @@
 import atexit
 import gc
 import signal
+import sys
 
+# With these options alone `llm-astar plan` is on the demo's map, and takes few kernels.
+OF_DEMO = {'--json', '--png', '--pair', '--map-id', '--start', '--goal', '--reply'}
 # Container objects that are made before garbage is looked for; Python's default is 700.
 COLLECTED_AT = 50_000
 
@@ -21,6 +24,11 @@ def main() -> int:
     # of the time of `llm-astar plan`.
     gc.set_threshold(COLLECTED_AT)
     atexit.register(gc.freeze)
+    command, options = sys.argv[1:2], {word.partition('=')[0] for word in sys.argv[2:]}
+    if command == ['plan'] and {word for word in options if word[:2] == '--'} <= OF_DEMO:
+        from llm_astar_planner.search.kernel_cache import interpret_unless_compiled  # noqa: PLC0415
+
+        interpret_unless_compiled()
     from llm_astar_planner.cli.main import main as run_command  # noqa: PLC0415
 
     return run_command()

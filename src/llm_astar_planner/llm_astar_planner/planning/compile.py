@@ -99,7 +99,7 @@ def compile_for(
     """
     method = request.method if request.method in METHODS else EXACT
     kind = kind_of_plan(config, request, is_graded, has_landmarks)
-    if kind in COMPILED:
+    if kind in COMPILED or numba_config.DISABLE_JIT:
         return True
 
     def check(_: str) -> None:
