@@ -9,7 +9,10 @@ import pytest
 from llm_astar_planner.cli.main import main
 
 # Not scipy.linalg, which numba imports by itself.
-HEAVY = {'httpx', 'lark', 'matplotlib', 'scipy.ndimage', 'rclpy', 'duckdb'}
+HEAVY = {
+    'httpx', 'lark', 'matplotlib', 'scipy.ndimage', 'rclpy', 'duckdb',
+    'llm_astar_planner.planning.why', 'llm_astar_planner.instructions.specification',
+}  # fmt: skip
 CODE = """
 import json, sys
 from llm_astar_planner.cli.main import main
