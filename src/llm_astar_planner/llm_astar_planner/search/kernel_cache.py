@@ -60,8 +60,9 @@ def interpret_unless_compiled() -> None:
     """
     folder = Path(__file__).parent / '_kernels'
     prepare_cache(folder)
-    compiled = Path(config.CACHE_DIR or folder / '__pycache__')
-    config.DISABLE_JIT = int(not any(compiled.rglob('*.nbi')))
+    is_named = config.CACHE_DIR and not _CHOSEN
+    places = [config.CACHE_DIR] if is_named else [folder / '__pycache__', *_CHOSEN]
+    config.DISABLE_JIT = int(not any(file for at in places for file in Path(at).rglob('*.nbi')))
 
 
 def say(sentence: str) -> None:
