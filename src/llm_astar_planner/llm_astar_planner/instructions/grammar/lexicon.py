@@ -10,6 +10,7 @@ from functools import lru_cache
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
+from llm_astar_planner.instructions.grammar.spoken import NUMBERS, SMALL
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, Noun, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import (
     Phrases,
@@ -53,6 +54,10 @@ class Group:
     own: str = KIND
 
 
+# Words that may stand before the number of a place.
+BEFORE_NUMBERS = (('number',), ('nummer',), ('numero',))
+
+
 class Lexicon:
     """The words for the places of a map.
 
@@ -78,8 +83,11 @@ class Lexicon:
                 inner = [word for word in words[:-1] if word not in articles()]
                 self.names.add(words, place)
                 self.names.add((*inner, *words[-1:]), place)
+                for said in numbered(words):
+                    self.names.add(said, place)
                 for variant, is_sure in variants(words):
-                    self.near_names.add(variant, (place, is_sure))
+                    for said in (variant, *numbered(variant)):
+                        self.near_names.add(said, (place, is_sure))
         for tag in places.tags:
             add_tag(tag, self.tags, self.tag_groups)
         languages = name_languages(places)
@@ -93,7 +101,7 @@ class Lexicon:
         known = (self.names, self.near_names, self.tags, self.tag_groups)
         self.starts = frozenset().union(*(phrases.starts for phrases in known))
         spelt = self.names.words | self.near_names.words | self.tags.words
-        self.spellings = frozenset(word for word in spelt if word.isalpha())
+        self.spellings = frozenset(w for w in spelt if w.isalpha() and w not in NUMBERS)
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
@@ -143,6 +151,14 @@ def articles() -> frozenset[str]:
     """Return the articles of all languages, which may stand within a name."""
     tables = [vocabulary(language) for language in LANGUAGES]
     return frozenset().union(*(table.articles | table.any_articles for table in tables))
+
+
+def numbered(name: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Yield a name that ends with a number as people say it: 'ward two', 'ward number 2'."""
+    number = name[-1] if len(name) > 1 else ''
+    if number.isdecimal() and 0 < int(number) <= len(SMALL):
+        for said in (number, *SMALL[int(number) - 1].split()):
+            yield from ((*name[:-1], *before, said) for before in ((), *BEFORE_NUMBERS))
 
 
 def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:

@@ -134,6 +134,8 @@ def run_tag(word: Word, before: Word | None) -> str:
 
 def phrase_words(phrase: str) -> tuple[str, ...]:
     """Return the comparable words of a phrase."""
+    if phrase.replace(' ', '').isalpha():  # nothing to divide, as in most of the vocabularies
+        return tuple(map(comparable, phrase.split()))
     return tuple(word.text for word in read_words(phrase))
 
 

@@ -12,7 +12,7 @@ import re
 from collections.abc import Collection, Sequence
 from zlib import crc32
 
-from llm_astar_planner.instructions.grammar.selection import WALL
+from llm_astar_planner.instructions.grammar.selection import OPPOSITE, WALL
 from llm_astar_planner.instructions.grammar.vocabulary import nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter
@@ -26,28 +26,50 @@ LEADING = {
     'AVOID', 'VISIT', 'TO', 'INTO', 'FROM', 'AND', 'OR', 'THEN', 'BEFORE', 'AFTER', 'THROUGH',
     'NEG', 'STAY',
 }  # fmt: skip
+# Clauses that begin with a condition on a place.
+CONDITIONAL = {'B', 'N', 'T'}
 ENDS = ('.', ';', ':', '!', '?')
 FIRST = ('first', 'erst', 'premier', 'primero')
+# Kinds of words that are never a name, though they are in some: 'salle de bain', '@R1 s closed'.
+GLUE = {'OF', 'TO', 'STATE'}
+# English words before a place that are no part of its name, beside those of the grammar.
+BEFORE_PLACES = {
+    'about', 'as', 'bar', 'been', 'done', 'down', 'hit', 'just', 'mean', 'meant', 'near', 'off',
+    'out', 'past', 'proceed', 'said', 'say', 'says', 'teh', 'touch', 'uh', 'yes',
+}  # fmt: skip
+# What the whole map may be called in 'the north half of the floor'.
+WHOLE = {
+    'building', 'floor', 'house', 'map', 'place', 'premises', 'site', 'yard', 'gebaude', 'haus',
+    'stockwerk', 'batiment', 'etage', 'maison', 'edificio', 'planta', 'casa',
+}  # fmt: skip
+# Ends of English words that are no names where no article is before them: 'booked', 'no barging'.
+ENDINGS = ('ed', 'ing')
 # Words that ask for a part of a place or a group, or to say something: no meaning has them.
 PARTIAL = {
-    'corner', 'corners', 'edge', 'some', 'most', 'several', 'part', 'rest', 'ecke', 'rand',
-    'teil', 'einige', 'manche', 'meisten', 'coin', 'bord', 'partie', 'quelques', 'certains',
-    'plupart', 'reste', 'rincon', 'esquina', 'borde', 'parte', 'algunos', 'algunas', 'mayoria',
-    'resto', 'ignore', 'pretend', 'ignoriere', 'ignora', 'ignorez', 'finge',
+    'corner', 'corners', 'edge', 'several', 'part', 'ecke', 'rand', 'teil', 'einige', 'manche',
+    'meisten', 'coin', 'bord', 'partie', 'quelques', 'certains', 'plupart', 'rincon', 'esquina',
+    'borde', 'parte', 'algunos', 'algunas', 'mayoria', 'resto', 'ignore', 'pretend', 'ignoriere',
+    'ignora', 'ignorez', 'finge',
 }  # fmt: skip
 # What makes a least distance a greatest one, and what turns a part of a sentence into a condition.
 AT_MOST = re.compile(
     r'no more than|not more than|at most|within|maximum|hochstens|maximal|au plus|como mucho|'
     r'como maximo|a lo sumo'
 )
-CONDITIONS = {
-    'if', 'when', 'whenever', 'unless', 'wenn', 'falls', 'sobald', 'si', 'quand', 'lorsque',
-    'cuando',
-}  # fmt: skip
-AT_ONCE = re.compile(r'at once|immediately|sofort|unmittelbar|immediatement|inmediatamente')
+CONDITIONS = re.compile(
+    r'(?:(?:^|[.,;:!?] )(?:if|whenever|unless|wenn|falls|sobald|si|quand|lorsque|cuando)|'
+    r'(?:if|when) (?:i|we|he|she|it|they)|(?:^|[.,;:!?] )when) [^.,;:!?]*'
+)
+AT_ONCE = re.compile(
+    r'at once|immediately|sofort|unmittelbar|immediatement|inmediatamente|'
+    r'(?:directly|straight|direkt|juste|justo) (?:before|after|vor|nach|avant|apres|antes|despues)'
+)
 OTHERS = re.compile(
-    r'(?:last|other|another|andere|letzte|autre|otro) robot|(?<!you )\bwill\b|for a while|'
-    r'what (?:is|s) @S|from (?:the )?@S|desde (?:el )?@S|\bhalf of (?!the map|it)'
+    r'(?:last|other|another|andere|letzte|autre|otro) robot|for a while|'
+    r'(?<!you )(?<!ich )\bwill\b(?! do\b| you\b| be\b| ich\b)|'
+    r'\bsome\b(?! point| space| distance)|\bmost\b(?= of| @| \w+s\b)|\bof the rest\b|'
+    r'(?:le|du) reste|other way (?:about|round|around)|i like to|yesterday|in case of (?!@)|'
+    r'what (?:is|s) @S|from (?:the )?@S|desde (?:el )?@S|(?<!@S\d )\bhalf of (?!the map|it)'
 )
 
 
@@ -59,10 +81,33 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     doubts = [said for name in one.slots if name in tokens for said in one.slots[name].doubts]
     if doubts:
         return f'"{doubts[0]}" is doubtful'
-    left = [name for name in one.slots if name not in tokens and name[0] != 'R']
-    if left:
-        return f'{left[0]} is left'
-    return leftover(one) or twisted(one, tokens) or unnamed(one, tokens) or alone(one)
+    return (
+        unused(one, tokens)
+        or leftover(one)
+        or twisted(one, tokens)
+        or unnamed(one, tokens)
+        or alone(one)
+    )
+
+
+def unused(one: Lifted, tokens: Collection[str]) -> str:
+    """Return a length, side or number that a meaning leaves unsaid, '' for none.
+
+    Not the other side of one that it says, 'on the left, not on the right', and not 'once' of a
+    condition, 'une fois sorti du labo'.
+    """
+    sides = {
+        OPPOSITE[str(one.slots[name].value)]
+        for name in tokens
+        if name[0] == 'S' and name in one.slots
+    }
+    is_condition = not CONDITIONAL.isdisjoint(tokens)
+    for name, slot in one.slots.items():
+        is_said = name in tokens or name[0] == 'R' or (name[0] == 'S' and slot.value in sides)
+        is_once = is_condition and name[0] == 'K' and slot.number == 1
+        if not (is_said or is_once):
+            return f'{name} is left'
+    return ''
 
 
 def leftover(one: Lifted) -> str:
@@ -79,12 +124,11 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     """
     said = ' '.join(one.tokens)
     found = [token for token in one.tokens if token in PARTIAL]
-    checks = ((OTHERS, ''), (AT_MOST, 'K'), (AT_ONCE, 'T'))
+    checks = ((OTHERS, ''), (AT_MOST, 'K'), (AT_ONCE, ''))
     matches = (words.search(said) for words, kind in checks if not kind or kind in meaning)
     found += [match[0] for match in matches if match]
     if WISH not in meaning:
-        parts = re.split(r' [.,;:!?] ?', said)
-        found += [part for part in parts if part.split(' ')[0] in CONDITIONS and SIGN not in part]
+        found += [one[0] for one in CONDITIONS.finditer(said) if SIGN not in one[0]]
     return f'"{found[0]}" may ask for something else' if found else ''
 
 
@@ -103,24 +147,37 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
         named = called.exactly([token])
         is_wall = any(noun.name == WALL for noun in named)
-        if not token.isalpha() or (is_wall and 'WALLS' in meaning):
+        is_map = 'HF' in meaning and token in WHOLE
+        if not token.isalpha() or is_map or (is_wall and 'WALLS' in meaning):
             continue
         kinds, leads = kinds_of[token], kinds_of[before] & LEADING
-        is_noun = token in called.words and token not in articles
+        is_noun = token in called.words and token not in articles and not kinds & GLUE
         is_seen = crc32(token.encode()) in known
         # In English what is before a place may be a part of its name.
         is_known = token in articles or bool(kinds - {'REMARK'})
         is_known |= is_seen and one.language != 'en'
+        is_known |= token in BEFORE_PLACES
         is_known &= 'ORDINAL' not in kinds or token in FIRST
         follows = before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
+        is_verb = is_no_noun(token, before in articles, one)
         is_name = (
             (after[:2] in REGIONS and (is_noun or not is_known))
             or (before[:2] in REGIONS and (is_noun or is_letter(token)))
-            or (follows and not (is_seen or kinds))
+            or (follows and not (is_seen or kinds or is_verb))
         )
         if is_name or named:
             return f'"{token}" may be a name'
     return ''
+
+
+def is_no_noun(token: str, has_article: bool, one: Lifted) -> bool:
+    """Whether a word is none by its form: 'no barging'; German nouns are written with capitals."""
+    if one.language == 'en':
+        return token.endswith(ENDINGS) and not has_article
+    said = [word.said or word.text for word in one.words[1:]]
+    has_capitals = any(word[0].isupper() for word in said)
+    mine = (word for word in said if comparable(word) == token)
+    return one.language == 'de' and has_capitals and all(word.islower() for word in mine)
 
 
 def alone(one: Lifted) -> str:

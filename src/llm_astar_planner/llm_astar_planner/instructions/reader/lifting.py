@@ -55,6 +55,11 @@ DECIMAL_POINTS = ('komma', 'virgule', 'coma')
 # What a slot is called in the meaning, where it is not as it is shown.
 NAMED_AS = {'O': 'R', 'G': 'R', 'Y': 'R', 'N': 'K'}
 WORDS_OF_A_LETTER = frozenset('adeilmnostuy')
+# Words before which 'right' is no side: 'right beside it'.
+AFTER_RIGHT = frozenset(
+    {'after', 'away', 'before', 'behind', 'beside', 'by', 'here', 'next', 'now', 'past', 'there',
+     'through', 'up'}
+)  # fmt: skip
 # Words in names that tell nothing.
 VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala'})
 
@@ -159,7 +164,7 @@ def slots_in(
         if slot is None:
             count, slot = metres_and_more(lexemes[max(0, at - 1) : at], lexemes[at : at + 3])
         if slot is None:
-            count, slot = 1, simple_slot(lexemes[at], places)
+            count, slot = 1, simple_slot(lexemes[at], places, words)
         if slot is not None:
             yield lexemes[at].start, lexemes[at + count - 1].end, slot
             before = slot.value.place if isinstance(slot.value, NamedPlace) else before
@@ -288,7 +293,14 @@ def place_slot(place: Place, doubts: tuple[str, ...]) -> Slot:
     return Slot('R', NamedPlace(place.name), 'O' if place.is_object else 'R', (), doubts)
 
 
-def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
+def is_adverb(lexeme: Lexeme, words: Sequence[Word]) -> bool:
+    """Whether a side is none: 'right next to', 'right now'."""
+    after = next((word.text for word in words if word.start >= lexeme.end), '')
+    said = next((word.text for word in words if word.start == lexeme.start), '')
+    return said == 'right' and after in AFTER_RIGHT
+
+
+def simple_slot(lexeme: Lexeme, places: Places, words: Sequence[Word]) -> Slot | None:
     """Return the slot of one lexeme, None of one that is language."""
     doubts = tuple(said for said, _ in lexeme.doubts)
     value = lexeme.value
@@ -296,7 +308,7 @@ def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
         return place_slot(value, doubts)
     if lexeme.kind == 'LENGTH':
         return length_slot(float(value), lexeme)
-    if lexeme.kind == 'SIDE':
+    if lexeme.kind == 'SIDE' and not is_adverb(lexeme, words):
         return Slot('S', str(value), doubts=doubts)
     if lexeme.kind == 'POINT':
         return Slot('R', regions.Disc(*value), 'R')
@@ -311,7 +323,8 @@ def simple_slot(lexeme: Lexeme, places: Places) -> Slot | None:
         members = tuple(NamedPlace(one.name) for one in found)
         return Slot('R', regions.Tagged(value), 'G', members, doubts)
     if lexeme.kind == 'UNKNOWN' and (len(str(value)) >= SHORTEST_PART or is_letter(str(value))):
-        return named_in_part(str(value), places)
+        is_as_written = any(one.text == value and one.end == lexeme.end for one in words)
+        return named_in_part(str(value), is_as_written, places)
     return None
 
 
@@ -320,12 +333,17 @@ def is_letter(word: str) -> bool:
     return len(word) == 1 and word.isalpha() and word not in WORDS_OF_A_LETTER
 
 
-def named_in_part(word: str, places: Places) -> Slot | None:
-    """Return the place that alone has a word in its names, with a doubt: 'packing' station."""
+def named_in_part(word: str, is_as_written: bool, places: Places) -> Slot | None:
+    """Return the place that alone has a word in its names: 'packing' station.
+
+    With a doubt where it is a letter, corrected or a plural: 'the boutiques' where there is one.
+    """
     if word in VAGUE:
         return None
-    found = name_parts(places).get(word) or name_parts(places).get(word.removesuffix('s')) or ()
-    return place_slot(found[0], (word,)) if len(found) == 1 else None
+    parts = name_parts(places)
+    doubts = () if is_as_written and word in parts and len(word) > 1 else (word,)
+    found = parts.get(word) or parts.get(word.removesuffix('s')) or ()
+    return place_slot(found[0], doubts) if len(found) == 1 else None
 
 
 @lru_cache(maxsize=16)

@@ -12,7 +12,7 @@ from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Lifted, s
 from llm_astar_planner.instructions.reader.meaning import Parts, flat, ordered, told_in_turn
 
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
-RENUMBERED, TRUST = 3, 0.15
+RENUMBERED, TRUST = 1, 0.15
 Names = Mapping[str, str]
 Clauses = tuple[Parts, ...]
 

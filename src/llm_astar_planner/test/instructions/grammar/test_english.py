@@ -7,6 +7,8 @@ AVOID = {
     'Please stay out of the pharmacy.': 'avoid the pharmacy',
     'do not drive through the pharmacy or the reception': 'avoid the pharmacy; '
     'avoid the reception',
+    'avoid ward two': 'avoid the ward 2',
+    'stay out of ward one and ward number 3': 'avoid the ward 1; avoid the ward 3',
     'enter neither ward 1 nor ward 2': 'avoid the ward 1; avoid the ward 2',
     'under no circumstances set foot in ward 3': 'avoid the ward 3',
     'not through the hallway': 'avoid the hallway',

@@ -16,6 +16,7 @@ GERMAN = {
     'betritt Station 1 erst nach der Apotheke': 'do not enter the ward 1 before the pharmacy',
     'besuche die Apotheke, bevor du Station 1 betrittst': 'do not enter the ward 1 '
     'before the pharmacy',
+    'besuche Station zwei': 'visit the ward 2',
     'meide wenn möglich alle Badezimmer': 'if possible, avoid all bathroom places',
     'die Apotheke ist gesperrt': 'avoid the pharmacy',
     'bleib auf der linken Seite': 'if possible, stay in the left side of the direct way',

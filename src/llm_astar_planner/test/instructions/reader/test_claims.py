@@ -3,7 +3,7 @@
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.check import doubt_about
-from llm_astar_planner.instructions.reader.claims import twisted, unnamed
+from llm_astar_planner.instructions.reader.claims import twisted, unnamed, unused
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import Writer, ordered
 
@@ -74,11 +74,44 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
         ('stay no more than 2 m from the lift', 'K R1 L1'),
         ('enter the kitchen from the north', 'P R1 S1'),
         ('as soon as you enter ward 1, head for ward 2 at once', 'T R1 R2'),
+        ('go to ward 1 when I call you', 'V R1 )'),
+        ('in case of fire go to ward 1', 'V R1 )'),
+        ('ward 1, then ward 2; no, the other way about', 'V R1 ) V R2 )'),
+        ('avoid half of the wards', 'A R1'),
     ],
 )
 def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
     assert twisted(lifted(text, HOSPITAL), meaning.split())
     assert not twisted(lifted('avoid the kitchen, then go to ward 1', HOSPITAL), meaning.split())
+
+
+@pytest.mark.parametrize(
+    ('text', 'meaning'),
+    [
+        ('keep to the north half of ward 1', 'S HO S1 R1'),
+        ('if you are in ward 1, go to ward 2 at some point', 'T R1 R2'),
+        ('am Ende will ich dich in ward 1 sehen', 'E R1'),
+        ('either ward will do, just go to one', 'V R1 )'),
+    ],
+)
+def test_words_that_only_look_so_forbid_none(text, meaning):
+    assert not twisted(lifted(text, HOSPITAL), meaning.split())
+
+
+@pytest.mark.parametrize(
+    ('text', 'meaning', 'left'),
+    [
+        ('pass the lift on the north, not on the south', 'P R1 S1', ''),
+        ('go to ward 1 on the north', 'V R1 )', 'S1'),
+        ('once you have been to ward 1 twice, avoid ward 2', 'N R1 R2', 'K1'),
+        ('une fois sorti de ward 1, évite ward 2', 'N R1 R2', ''),
+        ('go to ward 1 three times', 'V R1 )', 'K1'),
+    ],
+)
+def test_a_side_or_a_number_that_is_left_is_told_but_for_the_opposite_and_once(
+    text, meaning, left
+):
+    assert unused(lifted(text, HOSPITAL), meaning.split())[:2] == left
 
 
 @pytest.mark.parametrize(
@@ -90,6 +123,12 @@ def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
         ('steer clear of the second kitchen', True),
         ('avoid zorkroom', True),
         ('no kitchen', False),
+        ("the kitchen's locked", False),
+        ('no barging into the kitchen', False),
+        ('avoid the barging', True),
+        ("don't miss out the kitchen", False),
+        ('Die Küche ist belegt, da wird nicht reingefahren.', False),
+        ('die küche ist belegt, da wird nicht reingefahren', True),
         ('first the kitchen', False),
         ('ve por los kitchen', False),
     ],

@@ -73,9 +73,28 @@ def test_a_slot_knows_what_it_stands_for_and_what_is_doubtful_of_it():
     assert one.slots['L1'].value == 1.5
 
 
-def test_a_word_of_one_name_alone_means_it_with_a_doubt():
-    slot = lifted('the store is closed', HOSPITAL).slots['R1']
-    assert (slot.value, slot.doubts) == (NamedPlace('store room'), ('store',))
+@pytest.mark.parametrize(
+    ('text', 'name', 'doubts'),
+    [
+        ('the packing is closed', 'packing station', ()),
+        ('the jacks are closed', 'pallet jack', ('jacks',)),
+        ('the lane is closed', 'main lane', ('lane',)),
+    ],
+)
+def test_a_word_of_one_name_alone_means_it_and_a_plural_or_a_noun_with_a_doubt(text, name, doubts):
+    slot = lifted(text, free.worlds()['warehouse'].places).slots['R1']
+    assert (slot.value, slot.doubts) == (NamedPlace(name), doubts)
+
+
+@pytest.mark.parametrize(
+    ('text', 'shown'),
+    [
+        ('end right next to the lift', 'end right next to the @O1'),
+        ('pass the lift on the right', 'pass the @O1 on the @S1'),
+    ],
+)
+def test_right_before_an_adverb_is_no_side(text, shown):
+    assert words(text) == shown
 
 
 def test_an_identifier_is_a_whole_word():
