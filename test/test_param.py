@@ -52,14 +52,6 @@ def test_every_node_of_the_graph_is_listed(param):
     assert values[NODE]['frame_id'] == 'map'
 
 
-def test_a_description_has_type_value_limits_and_the_sentence(param):
-    _, text = param('describe', NODE, 'map_id')
-    first, *rest = (line.strip() for line in text.splitlines())
-    assert first == 'map_id (integer): 0'
-    assert rest == ['Which map of the file', 'values: 0 to 2147483647']
-    assert 'map_file (string): demo.json' in param('describe', NODE)[1]
-
-
 @pytest.mark.parametrize(
     ('words', 'message'),
     [

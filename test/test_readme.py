@@ -43,7 +43,7 @@ CANNOT_RUN = {
     r'python docs/make_play_picture': 'needs chromium; test_play_page.py looks at the page',
     r'llm-astar play': 'runs until Ctrl-C; test_play_page.py opens it',
     r'llm-astar watch(?!.*--count)': 'runs until Ctrl-C; test_watch.py runs it',
-    r'llm-astar watch .*jq': 'needs jq',
+    r'llm-astar (watch|instruct-bench) .*jq': 'needs jq',
     r'llm-astar evaluate .*/global_costmap/costmap': 'needs the bag of a Nav2 stack',
     r'llm-astar instruct-bench .*house': 'needs a suite of the reader',
     r'llm-astar .*/nav2_bringup/maps/': "needs Nav2's map, which comes with ROS",

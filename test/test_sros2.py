@@ -117,7 +117,7 @@ def test_the_policies_grant_what_the_running_nodes_have_and_nothing_else():
     optional = {name for name, note in notes.items() if any(one in note for one in absent)}
     with running(*nodes), calling(NAMESPACE, 'benchmark_node') as caller:
         caller.wait_until_ready(client='llm_client_node')
-        run = LiveRun(caller, 'planner_node', 'llm_client_node')
+        run = LiveRun(caller, 'llm_client_node')
         with run:
             run.variants(['guided'])
             seen = {}

@@ -375,7 +375,7 @@ def test_a_map_or_mask_that_cannot_be_composed_leaves_the_last_one(server, monke
     count = handed_on.call_count
     with monkeypatch.context() as patch:
         patch.setattr(
-            'llm_astar_planner.nodes.planner.zone_server.ZoneLayer', Mock(side_effect=MemoryError)
+            'llm_astar_planner.costmap.zone_layer.ZoneLayer', Mock(side_effect=MemoryError)
         )
         server.take(grid(width=50))
         with pytest.raises(MemoryError):

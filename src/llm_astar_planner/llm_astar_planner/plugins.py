@@ -26,13 +26,7 @@ from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import (
-    LlmAstarError,
-    nearest_name,
-    printable,
-    short_repr,
-    shortened,
-)
+from llm_astar_msgs_adapter import errors
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -49,7 +43,7 @@ MAX_NAME, MAX_MESSAGE = 200, 300
 MAX_COUNT = 2**53
 
 
-class PluginError(LlmAstarError, ValueError):
+class PluginError(errors.LlmAstarError, ValueError):
     """A plug-in cannot be loaded or has failed; the message names it and says why."""
 
 
@@ -80,7 +74,7 @@ def checked_count(value: Any, field: str) -> int:  # noqa: ANN401 - of foreign c
     count = int(value) if isinstance(value, Integral) else -1
     if 0 <= count <= MAX_COUNT:
         return count
-    raise PluginError(f'{field}: {short_repr(value)} is not a whole number of 0 or more')
+    raise PluginError(f'{field}: {errors.short_repr(value)} is not a whole number of 0 or more')
 
 
 def description(error: BaseException) -> str:
@@ -97,7 +91,7 @@ def description(error: BaseException) -> str:
     own = (__file__, pkgutil.__file__)
     known = [at for at in frames if at.filename not in own and 'importlib' not in at.filename][-1:]
     where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in known)
-    return printable(shortened(name, MAX_MESSAGE) + where)
+    return errors.printable(errors.shortened(name, MAX_MESSAGE) + where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,21 +135,21 @@ class Plugins:
         A name with a colon can be chosen only after `admit`, since it imports any code.
         """
         if not isinstance(name, str):
-            return f'{short_repr(name)} is not a name'
+            return f'{errors.short_repr(name)} is not a name'
         if name in self.own or name in self.loaded:
             return None
         if ':' in name:
             where = 'the command line or a parameter file names it at the start'
-            return f'{short_repr(name)} names code, which is imported only where {where}'
+            return f'{errors.short_repr(name)} names code, which is imported only where {where}'
         entries = self.installed.get(name, [])
         if len(entries) == 1:
             return None
         if not entries:
             names = [*self.own, *self.installed]
-            known = ', '.join(names)
-            return f'{short_repr(name)} is not one of {known}{nearest_name(name, names)}'
+            near = errors.nearest_name(name, names)
+            return f'{errors.short_repr(name)} is not one of {", ".join(names)}{near}'
         values = ' and '.join(entry.value for entry in entries)
-        return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
+        return f'{errors.short_repr(name)} is installed twice, as {values}: remove one of them'
 
     def admit(self, name: object) -> None:
         """Import a plug-in that whoever started the process names; ignore all other names.
@@ -171,7 +165,7 @@ class Plugins:
                 self.load(name)
             return
         if len(name) > MAX_NAME or not name.isprintable():
-            raise PluginError(f'{short_repr(name)} is not the name of a {self.kind}')
+            raise PluginError(f'{errors.short_repr(name)} is not the name of a {self.kind}')
         if os.getcwd() not in sys.path:
             sys.path.append(os.getcwd())
         self.loaded[name] = self._import(name, name)

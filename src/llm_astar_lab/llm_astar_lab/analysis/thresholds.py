@@ -41,20 +41,13 @@ class Threshold(NamedTuple):
 
 def parse_threshold(text: str) -> Threshold:
     """Parse [VARIANT:]METRIC=LIMIT, as `llm_astar/oracle:operation=35`. Raises ValueError."""
-    return Threshold(*split_limit(text, (*RATIOS, *SHARES), '[VARIANT:]METRIC=LIMIT'))
-
-
-def split_limit(text: str, metrics: Sequence[str], form: str) -> tuple[str, str, float]:
-    """Return name, metric and limit of [NAME:]METRIC=LIMIT.
-
-    Raises ValueError, which says that this `form` is expected.
-    """
     left, equals, limit = text.rpartition('=')
     name, colon, metric = left.rpartition(':')
-    if not equals or (colon and not name) or metric not in metrics:
-        raise ValueError(f'{text!r}: {form} is expected, METRIC one of {", ".join(metrics)}')
+    if not equals or (colon and not name) or metric not in (*RATIOS, *SHARES):
+        known = ', '.join((*RATIOS, *SHARES))
+        raise ValueError(f'{text!r}: [VARIANT:]METRIC=LIMIT is expected, METRIC one of {known}')
     try:
-        return name, metric, float(limit)
+        return Threshold(name, metric, float(limit))
     except ValueError:
         raise ValueError(f'{text!r}: {limit!r} is not a number') from None
 

@@ -13,7 +13,6 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -32,13 +31,10 @@ from rosbags.typesys.store import Typestore
 from llm_astar_lab.bags.storage import Channel, unzstd
 
 GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
-GET_PLAN = Path(__file__).with_name('GetPlan.srv').read_text(encoding='utf-8')
+# What service introspection publishes, with its parts, as it is in a bag. rosidl generates these
+# types; no file of ROS defines them, and `.msg` cannot name a type below `srv`.
+GET_PLAN_EVENT_IDL = Path(__file__).with_name('GetPlan_Event.idl').read_text(encoding='utf-8')
 EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
-# What service introspection publishes. rosidl generates this type; no file of ROS defines it.
-EVENT = Path(__file__).with_name('ServiceEvent.msg').read_text(encoding='utf-8')
-# Stands between the definitions of a type and of its parts in a bag.
-BAR = '=' * 80 + '\n'
-IDL_NAMES = {'float32': 'float', 'float64': 'double', 'bool': 'boolean', 'byte': 'octet'}
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 # What parsing somebody else's definition may raise.
 DEFINITION_ERRORS = (
@@ -81,22 +77,24 @@ def bag_types() -> Typestore:
     as_bytes: Any = (Nodetype.ARRAY, ((Nodetype.BASE, ('uint8', 0)), 16))
     known = [(name, as_bytes if name == 'client_gid' else tree) for name, tree in fields]
     store.fielddefs[EVENT_INFO_TYPE] = constants, known
-    register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)
+    modules = [line for line in GET_PLAN_EVENT_IDL.splitlines() if line.startswith('module')]
+    types = typesys.get_types_from_idl('\n'.join(modules))
+    store.register({name: tree for name, tree in types.items() if '/srv/' in name})
     return store
 
 
 def define(msgtype: str) -> TypeDefinition:
-    """Return the definition of a message type, `package/msg/Name` or `package/srv/Name_Event`.
+    """Return the definition of a message type, `package/msg/Name`, or of the events of GetPlan.
 
     Raises BagTypeError where neither Jazzy's common packages nor those installed here define it.
     """
     store = bag_types()
     try:
-        learn(store, msgtype)
-        if '/msg/' in msgtype:
-            (text, _), encoding = store.generate_msgdef(msgtype, ros_version=2), 'ros2msg'
+        if msgtype == GET_PLAN_EVENT_TYPE:
+            text, encoding = GET_PLAN_EVENT_IDL, 'ros2idl'
         else:
-            text, encoding = idl_text(store, msgtype), 'ros2idl'
+            learn(store, msgtype)
+            (text, _), encoding = store.generate_msgdef(msgtype, ros_version=2), 'ros2msg'
         return TypeDefinition(msgtype, text, encoding, store.hash_rihs01(msgtype))
     except (OSError, typesys.TypesysError, ValueError) as error:
         raise BagTypeError(f'{msgtype}: its definition cannot be read: {error}') from None
@@ -107,37 +105,11 @@ def learn(store: Typestore, msgtype: str) -> None:
     if msgtype in store.types:
         return
     package, kind, name = msgtype.split('/')
-    if kind == 'srv' and name.endswith('_Event'):
-        service = name.removesuffix('_Event')
-        register_service(store, package, service, installed_text(package, 'srv', service))
-    else:
-        register(store, typesys.get_types_from_msg(installed_text(package, kind, name), msgtype))
-
-
-def register_service(store: Typestore, package: str, name: str, text: str) -> None:
-    """Register the events of a service whose `.srv` file is `text`."""
-    request, _, response = text.partition('---')
-    event = EVENT.format(package=package, name=name)
-
-    def in_srv(tree: Any) -> Any:  # noqa: ANN401 - any parse tree
-        """Rename the service's parts, since the parser puts every name below `msg`."""
-        if isinstance(tree, (list, tuple)):
-            return type(tree)(map(in_srv, tree))
-        if isinstance(tree, str):
-            return tree.replace(f'{package}/msg/{name}_', f'{package}/srv/{name}_')
-        return tree
-
-    for part, fields in (('Request', request), ('Response', response), ('Event', event)):
-        types = typesys.get_types_from_msg(fields, f'{package}/msg/{name}_{part}')
-        register(store, dict(in_srv(list(types.items()))))
-
-
-def register(store: Typestore, types: dict[str, Any]) -> None:
-    """Register types and, from installed packages, the types of their fields."""
+    types = typesys.get_types_from_msg(installed_text(package, kind, name), msgtype)
     for _, fields in types.values():
-        for name in nested_types(fields):
-            if name not in types:
-                learn(store, name)
+        for element, part in (element_of(*tree) for _, tree in fields):
+            if element is Nodetype.NAME and part not in types:
+                learn(store, str(part))
     store.register(types)
 
 
@@ -151,52 +123,9 @@ def installed_text(package: str, kind: str, name: str) -> str:
     raise BagTypeError(f'no installed package {package} has {kind}/{name}.{kind}')
 
 
-def nested_types(fields: Iterable[Any]) -> list[str]:
-    """Return the message types among fields, which are rosbags' parse trees."""
-    elements = (element_of(*tree) for _, tree in fields)
-    return [str(detail) for kind, detail in elements if kind is Nodetype.NAME]
-
-
 def element_of(kind: Nodetype, detail: Any) -> Any:  # noqa: ANN401 - a parse tree of rosbags
     """Return kind and detail of a field's type, or of its elements where it has many."""
     return detail[0] if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else (kind, detail)
-
-
-def idl_text(store: Typestore, msgtype: str, found: dict[str, str] | None = None) -> str:
-    """Return the definitions of a registered type and of its parts as ROS 2 IDL.
-
-    Constants are left out. Services need IDL, since `.msg` cannot name a type below `srv`. `found`
-    are the definitions before.
-    """
-    found = {} if found is None else found
-    if msgtype not in found:
-        _, fields = store.fielddefs[msgtype]
-        package, kind, own = msgtype.split('/')
-        members = []
-        for field, (form, detail) in fields:
-            size = f'[{detail[1]}]' if form is Nodetype.ARRAY else ''
-            element = detail[0] if size else (form, detail)
-            members.append(f'{idl_type(*element)} {field}{size};')
-        struct = f'struct {own} {{ {" ".join(members)} }};'
-        found[msgtype] = (
-            f'{BAR}IDL: {msgtype}\nmodule {package} {{ module {kind} {{ {struct} }}; }};\n'
-        )
-        for part in nested_types(fields):
-            idl_text(store, part, found)
-    return ''.join(found.values())
-
-
-def idl_type(kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree of rosbags
-    """Return a field's type in IDL."""
-    if kind is Nodetype.NAME:
-        return str(detail).replace('/', '::')
-    base, bound = detail
-    limit = f', {bound}' if bound else ''
-    if kind is Nodetype.SEQUENCE:
-        return f'sequence<{idl_type(*base)}{limit}>'
-    if base == 'string' and bound:
-        return f'string<{bound}>'
-    return IDL_NAMES.get(base, str(base))
 
 
 class Decoder:

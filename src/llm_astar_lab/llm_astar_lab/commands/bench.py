@@ -40,15 +40,13 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_map
 from llm_astar_planner.cli.flags import option
 from llm_astar_planner.cli.map_files import open_places, zones_text
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.methods import uses_waypoints
-from llm_astar_planner.waypoints.source import BASELINE_NAMES
 
 from llm_astar_lab.commands import run_options as common
 from llm_astar_lab.commands.dataset import add_map_ids_option, add_map_option
 from llm_astar_lab.datasets import named
 from llm_astar_lab.datasets.named import SelectionError, draw, parse_ranges, select_samples
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
+from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner import sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
 
@@ -108,10 +106,6 @@ def run(args: argparse.Namespace) -> int:
     common.check_thresholds(args, config.sources)
     for item in config.coverage:
         common.complain(args, item.sentence(), common.OK)
-    if omits_baselines(args, dataset.maps):
-        names = ', '.join(sources.GRID_BASELINES)
-        message = f'on a grid only the baselines {names} are run; name others with --source'
-        common.complain(args, message, common.OK)
     run = common.Run(args, folder, run_metadata(args, config, dataset))
     try:
         tasks = config.tasks(run.open(config.row_count))
@@ -165,14 +159,6 @@ def check_options(args: argparse.Namespace, names: Sequence[str]) -> None:
             instead = '; --map-ids names maps by number' if flag == '--maps' else ''
             known = ', '.join(kinds)
             raise SelectionError(f'{flag}: needs --dataset with one of {known}{instead}')
-
-
-def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
-    """Tell whether a grid is run without the baselines that are slow there."""
-    has_waypoints = any(name == WAYPOINTS_ONLY or uses_waypoints(name) for name in args.methods)
-    chosen = set(args.source) & set(BASELINE_NAMES)
-    has_grids = any(isinstance(item, GridProblem) for item in maps)
-    return has_grids and has_waypoints and not chosen
 
 
 def benchmark_config(

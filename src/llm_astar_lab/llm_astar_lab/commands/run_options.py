@@ -223,7 +223,7 @@ def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) ->
 
 
 def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
-    """Return the parameters of a run for its metadata; --resume compares COMPARED_PARAMETERS."""
+    """Return the parameters of a run for its metadata, some of which --resume compares."""
     names = (*DECIDING, *more, *(INSTRUCTION if args.instruction else ()))
     found = {name: getattr(args, name) for name in names}
     return found | {'time_limit': args.max_planning_time}

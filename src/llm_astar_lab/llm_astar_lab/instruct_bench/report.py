@@ -1,30 +1,24 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figures of a run over a suite: as tables, Markdown, JSON and CSV rows, and their limits.
-
-Thresholds for continuous integration are written [SOURCE[/STYLE]:]METRIC=LIMIT, such as
-`grammar/free:satisfied=40`.
-"""
+"""The figures of a run over a suite: as tables, Markdown, JSON and CSV rows."""
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_planner.planning.types import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
-from llm_astar_lab.analysis.thresholds import split_limit
 from llm_astar_lab.instruct_bench.maps import SuiteError
-from llm_astar_lab.instruct_bench.runner import NO_INSTRUCTION, InstructionResult
-from llm_astar_lab.instruct_bench.suite import OK, STYLES
+from llm_astar_lab.instruct_bench.runner import InstructionResult
+from llm_astar_lab.instruct_bench.suite import OK
 from llm_astar_lab.report.table import TextRows, markdown_table, text_table
 from llm_astar_lab.templates import TEMPLATES, render
 
@@ -33,10 +27,8 @@ SHOWN = read_yaml(Path(__file__).with_name('report.yaml'), SuiteError)
 IN_TERMINAL = 5
 # What expressions say of results, which each table asks anew.
 MAX_KEPT = 100_000
-# Metrics in percent, and those in milliseconds with the figure in seconds that they come from.
-PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses', 'unasked_clauses')
-MILLISECONDS = {'ms': 'seconds', 'longest_ms': 'longest', 'planning_ms': 'planning_seconds'}
-METRICS = (*PERCENT, *MILLISECONDS)
+# Figures that are shown in milliseconds.
+SECONDS = ('seconds', 'longest', 'planning_seconds')
 
 
 @dataclass(frozen=True)
@@ -146,72 +138,6 @@ def summary_to_json(results: Sequence[InstructionResult]) -> dict[str, Any]:
     }
 
 
-class SuiteThreshold(NamedTuple):
-    """A limit on one metric: the least, or the greatest with `is_upper`.
-
-    An empty `source` means every source but `none`, an empty `style` all instructions.
-    """
-
-    source: str
-    style: str
-    metric: str
-    limit: float
-    is_upper: bool
-
-
-def parse_suite_threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
-    """Parse [SOURCE[/STYLE]:]METRIC=LIMIT. Raises ValueError."""
-    group, metric, limit = split_limit(text, METRICS, '[SOURCE[/STYLE]:]METRIC=LIMIT')
-    source, _, style = group.partition('/')
-    if style not in ('', *STYLES):
-        raise ValueError(f'{text!r}: STYLE is one of {", ".join(STYLES)}')
-    return SuiteThreshold(source, style, metric, limit, is_upper)
-
-
-def missed_suite_thresholds(
-    results: Sequence[InstructionResult], thresholds: Sequence[SuiteThreshold]
-) -> list[str]:
-    """Return a line for each threshold that was missed or whose source was not run."""
-    lines: list[str | None] = []
-    sources = by_source(results)
-    for threshold in thresholds:
-        chosen = [threshold.source] if threshold.source else [*sources.keys() - {NO_INSTRUCTION}]
-        if chosen and sources.keys() >= {*chosen}:
-            run = [name for name in sources if name in chosen]
-            lines += [limit_problem(name, sources[name], threshold) for name in run]
-        else:
-            what = threshold.source or threshold.metric
-            lines.append(f'{what}: was not run; available are {", ".join(sources)}')
-    return list(filter(None, lines))
-
-
-def limit_problem(
-    source: str, results: Sequence[InstructionResult], threshold: SuiteThreshold
-) -> str | None:
-    """Say by how much the results of a source miss a threshold, or return None."""
-    _, style, metric, limit, is_upper = threshold
-    value = metric_value([r for r in results if style in ('', r.instruction.style)], metric)
-    shown = f'{source}/{style}' if style else source
-    if math.isnan(value):
-        return f'{shown}: {metric} is unknown, so the limit {limit:g} is not met'
-    if value > limit if is_upper else value < limit:
-        unit, side = '%' if metric in PERCENT else 'ms', 'above' if is_upper else 'below'
-        return f'{shown}: {metric} {value:.2f} {unit} is {side} {limit:g}'
-    return None
-
-
-def metric_value(results: Sequence[InstructionResult], metric: str) -> float:
-    """Return a metric of results in percent or milliseconds; NaN where it has no instructions."""
-    if not results:
-        return math.nan
-    value = summarise(results)[MILLISECONDS.get(metric, metric)]
-    if not isinstance(value, Share):
-        return 1000.0 * value
-    if metric.endswith('_clauses') and not value.total:
-        return 0.0
-    return 100.0 * value.interval.value
-
-
 def text_summary(results: Sequence[InstructionResult]) -> str:
     """Return the tables for a terminal."""
     groups = [table_of(results, 'shares', group) for group in list(SHOWN['groups'])[:IN_TERMINAL]]
@@ -261,7 +187,7 @@ def figure_texts(results: Sequence[InstructionResult], names: Iterable[str]) -> 
         if isinstance(value, Share):
             yield str(value.count) if name == 'unanswered' else share_text(value)
         else:
-            yield f'{1000.0 * value:.2f}' if name in MILLISECONDS.values() else str(value)
+            yield f'{1000.0 * value:.2f}' if name in SECONDS else str(value)
 
 
 def share_text(share: Share) -> str:

@@ -31,14 +31,12 @@ from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.cli.flags import at_least, option
-from llm_astar_planner.nodes.common.entities import LATCHED, setting
+from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 from nav_msgs.msg import OccupancyGrid
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
 from llm_astar_lab.datasets.named import BenchmarkSample, SelectionError, select_samples
@@ -142,7 +140,7 @@ def plan_samples(
         PlannerClient(node, arguments.planner) as caller,
     ):
         caller.wait_for_planner()
-        with LiveRun(caller, arguments.planner, arguments.client) as run:
+        with LiveRun(caller, arguments.client) as run:
             variants = run.variants(arguments.methods)
             finished = sum(map(len, done.values()))
             with progress(len(samples) * len(variants) - finished, 'plan') as step:
@@ -172,21 +170,19 @@ class LiveRun:
     It publishes the maps and sets the planner's parameters; leaving the context restores them.
     """
 
-    def __init__(self, caller: PlannerClient, planner: str, client: str) -> None:
-        """Use a running caller; `planner` and `client` are the names of the two nodes."""
-        self._caller = caller
-        self._planner = planner
-        self._client = client
+    def __init__(self, caller: PlannerClient, client: str) -> None:
+        """Use a running caller; `client` is the name of the waypoint client."""
+        self._caller, self._client = caller, client
         self._maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
         self._before: dict[str, Any] = {}
 
     def __enter__(self) -> LiveRun:
-        self._before = self._get(self._planner, TOUCHED)
-        self._set(RULES)
+        self._before = self._caller.values(TOUCHED)
+        self._caller.set_values(RULES)
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._set(self._before)
+        self._caller.set_values(self._before)
 
     def variants(self, methods: Sequence[str]) -> list[Variant]:
         """Return A* and the methods without waypoints and with the source of the graph.
@@ -194,7 +190,8 @@ class LiveRun:
         Raises PlannerClientError where the waypoint client does not have these parameters.
         """
         names = ('source', 'prompt', 'model')
-        source = tuple(self._get(self._client, names).values()) if self._client else ('none',)
+        known = self._caller.values(names, self._client) if self._client else {'source': 'none'}
+        source = tuple(known.values())
         variants = [PAPER_ASTAR]
         for method in methods:
             variants.append(Variant(method))
@@ -220,7 +217,7 @@ class LiveRun:
                 self._caller.wait_until_ready(grid_map.digest, client=self._client)
                 for variant in filter(left.get, left):
                     uses = {'method': variant.method, 'use_waypoints': variant.source != 'none'}
-                    self._set(uses)
+                    self._caller.set_values(uses)
                     yield from (self._plan(sample, grid_map, variant) for sample in left[variant])
 
     def _plan(self, sample: BenchmarkSample, grid_map: GridMap, variant: Variant) -> Row:
@@ -237,20 +234,6 @@ class LiveRun:
         columns['waypoints'] = of_rows.format_points(waypoints.round(6).tolist())
         columns['family'] = sample.barrier_map.family
         return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)
-
-    def _get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
-        client = self._caller.node.create_client(GetParameters, f'{node}/get_parameters')
-        values = self._caller.ask(client, GetParameters.Request(names=list(names))).values
-        if len(values) != len(names):
-            raise PlannerClientError(f'{node} has no parameters {", ".join(names)}')
-        return {name: parameter_value_to_python(value) for name, value in zip(names, values)}
-
-    def _set(self, values: dict[str, Any]) -> None:
-        client = self._caller.node.create_client(SetParameters, f'{self._planner}/set_parameters')
-        results = self._caller.ask(client, setting(values)).results
-        for name, result in zip(values, results):
-            if not result.successful:
-                raise PlannerClientError(f'{self._planner} refused {name}: {result.reason}')
 
 
 if __name__ == '__main__':

@@ -26,16 +26,9 @@ from llm_astar_lab.analysis.replies import reply_shares
 from llm_astar_lab.analysis.summary import RunSummary, VariantSummary, summarise_run
 from llm_astar_lab.pictures import style
 from llm_astar_lab.report import sentences
+from llm_astar_lab.report import table as tables
 from llm_astar_lab.report.samples import browser_data, shown_samples
 from llm_astar_lab.report.sentences import headline, provenance
-from llm_astar_lab.report.table import (
-    Table,
-    json_of,
-    markdown,
-    report_tables,
-    text_table,
-    texts_of,
-)
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.results.stored_rows import StoredRows
@@ -53,7 +46,7 @@ LISTS, INSTRUCTED = ('proven', 'operation_exact'), ('instruction', 'recorded_ins
 
 def markdown_page(template: str, **values: object) -> str:
     """Return a page in Markdown of a template; parts of it that are empty leave no space."""
-    page = render(template, **values, markdown=markdown, bullets=bullets)
+    page = render(template, **values, markdown=tables.markdown, bullets=bullets)
     return re.sub(r'\n{3,}', '\n\n', page).strip() + '\n'
 
 
@@ -68,7 +61,7 @@ def said_of(run: RunSummary) -> dict[str, Any]:
     return {
         'title': f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report',
         'headline': headline(run.comparisons), 'recorded': sentences.say('recorded', run.recorded),
-        'provenance': provenance(run), 'tables': report_tables(run),
+        'provenance': provenance(run), 'tables': tables.report_tables(run),
         'sentences': [sentences.sentence(item) for item in run.comparisons if item.samples],
         'grown': sentences.growth_sentence(run.growths),
         'left_out': metadata.get('left_out') or [], 'notes': metadata.get('notes') or [],
@@ -90,7 +83,7 @@ def html_report(run: RunSummary, samples: Mapping[str, Any] = NO_SAMPLES) -> str
     return render(
         'report/report.html.j2', **said_of(run), bars=bars, longest=max([1.0, *known]),
         data=script_json(samples), colours=script_json(style.page_colours()),
-        style=style, texts_of=texts_of, label=sentences.variant_label,
+        style=style, texts_of=tables.texts_of, label=sentences.variant_label,
         has_waypoints=sentences.has_waypoints,
     )  # fmt: skip
 
@@ -115,14 +108,14 @@ def script_json(values: Mapping[str, Any]) -> Markup:
 
 def results_section(run: RunSummary) -> str:
     """Return the part of a report for a README: finding, table, provenance."""
-    table = markdown(Table.of('main', run.variants))
+    table = tables.markdown(tables.Table.of('main', run.variants))
     return '\n\n'.join([headline(run.comparisons), table, provenance(run)])
 
 
 def text_report(run: RunSummary) -> str:
     """Return the finding and the table for a terminal; for bags also the recorded lengths."""
     said = [sentences.say('recorded', run.recorded), headline(run.comparisons)]
-    table = text_table(*texts_of(Table.of('terminal', run.variants)))
+    table = tables.text_table(*tables.texts_of(tables.Table.of('terminal', run.variants)))
     return '\n'.join([table, '', *filter(None, said)])
 
 
@@ -179,9 +172,9 @@ def to_json(item: Any) -> dict[str, Any]:  # noqa: ANN401 - a summary, compariso
     if isinstance(item, VariantSummary):
         # Older than the intervals and objects, and read by scripts: a number, and lists.
         older = {'optimal': item.optimal.value} | {name: values[name] for name in LISTS}
-        values = json_of(item) | older | {'optimal_share': json_of(item.optimal)}
+        values = tables.json_of(item) | older | {'optimal_share': tables.json_of(item.optimal)}
         if item.replies:
-            values['reply_shares'] = json_of(reply_shares(item.replies))
+            values['reply_shares'] = tables.json_of(reply_shares(item.replies))
         absent = [name for name in INSTRUCTED if math.isnan(getattr(item, name).value)]
         absent += () if item.families else ('families', 'family_means')
         absent += () if item.replies else ('replies', 'seconds_reply')

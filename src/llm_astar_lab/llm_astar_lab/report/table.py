@@ -36,6 +36,8 @@ UNITS = {
     'seconds': (1.0, 6), 'percent': (100.0, 2), 'share': (100.0, 1),
     'whole percent': (100.0, 0), 'ms': (1e3, 3),
 }  # fmt: skip
+# The columns of each table.
+DESCRIPTIONS = yaml.safe_load(Path(__file__).with_name('tables.yaml').read_text('utf-8'))
 # The end of the unit of a column that is left out where nothing in it is known.
 IF_KNOWN = ' if known'
 # Characters of a text in a table.
@@ -83,7 +85,7 @@ class Table:
         expressions, fill the note and the names of units, and may be another `title` and `more`
         of the note.
         """
-        found = descriptions()[name]
+        found = DESCRIPTIONS[name]
         described = [
             (head.replace('{}', label), unit, text.replace('{}', str(number)))
             for head, (unit, text) in found['columns'].items()
@@ -119,14 +121,6 @@ class Table:
         columns = tuple(compress(self.columns, is_kept))
         shown = [tuple(compress(row, is_kept)) for row in self.rows]
         return replace(self, columns=columns, rows=shown), ', '.join(common)
-
-
-@cache
-def descriptions() -> Mapping[str, Any]:
-    """Return what `tables.yaml` says of each table."""
-    file = Path(__file__).with_name('tables.yaml')
-    found: Mapping[str, Any] = yaml.safe_load(file.read_text(encoding='utf-8'))
-    return found
 
 
 @cache
@@ -247,7 +241,7 @@ def report_tables(run: RunSummary) -> list[Table]:
         Table.of('spread', run.variants), Table.of('waypoints', guided), reply_table(run.variants),
         Table.of('paths', run.variants), *family_tables(run.variants),
         growth_table(run.growths),
-        Table.of('paper', () if run.metadata.get('bags') else descriptions()['paper']['items']),
+        Table.of('paper', () if run.metadata.get('bags') else DESCRIPTIONS['paper']['items']),
     ]  # fmt: skip
     return [table for table in every if table.rows]
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
-from llm_astar_msgs_adapter.files import read_json
+from llm_astar_msgs_adapter.files import read_json, read_yaml
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places
 
 import llm_astar_planner
@@ -36,12 +36,8 @@ from llm_astar_lab.results.stored_rows import ANSWERED, UNANSWERED, Finished, St
 RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
 # Costmap parameters that 0.1.0 did not have, with the values that it planned by.
 OLD_RULES = {'unknown_cost': 0}
-# A run is resumed only with equal values of these parameters: they change the rows.
-COMPARED_PARAMETERS = (
-    'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
-    'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
-    'instruction_policy', 'samples', 'examples_file',
-)  # fmt: skip
+# The shape of metadata.json, and which of its parameters a resumed run must share.
+METADATA = read_yaml(Path(__file__).with_name('metadata.yaml'), ResultsError)
 # What runs that do not say it had.
 UNSTATED = {'examples_file': ''}
 # The maps of the rows, stored in the folder so that a report needs no dataset.
@@ -56,18 +52,6 @@ CLAIMED: dict[Path, int] = {}
 
 # Rows of a Parquet part: so many wait in results.csv first, where a crash does not lose them.
 PART_ROWS = 16_384
-# What metadata.json holds, where it is there: types, objects of these, or lists of one.
-NUMBER = 'int or float'
-SHAPE = {
-    'version': 'str', 'machine': {}, 'seconds': NUMBER, 'bags': ['str'], 'left_out': ['str'],
-    'notes': ['str'], 'files': {}, 'packages': {},
-    'dataset': {'file': 'str', 'sha256': 'str'},
-    'parameters': {
-        'seed': 'int', 'rules': 'dict or null', 'heuristic': 'str',
-        'weight': NUMBER, 'time_limit': NUMBER, 'tolerance': NUMBER, 'start_tolerance': NUMBER,
-        'max_suboptimality': f'{NUMBER} or null', 'paper_corners': 'bool',
-    },
-}  # fmt: skip
 
 
 class ResultsFolder:
@@ -274,7 +258,7 @@ class ResultsFolder:
         for name in ('version', 'parameters', 'dataset', 'machine'):
             if name not in metadata:
                 raise ResultsError(f'{path}: {name} is missing')
-        check_shape(metadata, SHAPE, str(path))
+        check_shape(metadata, METADATA['shape'], str(path))
         parameters = metadata['parameters']
         if parameters.get('seed', 0) < 0:
             raise ResultsError(f'{path}: parameters: seed: 0 or more is expected')
@@ -383,7 +367,7 @@ def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[s
     if before['dataset'].get('sha256') != now['dataset']['sha256']:
         changed.append('dataset')
     old, new = UNSTATED | before['parameters'], UNSTATED | now['parameters']
-    differ = (name for name in COMPARED_PARAMETERS if old.get(name) != new.get(name))
+    differ = (name for name in METADATA['compared'] if old.get(name) != new.get(name))
     return changed + [f'{name} ({before["parameters"].get(name)} before)' for name in differ]
 
 

@@ -174,12 +174,11 @@ def test_types_of_other_packages_are_read_from_their_installation(tmp_path, monk
     for name, content in {
         'msg/Wheel.msg': 'float64 speed\n',
         'msg/Wheels.msg': 'std_msgs/Header header\nWheel[4] wheels\n',
-        'srv/Turn.srv': 'Wheel wheel\n---\nbool fine\n',
     }.items():
         (share / name).parent.mkdir(parents=True, exist_ok=True)
         (share / name).write_text(content)
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     assert 'MSG: robot_msgs/Wheel\n' in define('robot_msgs/msg/Wheels').text
-    assert 'IDL: robot_msgs/srv/Turn_Request\n' in define('robot_msgs/srv/Turn_Event').text
-    with pytest.raises(BagTypeError, match=r'robot_msgs/msg/Arm: .* no installed package'):
-        define('robot_msgs/msg/Arm')
+    for other in ('msg/Arm', 'srv/Turn_Event'):
+        with pytest.raises(BagTypeError, match=rf'robot_msgs/{other}: .* no installed package'):
+            define(f'robot_msgs/{other}')

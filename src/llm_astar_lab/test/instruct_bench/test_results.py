@@ -9,8 +9,6 @@ from llm_astar_lab.instruct_bench.report import (
     chain_text,
     grouped,
     markdown_summary,
-    missed_suite_thresholds,
-    parse_suite_threshold,
     result_row,
     share_text,
     summarise,
@@ -232,30 +230,3 @@ def test_one_instruction_in_full(results):
 def test_shares_are_written_with_interval_and_counts():
     assert share_text(Share(0, 0)) == '-'
     assert share_text(Share(54, 58)) == '93.1 (83.6-97.3) 54/58'
-
-
-@pytest.mark.parametrize(
-    ('text', 'is_upper', 'line'),
-    [
-        ('satisfied=50', False, None),
-        ('satisfied=51', False, 'fake: satisfied 50.00 % is below 51'),
-        ('fake/templated:satisfied=100', False, None),
-        ('fake/free:satisfied=1', False, 'fake/free: satisfied 0.00 % is below 1'),
-        ('false_claims=0', True, 'fake: false_claims 40.00 % is above 0'),
-        ('fake/templated:false_claims=0', True, None),
-        ('longest_ms=499', True, 'fake: longest_ms 500.00 ms is above 499'),
-        ('ms=2', True, None),
-        ('truth:satisfied=1', False, 'truth: was not run; available are fake'),
-        ('fake/templated:recognised=1', False, 'fake/templated: recognised is unknown, so the '
-         'limit 1 is not met'),
-    ],
-)  # fmt: skip
-def test_thresholds(results, text, is_upper, line):
-    threshold = parse_suite_threshold(text, is_upper=is_upper)
-    assert missed_suite_thresholds(results, [threshold]) == ([line] if line else [])
-
-
-@pytest.mark.parametrize('text', ['satisfied', 'fast=1', 'satisfied=x', 'grammar/odd:satisfied=1'])
-def test_a_malformed_threshold_is_refused(text):
-    with pytest.raises(ValueError, match='satisfied'):
-        parse_suite_threshold(text, is_upper=True)

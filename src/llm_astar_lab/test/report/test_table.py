@@ -52,7 +52,7 @@ def described(monkeypatch):
         '{} (s)': ['number', 'seconds[{}]'],
     }
     found = {'some': {'title': 'Some', 'columns': heads}}
-    monkeypatch.setattr('llm_astar_lab.report.table.descriptions', lambda: found)
+    monkeypatch.setattr('llm_astar_lab.report.table.DESCRIPTIONS', found)
 
 
 def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unknown(described):

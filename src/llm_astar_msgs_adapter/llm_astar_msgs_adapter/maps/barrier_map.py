@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,16 +42,8 @@ class Barrier(NamedTuple):
     last: int
 
 
-class HasId(Protocol):
-    """A map of a dataset: barriers, or a grid."""
-
-    @property
-    def id(self) -> int:
-        """Which map of the file it is."""
-        ...
-
-
-MapWithId = TypeVar('MapWithId', bound=HasId)
+# A map of a dataset, which has an `id`: barriers, or a grid.
+MapWithId = TypeVar('MapWithId', bound=Any)
 
 
 class Sample(NamedTuple):

@@ -39,51 +39,10 @@ class Finding:
     detail: str
 
 
-# Modules of Python packages by what needs them, and the names on PyPI that differ.
-LIBRARIES = {
-    'the core': ('numpy',),
-    'the searches': ('numba',),
-    'the planner': ('scipy', 'shapely'),
-    'map images': ('PIL',),
-    'map and parameter files': ('yaml',),
-    'language models': ('httpx',),
-    'instructions': ('lark',),
-}
-# Those of the laboratory, which a robot needs no part of.
-LAB_LIBRARIES = {
-    'pictures': ('matplotlib',),
-    'benchmarks': ('duckdb', 'jinja2', 'tqdm'),
-    'bags': ('rosbags.rosbag2', 'mcap', 'zstandard', 'lz4.frame'),
-    'llm-astar play': ('starlette', 'uvicorn'),
-}
-PYPI_NAMES = {'PIL': 'pillow', 'yaml': 'pyyaml'}
-# The packages of the distribution that is sourced, or of the one whose wheels `make install`
-# takes by default.
-DEBIAN = f'apt install ros-{os.environ.get("ROS_DISTRO", "jazzy")}-'
+# Modules, what needs them and how to install them: of a robot, of the laboratory, of the nodes,
+# and optional ones. `distro` is the one that is sourced, or whose wheels `make install` takes.
+MODULES = json.loads(Path(__file__).with_name('doctor.json').read_text(encoding='utf-8'))
 INSTALL_AGAIN = '{error}; install the package again'
-# Modules that the nodes need, and the Debian packages with them.
-ROS = {
-    'rclpy.node': 'rclpy',
-    'nav_msgs.msg': 'common-interfaces',
-    'diagnostic_msgs.msg': 'common-interfaces',
-    'visualization_msgs.msg': 'common-interfaces',
-}
-# Optional modules: what needs them, and how to install them.
-NO_WHEEL = '; there is no wheel'
-OPTIONAL = {
-    'threadpoolctl': (
-        'the speed of the embedded model on a busy machine',
-        'pip install threadpoolctl, or apt install python3-threadpoolctl',
-    ),
-    'mcp.server.mcpserver': ('llm-astar mcp', "pip install 'mcp>=2'"),
-    LAB: ('benchmarks, bags, pictures and the page in the browser', f'pip install ./src/{LAB}'),
-    'launch_ros': ('ros2 launch', f'{DEBIAN}launch-ros{NO_WHEEL}'),
-    'nav2_msgs.action': ("Nav2's actions", f'{DEBIAN}nav2-msgs{NO_WHEEL}'),
-    'bond.msg': ("Nav2's lifecycle manager", f'{DEBIAN}bond{NO_WHEEL}'),
-    'tf2_ros': ('poses of other frames', f'{DEBIAN}tf2-ros-py{NO_WHEEL}'),
-    'map_msgs.msg': ('map_updates', f'{DEBIAN}map-msgs{NO_WHEEL}'),
-    'ros2cli': ('ros2 run', f'{DEBIAN}ros2cli{NO_WHEEL}'),
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -112,23 +71,24 @@ def all_findings() -> Iterator[Finding]:
     version = platform.python_version()
     fits = (3, 10) <= sys.version_info[:2] <= (3, 13)
     yield Finding('python', fits, True, f'{version}, {sys.executable} (3.10 to 3.13 are tried)')
-    has_lab = importlib.util.find_spec(LAB) is not None
-    for use, names in (LIBRARIES | (LAB_LIBRARIES if has_lab else {})).items():
-        for name in names:
-            package = name.partition('.')[0]
-            remedy = f'pip install {PYPI_NAMES.get(package, package)}'
-            yield module_finding(name, use, remedy, required=True)
-    for name, debian in ROS.items():
-        remedy = f'{DEBIAN}{debian}, or make install for the wheels'
-        yield module_finding(name, 'the nodes', remedy, required=True)
+    yield from module_findings('robot')
+    if importlib.util.find_spec(LAB) is not None:
+        yield from module_findings('laboratory')
+    yield from module_findings('ros')
     yield attempt('rmw', middleware, 'no middleware: {error}')
-    for name, (use, remedy) in OPTIONAL.items():
-        yield module_finding(name, use, remedy, required=False)
+    yield from module_findings('optional', required=False)
     for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
         yield attempt(f'{folder}/', partial(folder_of, name, folder), INSTALL_AGAIN)
     yield attempt('searches', compiled, 'do not compile: {kind}: {error}')
     yield attempt('embedded', embedded_model, INSTALL_AGAIN)
     yield from plugin_findings()
+
+
+def module_findings(group: str, *, required: bool = True) -> Iterator[Finding]:
+    """Import the modules of one of the groups of MODULES."""
+    distro = os.environ.get('ROS_DISTRO', 'jazzy')
+    for name, (use, remedy) in MODULES[group].items():
+        yield module_finding(name, use, remedy.format(distro=distro), required=required)
 
 
 def module_finding(name: str, use: str, remedy: str, *, required: bool) -> Finding:

@@ -38,7 +38,7 @@ COMMANDS = {
     'mcp': 'serve route planning to agents over MCP',
     'run': 'run map, waypoint client and planner as nodes until Ctrl-C',
     'call': 'ask a running planner for a plan, or what an instruction means',
-    'param': 'list, read, describe and set the parameters of running nodes',
+    'param': 'list, read and set the parameters of running nodes',
     'watch': 'print the plans of a running planner as they are made',
     'doctor': 'check what is installed, what is missing, and how to install it',
 }

@@ -1,41 +1,38 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""List, read, describe and set the parameters of running nodes.
+"""List, read and set the parameters of running nodes.
 
 examples:
   llm-astar param list                                        all nodes, with their values
   llm-astar param get planner_node robot_radius
-  llm-astar param describe planner_node                       all of its parameters
   llm-astar param set planner_node robot_radius 0.3           until the node ends
   llm-astar param set planner_node instruction "avoid the kitchen"
 
-For values that stay, see --params-file and -p of llm-astar run and of the nodes.
+For values that stay, see --params-file and -p of llm-astar run and of the nodes. The --help of a
+node says what its parameters are.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import textwrap
 from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from llm_astar_planner.cli.flags import add_time_limit, option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.parameter_client import ParameterClient, RemoteParameter
+    from llm_astar_planner.nodes.tools.parameter_client import ParameterClient
 
 # The positional arguments that each action takes: at least, at most.
-COUNTS = {'list': (0, 1), 'get': (2, 2), 'describe': (1, 2), 'set': (3, 3)}
-WIDTH = 90
+COUNTS = {'list': (0, 1), 'get': (2, 2), 'set': (3, 3)}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('action', choices=COUNTS, metavar='{list,get,describe,set}')
+    parser.add_argument('action', choices=COUNTS, metavar='{list,get,set}')
     option(parser, 'words', 'see the examples', nargs='*', metavar='NODE NAME VALUE')
     option(parser, '--namespace NAME', "the node's namespace (default: /)", default='/')
     add_time_limit(parser, 10.0)
@@ -78,22 +75,6 @@ def get(client: ParameterClient, node: str, name: str) -> tuple[Any, str]:
     return value, shown(value)
 
 
-def describe(client: ParameterClient, node: str, *names: str) -> tuple[Any, str]:
-    """Return what a node says about one or all of its parameters."""
-    found = {name: client.parameter(node, name) for name in names} or client.parameters(node)
-    facts = {
-        name: {
-            'type': one.type.name.lower(),
-            'value': plain(one.value),
-            'limits': one.limits,
-            'read_only': one.descriptor.read_only,
-            'description': one.descriptor.description,
-        }
-        for name, one in found.items()
-    }
-    return facts, '\n'.join(description(name, one) for name, one in found.items())
-
-
 def set_value(client: ParameterClient, node: str, name: str, text: str) -> tuple[Any, str]:
     """Set a parameter; return its new value."""
     before, after = client.set(node, name, text)
@@ -101,17 +82,7 @@ def set_value(client: ParameterClient, node: str, name: str, text: str) -> tuple
 
 
 Action = Callable[..., tuple[Any, str]]
-ACTIONS: dict[str, Action] = {'list': list_all, 'get': get, 'describe': describe, 'set': set_value}
-
-
-def description(name: str, one: RemoteParameter) -> str:
-    """Return a paragraph on a parameter: type, value, limits and the node's own sentence."""
-    head = f'{name} ({one.type.name.lower()}): {shown(plain(one.value))}'
-    head += ' (fixed at start)' if one.descriptor.read_only else ''
-    facts = [one.descriptor.description, one.limits and f'values: {one.limits}']
-    indent = ' ' * 4
-    fill = partial(textwrap.fill, width=WIDTH, initial_indent=indent, subsequent_indent=indent)
-    return '\n'.join([head, *map(fill, filter(None, facts))])
+ACTIONS: dict[str, Action] = {'list': list_all, 'get': get, 'set': set_value}
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - of the parameter's type

@@ -26,8 +26,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
@@ -120,47 +120,30 @@ def to_line(event: MonitorEvent) -> str:
 
 
 def clause_lines(event: MonitorEvent) -> Iterator[str]:
-    """Yield a line for each clause of a plan's instruction."""
-    report = event.values.get('instruction_report') if event.kind == 'plan' else None
-    if not report:
-        return
+    """Yield a line for each clause of a plan's instruction, with its status, and for the note."""
     # Importing numpy takes a tenth of a second.
     from llm_astar_planner.planning.types import clause_facts  # noqa: PLC0415
 
+    report = event.values.get('instruction_report') if event.kind == 'plan' else None
+    if not report:
+        return
     for clause in report['clauses']:
         words = clause['clause'].removeprefix('not understood: ') + clause_facts(clause)
         yield f'{CLAUSE_INDENT}{clause["status"]:<14}  {words}'
+    if report['note']:
+        yield f'{CLAUSE_INDENT}{report["note"]}'
 
 
 def plan_words(event: MonitorEvent) -> list[str]:
-    """Return the words of a plan's line; empty ones are left out."""
-    from llm_astar_planner.planning.types import describe_expansions  # noqa: PLC0415
-
-    plan = event.values
-    report = PlanReport(**plan)
+    """Return what a plan's line says: as in the log, and its times."""
+    report = PlanReport(**event.values)
     return [
-        report.summary if report.code else 'path found',
-        '' if report.length is None else f'{report.length:.2f} m',
-        describe_expansions(report.operation),
-        '' if report.ratio is None else f'proven within {report.ratio:.3f} of the shortest',
+        report.summary,
         f'method {report.method}' if report.method else '',
-        f'waypoints {report.waypoint_summary}',
         f'{1000 * report.seconds_search:.1f} ms to search',
         f'{1000 * report.seconds_source:.1f} ms for waypoints' if report.seconds_source else '',
-        instruction_words(plan),
         *(f'! {warning}' for warning in report.warnings),
     ]
-
-
-def instruction_words(plan: Mapping[str, Any]) -> str:
-    """Return the words on a plan's instruction: what was understood, by whom; '' without one."""
-    report = plan['instruction_report']
-    if not report or not report['clauses']:
-        return f'instruction {plan["instruction"]}' if plan['instruction'] else ''
-    interpretation = report['interpretation']
-    by = interpretation['understood_by'] or 'nobody'
-    note = f'; {report["note"]}' if report['note'] else ''
-    return f'instruction {interpretation["status"]} by {by}{note}'
 
 
 def exchange_words(event: MonitorEvent) -> list[str]:

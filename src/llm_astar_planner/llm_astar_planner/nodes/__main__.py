@@ -19,25 +19,11 @@ ABOUT = {
     'llm_client_node': 'Serves waypoints of a model, or of another source, to planner_node.',
     'planner_node': 'Plans on the newest map, for services, actions and the buttons of RViz.',
 }
-USAGE = """\
-usage: {name} [-h] [--ros-args [-p NAME:=VALUE]... [--params-file FILE]...
-       [-r __ns:=/NAMESPACE] [-r FROM:=TO]... [--log-level LEVEL]]
-
-{about}
-
-example: {name} --ros-args -p {example}
-
-parameters:
-"""
 EXAMPLES = {
     'map_node': 'map_file:=depot.yaml',
     'llm_client_node': 'source:=coarse',
     'planner_node': 'robot_radius:=0.3',
 }
-REFERENCE = """
-docs/reference.md has ranges, topics and services; config/planner.yaml is a parameter file with
-every default. Of a running node: llm-astar param list {name}.
-"""
 
 
 def main(name: str, argv: Sequence[str] | None = None) -> int:
@@ -84,16 +70,19 @@ def start(name: str, argv: Sequence[str]) -> int:
 def usage(name: str) -> str:
     """Return the help of a node: how it is started, and a line for each parameter."""
     import json  # noqa: PLC0415
+    from pathlib import Path  # noqa: PLC0415
 
     from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER  # noqa: PLC0415
 
     hidden = SET_BY_PLANNER if name == 'llm_client_node' else ()
-    text = USAGE.format(name=name, about=ABOUT[name], example=EXAMPLES[name])
+    text = ''
     for item in NODES[name]:
         if item.name not in hidden:
             default = f'{json.dumps(item.default)} {item.unit}'.strip()
             text += f'  {item.name} ({default}): {item.sentence.replace("`", "")}\n'
-    return text + REFERENCE.format(name=name)
+    usage = Path(__file__).with_name('usage.txt').read_text(encoding='utf-8')
+    facts = {'name': name, 'about': ABOUT[name], 'example': EXAMPLES[name]}
+    return usage.format(parameters=text, **facts)
 
 
 map_node = partial(main, 'map_node')

@@ -36,13 +36,8 @@ from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
+from llm_astar_planner.planning import parameters as tables
 from llm_astar_planner.planning.compile import compile_and_report, compile_map_kernels
-from llm_astar_planner.planning.parameters import (
-    FIXED,
-    SET_BY_PLANNER,
-    costmap_config,
-    source_config,
-)
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.result import Cell
@@ -131,7 +126,7 @@ class LlmClientNode(Node):
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""
         source_values = {
-            name: value for name, value in values.items() if name not in SET_BY_PLANNER
+            name: value for name, value in values.items() if name not in tables.SET_BY_PLANNER
         }
         problem = self.change_of_fixed(values)
         if problem is not None:
@@ -144,7 +139,7 @@ class LlmClientNode(Node):
                 maps = load_barrier_maps(find_file(dataset, 'maps')) if dataset else None
                 if transcript:
                     values = values | {'transcript': str(find_file(transcript, 'maps'))}
-                self._new_source = make_source(source_config(values), dataset=maps)
+                self._new_source = make_source(tables.source_config(values), dataset=maps)
                 self._new_interpreter = make_interpreter(values)
         except (OSError, ValueError) as error:
             return str(error)
@@ -156,7 +151,7 @@ class LlmClientNode(Node):
         before = self._source_values
         if not before or not values['fixed_endpoint']:
             return None
-        changed = [name for name in FIXED if values[name] != before[name]]
+        changed = [name for name in tables.FIXED if values[name] != before[name]]
         if not changed:
             return None
         return f'{changed[0]}: is fixed; start the node with `fixed_endpoint: false` to change it'
@@ -180,7 +175,7 @@ class LlmClientNode(Node):
 
         It is made once and kept until the map or a rule changes, since that takes time.
         """
-        config = costmap_config(self._settings.current)
+        config = tables.costmap_config(self._settings.current)
         with self._costmap_lock:
             grid_map, costmap = self._grid_map, self._costmap
             if grid_map is None:

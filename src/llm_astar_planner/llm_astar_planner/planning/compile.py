@@ -17,9 +17,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain, product
-from typing import Any, TextIO
+from pathlib import Path
+from typing import TextIO
 
 import numpy as np
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 from numba.core import config as numba_config
 from numba.core import event
@@ -27,6 +29,7 @@ from numba.core import event
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.lazy import shapely
+from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
@@ -241,23 +244,11 @@ def compile_instruction_kernels(*, any_angle: bool = True) -> None:
     from llm_astar_planner.instructions.specification import from_json  # noqa: PLC0415
     from llm_astar_planner.planning.instruction import plan_with_instruction  # noqa: PLC0415
 
-    near, far, away = ({'point': at, 'radius': 1.0} for at in ([3, 3], [20, 3], [20, 100]))
-    band = {'strength': 'should', 'region': {'box': [0.0, 8.0, 128.0, 24.0]}}
-    far_off = {'from': 'walls', 'metres': 3}
-    samples: tuple[tuple[int, dict[str, dict[str, Any]]], ...] = (
-        (24, {'visit': {'regions': [near, far]}, 'avoid': {'region': {'box': [0, 0, 24, 3]}}}),
-        (24, {'keep_distance': far_off, 'avoid': {'region': {'box': [6, 0, 8, 24]}}}),
-        (24, {'pass': {'region': {'point': [12.5, 14], 'radius': 1}, 'side': 'north'}}),
-        (24, {'stay_in': band, 'before': {'first': near, 'second': far}}),
-        # So large that the search looks at its time on the way.
-        (128, {'visit': {'regions': [near, away]}, 'avoid': band}),
-    )
-    for size, asked in samples:
-        cells = np.zeros((size, size), dtype=np.int8)
+    for sample in read_yaml(Path(__file__).with_name('compiled.yaml'), ParameterError):
+        cells = np.zeros((sample['side'], sample['side']), dtype=np.int8)
         cells[4:, 12] = OCCUPIED
         planner = PathPlanner(GridMap(cells)).prepare()
-        clauses = [dict(fields, kind=kind) for kind, fields in asked.items()]
-        understood = interpretation.Interpretation('', from_json({'clauses': clauses}))
+        understood = interpretation.Interpretation('', from_json({'clauses': sample['clauses']}))
         instruction = interpretation.RouteInstruction(understood)
         request = PlanRequest(
             START, GOAL, time_limit=PATIENCE, any_angle=any_angle, instruction=instruction

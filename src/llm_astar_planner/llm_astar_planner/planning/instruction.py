@@ -17,15 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
+from llm_astar_planner.instructions import enforcement
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause
-from llm_astar_planner.instructions.enforcement import (
-    Demand,
-    Enforced,
-    Enforcer,
-    contradictions,
-    demand_of,
-    demands_of,
-)
 from llm_astar_planner.instructions.ground import Ground, Zone
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
@@ -84,7 +77,7 @@ class InstructedSearch:
         self.policy = instruction.policy
         self.landmarks = landmarks
         self.stop = stop
-        self.asked = demands_of(instruction.interpretation.specification, route)
+        self.asked = enforcement.demands_of(instruction.interpretation.specification, route)
         # What of that is demanded, without what no path keeps.
         self.demands = self.asked
         self.expansions = 0
@@ -116,7 +109,7 @@ class InstructedSearch:
         if segment is None:
             self.is_kept = False
             self.demands = tuple(map(self.possible, self.demands))
-            enforcer = Enforcer(self.demands, self.route)
+            enforcer = enforcement.Enforcer(self.demands, self.route)
             segment = (
                 self.strictly(self.demands)
                 or self.solve(enforcer.relaxed())
@@ -127,9 +120,9 @@ class InstructedSearch:
             raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
         return segment
 
-    def strictly(self, demands: Sequence[Demand]) -> SegmentPlanner | None:
+    def strictly(self, demands: Sequence[enforcement.Demand]) -> SegmentPlanner | None:
         """Return a search that found a path that keeps every `must` clause, None for none."""
-        enforcer = Enforcer(demands, self.route)
+        enforcer = enforcement.Enforcer(demands, self.route)
         problem = enforcer.strict()
         if problem is None:
             return None
@@ -138,7 +131,7 @@ class InstructedSearch:
             segment = self.solve(enforcer.strict(owes_wishes=False) or problem)
         return segment
 
-    def affordable(self, demand: Demand) -> Demand:
+    def affordable(self, demand: enforcement.Demand) -> enforcement.Demand:
         """Return a demand, left out where its clause is a question and its answer costs much."""
         if not demand.clause.unsure or demand.problem is not None:
             return demand
@@ -151,7 +144,7 @@ class InstructedSearch:
         """The metres of the best path without demands."""
         return self.length_with()
 
-    def possible(self, demand: Demand) -> Demand:
+    def possible(self, demand: enforcement.Demand) -> enforcement.Demand:
         """Return a demand as far as some path keeps it, whatever the others ask."""
         if demand.problem is not None or not demand.is_must:
             return demand
@@ -165,26 +158,26 @@ class InstructedSearch:
             return replace(demand, problem='impossible')
         return replace(demand, ask=replace(demand.ask, visits=visits))
 
-    def can_keep(self, *demands: Demand) -> bool:
+    def can_keep(self, *demands: enforcement.Demand) -> bool:
         """Tell whether some path keeps demands, without asking a waypoint source."""
-        problem = Enforcer(demands, self.route).strict()
+        problem = enforcement.Enforcer(demands, self.route).strict()
         if problem is None or problem.product is None or not problem.product.automata:
             return problem is not None
         product = replace(problem.product, price=None)
         return self.solve(replace(problem, product=product)) is not None
 
-    def is_possible(self, demand: Demand, zone: Zone) -> bool:
+    def is_possible(self, demand: enforcement.Demand, zone: Zone) -> bool:
         """Tell whether some path visits one region of a clause."""
         return self.can_keep(replace(demand, ask=Ask(visits=(zone,))))
 
-    def most_of(self, clause: Clause) -> Demand | None:
+    def most_of(self, clause: Clause) -> enforcement.Demand | None:
         """Return the demand of the most metres of a clause that some path keeps, None for none."""
         ground, found = Ground(self.route), None
         low, high = 0.0, float(getattr(clause, clause.reducible))
         while high - low > self.route.costmap.grid_map.resolution / FINENESS:
             middle = (low + high) / 2.0
             less: dict[str, Any] = {clause.reducible: middle}
-            demand = demand_of(replace(clause, **less), ground)
+            demand = enforcement.demand_of(replace(clause, **less), ground)
             if self.can_keep(demand):
                 low, found = middle, demand
             else:
@@ -210,16 +203,16 @@ class InstructedSearch:
         """Return the metres of the best path under some demands. Raises PlanningFailure."""
         return self.length_with(*(self.demands[number] for number in numbers))
 
-    def length_with(self, *demands: Demand) -> float:
+    def length_with(self, *demands: enforcement.Demand) -> float:
         """Return the metres of the best path under demands. Raises PlanningFailure."""
-        enforcer = Enforcer(demands, self.route)
+        enforcer = enforcement.Enforcer(demands, self.route)
         exact = replace(self.request, method=EXACT, source=None, want_expanded=False)
         segment = self.solve(enforcer.strict() or enforcer.relaxed(), exact)
         cells = math.nan if segment is None else segment.result.length
         return cells * self.route.costmap.grid_map.resolution
 
     def solve(
-        self, problem: Enforced, request: PlanRequest | None = None
+        self, problem: enforcement.Enforced, request: PlanRequest | None = None
     ) -> SegmentPlanner | None:
         """Return a search that found a path, None if there is none. Raises PlanningFailure."""
         costmap = self.route.costmap
@@ -249,7 +242,7 @@ class InstructedSearch:
         """Say which clauses contradict each other, or that no path keeps all; else ''."""
         found = [
             f'"{one.sentence()}" contradicts "{other.sentence()}"'
-            for one, other in contradictions(self.asked)
+            for one, other in enforcement.contradictions(self.asked)
         ]
         found = found or ([] if self.is_kept else [NOT_TOGETHER])
         found += [

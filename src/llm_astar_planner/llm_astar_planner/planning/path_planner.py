@@ -20,19 +20,13 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning import path_validator as validator
 from llm_astar_planner.planning.endpoints import (
     blocked_message,
     goal_failure,
     moved_goal,
     moved_start,
     moved_via,
-)
-from llm_astar_planner.planning.path_validator import (
-    CollisionChecker,
-    curve_cells,
-    footprint_problem,
-    shift_problem,
-    via_problem,
 )
 from llm_astar_planner.planning.segment import (
     NOT_SEARCHED,
@@ -111,7 +105,7 @@ class PathPlanner:
         self.costmap: Costmap = Costmap(grid_map, config, barrier_map, before)
         self.grid_map = grid_map
         self.config = self.costmap.config
-        self.checker = CollisionChecker(grid_map, self.config)
+        self.checker = validator.CollisionChecker(grid_map, self.config)
         self.landmarks = landmarks or LandmarkManager()
 
     @classmethod
@@ -274,14 +268,14 @@ class PathPlanner:
             if used != requested:
                 tolerance = request.start_tolerance if name == 'start' else request.tolerance
                 limit = tolerance / self.grid_map.resolution
-                problem = shift_problem(name, requested, used, limit)
+                problem = validator.shift_problem(name, requested, used, limit)
                 if problem is not None:
                     return problem
         problem = self.checker.path_problem(path, start, goal)
         if problem is None and request.via:
-            problem = via_problem(path, endpoints.via)
+            problem = validator.via_problem(path, endpoints.via)
         if problem is None and request.footprint is not None:
-            problem = footprint_problem(path, self.costmap, request)
+            problem = validator.footprint_problem(path, self.costmap, request)
         return problem
 
     def build_plan(
@@ -430,7 +424,7 @@ class PathPlanner:
         same_ends = replace(
             request, start=endpoints.start, goal=endpoints.goal, via=endpoints.via, footprint=None
         )
-        problem = self.problem(same_ends, endpoints, curve_cells(curve))
+        problem = self.problem(same_ends, endpoints, validator.curve_cells(curve))
         if problem is not None or request.footprint is None:
             return problem
         return self.straight_problem(request, curve)
@@ -443,7 +437,7 @@ class PathPlanner:
 
         if collides(self.costmap, request, points):
             return 'the footprint would meet an obstacle'
-        return footprint_problem(interpolate(points), self.costmap, request)
+        return validator.footprint_problem(interpolate(points), self.costmap, request)
 
 
 def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:

@@ -13,14 +13,13 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
@@ -73,18 +72,16 @@ class Asked(NamedTuple):
     language: str
 
 
-@cache
-def languages() -> dict[str, dict[str, Any]]:
-    """Return the questions and answers of each language."""
-    text = Path(__file__).with_name('questions.yaml').read_text(encoding='utf-8')
-    table: dict[str, dict[str, Any]] = yaml.safe_load(text)
-    return table
+# The questions and answers of each language.
+LANGUAGES: dict[str, dict[str, Any]] = read_yaml(
+    Path(__file__).with_name('questions.yaml'), QuestionError
+)
 
 
 def read_question(text: str) -> Asked | None:
     """Return what a text asks, None where it is no question about a path."""
     words = text.strip(END)
-    for language, table in languages().items():
+    for language, table in LANGUAGES.items():
         for pattern, kind, read in table['questions']:
             found = re.fullmatch(pattern, words, re.IGNORECASE)
             if found is not None:
@@ -134,7 +131,7 @@ class Questions:
                 f'{text[:80]!r} is not understood; ask "why not through PLACE?", "why so long?" '
                 'or "what if PLACE were open?"'
             )
-        words, is_opened = languages()[asked.language], asked.kind == OPENED
+        words, is_opened = LANGUAGES[asked.language], asked.kind == OPENED
         own = self.plan(any_angle=asked.kind == LENGTH)
         if asked.kind == LENGTH:
             return self.length(own, words)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, IntEnum
 from operator import index
@@ -370,23 +371,27 @@ class Plan:
     alternatives: tuple[Alternative, ...] = ()
 
     def _repr_png_(self) -> bytes | None:
-        """Return the picture that a notebook shows, None where there is none."""
-        return picture_of(self)[0]
+        """Return the picture that a notebook shows.
 
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the outcome, and the picture or why there is none."""
+        None for a copy of a plan, which is without its map, and without the laboratory.
+        """
         # What only a notebook takes.
-        from base64 import b64encode  # noqa: PLC0415
-        from html import escape  # noqa: PLC0415
+        from pathlib import Path  # noqa: PLC0415
+        from tempfile import TemporaryDirectory  # noqa: PLC0415
 
-        picture, problem = picture_of(self)
-        text = f'{self.message} [{self.code.name}]' if self.code else self.message
-        clauses = [] if self.instruction is None else [self.instruction.summary()]
-        lines = [text, *clauses, *self.warnings, problem]
-        shown = ''.join(f'<p>{escape(line)}</p>' for line in lines if line)
-        if picture is None:
-            return shown
-        return f'{shown}<img src="data:image/png;base64,{b64encode(picture).decode()}">'
+        from llm_astar_msgs_adapter.maps.places import NO_PLACES  # noqa: PLC0415
+
+        from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
+        from llm_astar_planner.plugins import find_drawing  # noqa: PLC0415
+
+        costmap, places = PLANNED_ON.get(self, (None, None))
+        with suppress(ImportError, LlmAstarError), TemporaryDirectory() as folder:
+            if costmap is not None:
+                path = Path(folder, 'plan.png')
+                route = Route(costmap, self.start, self.goal, places or NO_PLACES)
+                find_drawing('plan').load()(self, route, (0, 0), str(path))
+                return path.read_bytes()
+        return None
 
     @property
     def source_status(self) -> SourceStatus:
@@ -421,30 +426,6 @@ class Plan:
 
 # What `Planner.plan` planned on, while its plan lives.
 PLANNED_ON: WeakKeyDictionary[Plan, tuple[Costmap, Places | None]] = WeakKeyDictionary()
-
-
-def picture_of(plan: Plan) -> tuple[bytes | None, str]:
-    """Return the picture of a plan as PNG, or None and why there is none."""
-    from pathlib import Path  # noqa: PLC0415
-    from tempfile import TemporaryDirectory  # noqa: PLC0415
-
-    from llm_astar_msgs_adapter.maps.places import NO_PLACES  # noqa: PLC0415
-
-    from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
-    from llm_astar_planner.plugins import find_drawing  # noqa: PLC0415
-
-    if plan not in PLANNED_ON:
-        return None, 'There is no picture: this is a copy of a plan, without its map'
-    costmap, places = PLANNED_ON[plan]
-    try:
-        draw = find_drawing('plan').load()
-    except (ImportError, LlmAstarError) as error:
-        return None, f'There is no picture: {error}'
-    with TemporaryDirectory() as folder:
-        path = Path(folder, 'plan.png')
-        route = Route(costmap, plan.start, plan.goal, places or NO_PLACES)
-        draw(plan, route, (0, 0), str(path))
-        return path.read_bytes(), ''
 
 
 def describe_expansions(count: int) -> str:

@@ -54,20 +54,17 @@ def test_a_map_stays_the_one_that_it_is():
 def test_a_notebook_shows_a_plan_as_a_picture_though_its_planner_is_gone():
     plan = Planner(WALLS).plan(REQUEST)
     assert plan._repr_png_().startswith(b'\x89PNG')
-    shown = plan._repr_html_()
-    assert plan.message in shown
-    assert '<img src="data:image/png;base64,iVBOR' in shown
 
 
-def test_a_plan_without_a_path_is_shown_with_its_reason():
+def test_a_plan_without_a_path_is_shown_too():
     closed = WALLS.copy()
     closed[:, 15] = True
     plan = Planner(closed).plan(REQUEST)
-    assert plan.code.name in plan._repr_html_()
+    assert plan.code
     assert plan._repr_png_() is not None
 
 
-def test_what_cannot_be_drawn_is_said(monkeypatch):
+def test_without_the_laboratory_there_is_no_picture(monkeypatch):
     plan = Planner(WALLS).plan(REQUEST)
 
     def absent(name):
@@ -75,11 +72,10 @@ def test_what_cannot_be_drawn_is_said(monkeypatch):
 
     monkeypatch.setattr(plugins, 'find_drawing', absent)
     assert plan._repr_png_() is None
-    assert 'There is no picture: No module named &lt;matplotlib&gt;' in plan._repr_html_()
 
 
 def test_a_copy_of_a_plan_carries_no_map_with_it():
     plan = Planner(WALLS).plan(REQUEST)
     copies = pickle.loads(pickle.dumps(plan)), replace(plan)  # noqa: S301
     for copy in copies:
-        assert 'a copy of a plan, without its map' in copy._repr_html_()
+        assert copy._repr_png_() is None

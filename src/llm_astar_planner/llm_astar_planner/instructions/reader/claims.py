@@ -69,6 +69,7 @@ OTHERS = re.compile(
     r'(?<!you )(?<!ich )\bwill\b(?! do\b| you\b| be\b| ich\b)|'
     r'\bsome\b(?! point| space| distance)|\bmost\b(?= of| @| \w+s\b)|\bof the rest\b|'
     r'(?:le|du) reste|other way (?:about|round|around)|i like to|yesterday|in case of (?!@)|'
+    r'\bsuppose\b|depending on|thereafter only|on the way to (?:the )?@|'
     r'what (?:is|s) @S|from (?:the )?@S|desde (?:el )?@S|(?<!@S\d )\bhalf of (?!the map|it)'
 )
 

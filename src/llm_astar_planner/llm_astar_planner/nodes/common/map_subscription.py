@@ -9,12 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.messages.fields import (
-    grid_from_message,
-    is_outdated,
-    stamp_of,
-    updated,
-)
+from llm_astar_msgs_adapter.messages import fields
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -64,15 +59,15 @@ class MapSubscription:
             entities.subscription(OccupancyGridUpdate, part, self._on_part, UPDATES, group)
 
     def _on_whole(self, message: OccupancyGrid) -> None:
-        if self._accept('map', message, lambda: grid_from_message(message)):
-            self._time = stamp_of(message)
+        if self._accept('map', message, lambda: fields.grid_from_message(message)):
+            self._time = fields.stamp_of(message)
 
     def _on_part(self, message: Any) -> None:  # noqa: ANN401 - map_msgs may not be there
         before = self._grid_map
         if before is None:
             self._logger.error('map update refused: it came before its map')
-        elif not is_outdated(message, self._time):
-            self._accept('map update', message, lambda: updated(before, message))
+        elif not fields.is_outdated(message, self._time):
+            self._accept('map update', message, lambda: fields.updated(before, message))
 
     def _accept(self, what: str, message: Any, read: Callable[[], GridMap]) -> bool:  # noqa: ANN401
         """Make what `read` returns the current map; return False where it raises."""
@@ -85,7 +80,7 @@ class MapSubscription:
             self._logger.error(f'{what} refused, {kept}: {name}{error}')
             return False
         self._grid_map = grid_map
-        problem = clock_problem(stamp_of(message), self._clock.now().nanoseconds)
+        problem = clock_problem(fields.stamp_of(message), self._clock.now().nanoseconds)
         if problem is not None:
             self._logger.warning(f'{what}: {problem}', throttle_duration_sec=QUIET_SECONDS)
         self._on_map(grid_map, self._transit(message))
@@ -97,7 +92,7 @@ class MapSubscription:
         Reading a map of 4000 x 4000 cells takes a tenth of a second, in which a costmap may be
         cleared.
         """
-        seconds = (self._clock.now().nanoseconds - stamp_of(message)) * 1e-9
+        seconds = (self._clock.now().nanoseconds - fields.stamp_of(message)) * 1e-9
         return seconds if 0.0 < seconds < LONGEST_TRANSIT else 0.0
 
 

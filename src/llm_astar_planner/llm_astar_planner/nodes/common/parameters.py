@@ -19,15 +19,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
-from llm_astar_planner.planning.parameters import (
-    NODES,
-    OTHERS,
-    ROS_NAMES,
-    WILDCARDS,
-    check_names,
-    check_sections,
-    read_sections,
-)
+from llm_astar_planner.planning import parameters as tables
 
 # What a node with Parameters is made with.
 OVERRIDES = {'automatically_declare_parameters_from_overrides': True}
@@ -67,23 +59,25 @@ class Parameters:
         PluginError for a plug-in that cannot be imported.
         """
         self._node = node
-        self._table = {parameter.name: parameter for parameter in NODES[table]}
-        self._others = OTHERS.get(table, {})
+        self._table = {parameter.name: parameter for parameter in tables.NODES[table]}
+        self._others = tables.OTHERS.get(table, {})
         self._check = check
         given = {
             name: node.get_parameter(name).value
             for name in node.get_parameters_by_prefix('')
-            if name.partition('.')[0] not in ROS_NAMES
+            if name.partition('.')[0] not in tables.ROS_NAMES
         }
         for name in given:
             node.undeclare_parameter(name)
         for_any_node: set[str] = set()
         for path in parameter_files(sys.argv):
-            sections = read_sections(path)
-            check_sections(sections, {node.get_name(): table})
-            for_any_node.update(*(names for section, names in sections if section in WILDCARDS))
+            sections = tables.read_sections(path)
+            tables.check_sections(sections, {node.get_name(): table})
+            for_any_node.update(
+                *(names for section, names in sections if section in tables.WILDCARDS)
+            )
         own = [name for name in given if name.partition('.')[0] not in for_any_node]
-        check_names(table, own, shared=True)
+        tables.check_names(table, own, shared=True)
         # Only now: no participant of the graph may have code imported later.
         for name, parameter in self._table.items():
             if parameter.plugins is not None and name in given:

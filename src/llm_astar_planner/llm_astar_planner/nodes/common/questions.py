@@ -19,19 +19,12 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, places_from_ge
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import String
 
+from llm_astar_planner.instructions import messages
 from llm_astar_planner.instructions.chain import BackgroundInterpreter, make_interpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
     Understanding,
-)
-from llm_astar_planner.instructions.messages import (
-    MAX_QUESTION,
-    MAX_QUESTION_WITH_PLACES,
-    Question,
-    answer_text,
-    error_text,
-    parse_question,
 )
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
@@ -42,7 +35,7 @@ RATE, BURST = 50.0, 20
 OnAnswer = Callable[[Interpretation], None]
 # Given a question with a clean text, returns what is understood now. If that is PENDING, the
 # callback gets the rest, on any thread. May raise LlmAstarError.
-Interpret = Callable[[Question, OnAnswer], Interpretation]
+Interpret = Callable[[messages.Question, OnAnswer], Interpretation]
 
 # Seconds for one question to a model. No plan waits for it, and a small model on a processor
 # takes half a minute for its first, or longer if the processor has other work.
@@ -59,7 +52,7 @@ class QuestionServer:
 
     entities: Entities
     interpret: Interpret
-    limit: int = MAX_QUESTION
+    limit: int = messages.MAX_QUESTION
     waits: bool = False
 
     def __post_init__(self) -> None:
@@ -77,16 +70,16 @@ class QuestionServer:
     def on_question(self, message: String) -> None:
         """Answer a question, or have it answered."""
         self.pace()
-        asked = Question(message.data)
+        asked = messages.Question(message.data)
         # What is found out later, on another thread, is not said before what is known now.
         turn = threading.RLock()
         with turn:
             try:
-                asked = parse_question(message.data, self.limit)
-                question = Question(clean_instruction(asked.text), asked.id, asked.places)
+                asked = messages.parse_question(message.data, self.limit)
+                question = messages.Question(clean_instruction(asked.text), asked.id, asked.places)
                 reading = self.interpret(question, partial(self.answer, asked, turn))
             except LlmAstarError as error:
-                self.publish(error_text(asked, error))
+                self.publish(messages.error_text(asked, error))
                 return
             if not (self.waits and reading.status is Understanding.PENDING):
                 self.answer(asked, turn, reading)
@@ -99,13 +92,13 @@ class QuestionServer:
 
     def answer(
         self,
-        question: Question,
+        question: messages.Question,
         turn: AbstractContextManager[object],
         interpretation: Interpretation,
     ) -> None:
         """Publish an answer to a question, in its turn."""
         with turn:
-            self.publish(answer_text(question, interpretation))
+            self.publish(messages.answer_text(question, interpretation))
 
     def publish(self, text: str) -> None:
         """Publish a text, unless the node has ended meanwhile."""
@@ -133,7 +126,9 @@ class InterpretationServer:
         self._background = BackgroundInterpreter(make_interpreter({}), interpreter, LIMIT_S)
         self._geojson: Mapping[str, Any] | None = None
         self._places = NO_PLACES
-        QuestionServer(entities, self.interpret, limit=MAX_QUESTION_WITH_PLACES, waits=True)
+        QuestionServer(
+            entities, self.interpret, limit=messages.MAX_QUESTION_WITH_PLACES, waits=True
+        )
         entities.on_close(self._background.close)
 
     def adopt(self, interpreter: Interpreter) -> None:
@@ -142,7 +137,7 @@ class InterpretationServer:
             self._interpreter = interpreter
             self._background.ask(interpreter)
 
-    def interpret(self, question: Question, on_answer: OnAnswer) -> Interpretation:
+    def interpret(self, question: messages.Question, on_answer: OnAnswer) -> Interpretation:
         """Return what is understood here. Raises PlacesError for the question's places."""
         places = self.places_of(question)
 
@@ -152,7 +147,7 @@ class InterpretationServer:
 
         return self._background.interpret_now(question.text, places, answer)
 
-    def places_of(self, question: Question) -> Places:
+    def places_of(self, question: messages.Question) -> Places:
         """Return the places of a question: often those of the last one. Raises PlacesError."""
         if question.places is None:
             return NO_PLACES

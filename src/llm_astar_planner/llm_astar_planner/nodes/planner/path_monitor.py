@@ -14,12 +14,7 @@ from queue import SimpleQueue
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.planner.goals import (
-    CancellationToken,
-    GoalTaker,
-    PlanResponse,
-    PreemptingGoalSlot,
-)
+from llm_astar_planner.nodes.planner import goals
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.plan_reuse import WaypointCache, reuse_problem
@@ -44,7 +39,7 @@ class PathMonitor:
     logger: RcutilsLogger
     settings: Parameters
     maps: MapManager
-    replans: PreemptingGoalSlot
+    replans: goals.PreemptingGoalSlot
     cache: WaypointCache | None
     footprint: RobotFootprint
     state: str = NO_PATH
@@ -52,11 +47,11 @@ class PathMonitor:
     def __post_init__(self) -> None:
         """Watch nothing yet."""
         self.tasks: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
-        self._watched: PlanResponse | None = None
-        self._to_check: tuple[Planner, CancellationToken | None, str] | None = None
+        self._watched: goals.PlanResponse | None = None
+        self._to_check: tuple[Planner, goals.CancellationToken | None, str] | None = None
         self._is_replanning = False
 
-    def start(self, taker: GoalTaker) -> None:
+    def start(self, taker: goals.GoalTaker) -> None:
         """Begin; `taker` plans again."""
         self._taker = taker
         self._thread = threading.Thread(target=self.work, name='path_monitor', daemon=True)
@@ -78,7 +73,7 @@ class PathMonitor:
             # A thread that waits must not keep a map alive.
             del task
 
-    def watch(self, response: PlanResponse) -> None:
+    def watch(self, response: goals.PlanResponse) -> None:
         """Watch the path of a response instead of the last one; a failure changes nothing."""
         planner = response.planner
         if response.plan.code is not ResultCode.NONE or planner is None:
@@ -151,7 +146,7 @@ class PathMonitor:
             self._watched = None
             self.state = response.plan.message
 
-    def remember(self, response: PlanResponse) -> None:
+    def remember(self, response: goals.PlanResponse) -> None:
         """Cache the waypoints that led to a path."""
         planner, request = response.planner, response.request
         if self.cache is not None and planner is not None and request is not None:

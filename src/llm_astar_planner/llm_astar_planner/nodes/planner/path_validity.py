@@ -22,13 +22,8 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
+from llm_astar_planner.planning import path_validator as validator
 from llm_astar_planner.planning.footprint_search import FootprintChecker
-from llm_astar_planner.planning.path_validator import (
-    NO_LIMIT,
-    CollisionChecker,
-    invalid_poses,
-    nearest_pose,
-)
 
 try:
     from nav2_msgs.srv import IsPathValid
@@ -57,7 +52,7 @@ class PathValidityService:
     entities: Entities
     settings: Parameters
     frames: Frames
-    newest: Callable[[], tuple[Costmap, CollisionChecker] | None]
+    newest: Callable[[], tuple[Costmap, validator.CollisionChecker] | None]
     footprint: RobotFootprint
 
     def __post_init__(self) -> None:
@@ -107,7 +102,9 @@ class PathValidityService:
         limit = occupancy_limit(getattr(request, 'max_cost', LETHAL))
         allow_unknown = not getattr(request, 'consider_unknown_as_obstacle', False)
         cells = costmap.grid_map.world_to_cells(ahead[:, :2])
-        invalid = invalid_poses(cells, checker, allow_unknown=allow_unknown, cost_limit=limit)
+        invalid = validator.invalid_poses(
+            cells, checker, allow_unknown=allow_unknown, cost_limit=limit
+        )
         footprint = self.footprint.current
         if footprint is not None:
             allowed = allow_unknown and costmap.config.allow_unknown
@@ -140,7 +137,7 @@ class PathValidityService:
             robot = self.frames.robot(self.settings['robot_base_frame'], frame_id)
         except (FrameError, GridMapError):
             return 0
-        return nearest_pose(poses[:, :2], robot.x, robot.y)
+        return validator.nearest_pose(poses[:, :2], robot.x, robot.y)
 
 
 def moved_poses(poses: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -160,4 +157,4 @@ def occupancy_limit(max_cost: int) -> int:
         return -1
     if max_cost <= MOST_COST:
         return 1 + 97 * (max_cost - 1) // 251
-    return max_cost - INSCRIBED + 99 if max_cost <= LETHAL else NO_LIMIT
+    return max_cost - INSCRIBED + 99 if max_cost <= LETHAL else validator.NO_LIMIT

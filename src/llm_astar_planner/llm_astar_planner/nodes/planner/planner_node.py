@@ -20,14 +20,7 @@ from rclpy.node import Node
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.spin import RCLError, run_node
-from llm_astar_planner.nodes.planner.goals import (
-    CALLERS,
-    Answer,
-    PlanGoal,
-    PlanResponse,
-    refusal,
-    serve_goals,
-)
+from llm_astar_planner.nodes.planner import goals
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.types import ResultCode
 
@@ -37,7 +30,7 @@ if TYPE_CHECKING:
 NAME = 'planner_node'
 # The other threads are for maps, goals of RViz and of Nav2, parameters and instructions, and for
 # a client in this process.
-THREADS = CALLERS + 24
+THREADS = goals.CALLERS + 24
 NOT_CONFIGURED = 'the node is not configured (lifecycle)'
 
 
@@ -54,7 +47,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._server: PlannerServer | None = None
         self._problem = ''
         # Plans for a goal. Those that come before the start wait for it.
-        self.answer: Answer = self.answer_after_start
+        self.answer: goals.Answer = self.answer_after_start
         # What both the executor and the thread that ends the process change.
         self._lock = threading.RLock()
         self._is_leaving = False
@@ -95,12 +88,14 @@ class PlannerNode(LifecycleNodeMixin, Node):
 
         return [LlmClientNode()]
 
-    def answer_after_start(self, goal: PlanGoal, *arguments: Any) -> PlanResponse:  # noqa: ANN401 - see RequestHandler.answer
+    def answer_after_start(self, goal: goals.PlanGoal, *arguments: Any) -> goals.PlanResponse:  # noqa: ANN401 - see RequestHandler.answer
         """Answer a goal as `RequestHandler.answer` does, once the node is configured."""
         self._started.wait()
         server = self._server
         if server is None:
-            return PlanResponse(goal, refusal(ResultCode.UNKNOWN, NOT_CONFIGURED), Path())
+            return goals.PlanResponse(
+                goal, goals.refusal(ResultCode.UNKNOWN, NOT_CONFIGURED), Path()
+            )
         return server.handler.answer(goal, *arguments)
 
     def start(self) -> None:
@@ -141,7 +136,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         with self._lock:
             self._goals = Entities(self)
             introspection = self._settings['introspection_mode']
-            serve_goals(self._goals, self, introspection)
+            goals.serve_goals(self._goals, self, introspection)
         from llm_astar_planner.nodes.planner.planner_server import PlannerServer  # noqa: PLC0415
 
         with self._lock:

@@ -20,12 +20,7 @@ from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import listen
-from llm_astar_planner.nodes.planner.goals import (
-    GOAL_POSE,
-    GoalTaker,
-    PlanGoal,
-    PreemptingGoalSlot,
-)
+from llm_astar_planner.nodes.planner import goals
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
@@ -49,13 +44,13 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: Node, settings: Parameters, taker: GoalTaker) -> None:
+    def __init__(self, node: Node, settings: Parameters, taker: goals.GoalTaker) -> None:
         """Join the graph, not active yet; `taker` answers the goals of RViz."""
         self._node = node
         self._taker = taker
         self._settings = settings
         self._entities = entities = Entities(node)
-        self._goals = PreemptingGoalSlot()
+        self._goals = goals.PreemptingGoalSlot()
         self._bond: Bond | None = None
         self._initial_pose: PoseStamped | None = None
         self._places = PlacesServer(entities, settings)
@@ -77,7 +72,7 @@ class PlannerServer:
         self._footprint = RobotFootprint(
             entities, settings, frames, lambda: self.monitor.check_again(again)
         )
-        replans = PreemptingGoalSlot()
+        replans = goals.PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities, replans)
         cache = self._client.cache if self._client else None
         self.monitor = PathMonitor(
@@ -127,7 +122,9 @@ class PlannerServer:
     def on_goal_pose(self, message: PoseStamped) -> None:
         """Plan to the goal that was set in RViz; a newer one preempts it."""
         token = self._goals.begin('a newer goal came')
-        goal = PlanGoal((message,), fallback_start=self._initial_pose, client=GOAL_POSE)
+        goal = goals.PlanGoal(
+            (message,), fallback_start=self._initial_pose, client=goals.GOAL_POSE
+        )
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
         self._node.executor.create_task(self._taker.answer, goal, token)
 
@@ -180,7 +177,7 @@ class PlannerServer:
         group, node = MutuallyExclusiveCallbackGroup(), self._node
         for kind, topic, callback in (
             (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
-            (PoseStamped, GOAL_POSE, self.on_goal_pose),
+            (PoseStamped, goals.GOAL_POSE, self.on_goal_pose),
         ):
             self._entities.subscription(kind, topic, callback, RELIABLE, group)
         node.add_post_set_parameters_callback(self.on_parameters)

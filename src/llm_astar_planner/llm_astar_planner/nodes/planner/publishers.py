@@ -15,11 +15,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.markers import (
-    expanded_to_message,
-    reasons_to_markers,
-    waypoints_to_markers,
-)
+from llm_astar_msgs_adapter.messages import markers as drawing
 from llm_astar_msgs_adapter.messages.writing import (
     path_to_message,
     report_to_message,
@@ -312,12 +308,12 @@ class PlanPublisher:
                 (point.x, point.y, point.status.value) for point in plan.checked_waypoints
             ]
             endpoints = (plan.start, plan.goal)
-            markers = waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
+            markers = drawing.waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
             reasons = reasons_of(plan, grid_map)
-            markers.markers += reasons_to_markers(reasons, grid_map.frame_id, stamp)
+            markers.markers += drawing.reasons_to_markers(reasons, grid_map.frame_id, stamp)
             self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
-            self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
+            self._explored.publish(drawing.expanded_to_message(plan.expanded, grid_map, stamp))
 
 
 def reasons_of(plan: Plan, grid_map: GridMap) -> Iterator[tuple[str, list[Point]]]:

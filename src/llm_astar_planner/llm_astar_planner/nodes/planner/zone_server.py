@@ -29,17 +29,9 @@ from rclpy.node import Node
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from llm_astar_planner.costmap import zone_layer as layers
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.raster import window_of
-from llm_astar_planner.costmap.zone_layer import (
-    FilterInfo,
-    FilterKind,
-    FilterMask,
-    ZoneLayer,
-    filter_info,
-    has_cells,
-    mask_costs,
-)
 from llm_astar_planner.costmap.zones import (
     KEEPOUT,
     NO_ZONES,
@@ -93,9 +85,9 @@ class ZoneServer:
         self.zones = NO_ZONES
         entities, side = self.entities, self.side
         self._node = entities.node
-        self._masks: tuple[FilterMask, ...] = ()
+        self._masks: tuple[layers.FilterMask, ...] = ()
         self._grid_map: GridMap | None = None
-        self._layer: ZoneLayer | None = None
+        self._layer: layers.ZoneLayer | None = None
         self._rules = self.rules()
         # Parameters change on another thread.
         self._lock = threading.RLock()
@@ -137,7 +129,9 @@ class ZoneServer:
             if (len(self.zones) or self._masks) and self._rules != self.rules():
                 self.use()
 
-    def use(self, zones: Zones | None = None, masks: Iterable[FilterMask] | None = None) -> None:
+    def use(
+        self, zones: Zones | None = None, masks: Iterable[layers.FilterMask] | None = None
+    ) -> None:
         """Use other zones or filter masks from now on; none of them if that fails."""
         with self._lock:
             before = self.zones, self._masks
@@ -164,7 +158,7 @@ class ZoneServer:
         layer = self._layer
         if layer is None or not layer.fits(grid_map):
             masks, self._rules = self.usable_masks(grid_map), self.rules()
-            layer = ZoneLayer(grid_map, self.zones, masks, *self._rules)
+            layer = layers.ZoneLayer(grid_map, self.zones, masks, *self._rules)
             # With the next map, a mask that cannot be used now is tried again.
             self._layer = layer if len(masks) == len(self._masks) else None
         self.on_map(layer.compose(grid_map), transit)
@@ -173,12 +167,12 @@ class ZoneServer:
         """Return the parameters that decide what zones and masks cost."""
         return costmap_config(self.settings.values()), self.settings['max_speed']
 
-    def usable_masks(self, grid_map: GridMap) -> list[FilterMask]:
+    def usable_masks(self, grid_map: GridMap) -> list[layers.FilterMask]:
         """Return the masks in a map's frame; one that cannot be used is logged and left out."""
         usable = []
         for mask in self._masks:
             try:
-                mask_costs(mask.info, *self.rules())
+                layers.mask_costs(mask.info, *self.rules())
                 origin = self.pose_in(grid_map, mask.grid_map.origin, mask.grid_map.frame_id)
             except LlmAstarError as error:
                 self._node.get_logger().error(
@@ -210,7 +204,7 @@ class ZoneServer:
         self.use(self.zones.add(zones))
         said = f'added {named(zones)}; {len(self.zones)} in all'
         if grid_map is not None:
-            off = [one for one in zones if not has_cells(window_of(one.area, grid_map))]
+            off = [one for one in zones if not layers.has_cells(window_of(one.area, grid_map))]
             if off:
                 said += f'; off the map as it is now: {named(off)}'
         return said
@@ -310,7 +304,7 @@ class MaskSubscription:
     side: Node
     parent: Node
     topic: str
-    on_masks: Callable[[tuple[FilterMask, ...]], None]
+    on_masks: Callable[[tuple[layers.FilterMask, ...]], None]
 
     def __post_init__(self) -> None:
         """Subscribe on the node `side`, if nav2_msgs is installed and a topic is given.
@@ -320,9 +314,9 @@ class MaskSubscription:
         """
         self._group = MutuallyExclusiveCallbackGroup()
         # By sort: keepout areas (True) or speed limits (False).
-        self._infos: dict[bool, FilterInfo] = {}
+        self._infos: dict[bool, layers.FilterInfo] = {}
         self._subscriptions: dict[bool, Entities] = {}
-        self._masks: dict[bool, FilterMask] = {}
+        self._masks: dict[bool, layers.FilterMask] = {}
         if CostmapFilterInfo is not None and self.topic:
             try:
                 name = self.parent.resolve_topic_name(self.topic)
@@ -337,14 +331,14 @@ class MaskSubscription:
         """Subscribe to the mask that an info names."""
         topic = message.filter_mask_topic
         try:
-            info = filter_info(message.type, topic, message.base, message.multiplier)
+            info = layers.filter_info(message.type, topic, message.base, message.multiplier)
             self.subscribe(info)
         except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
             self.log('costmap filter info', error)
 
-    def subscribe(self, info: FilterInfo) -> None:
+    def subscribe(self, info: layers.FilterInfo) -> None:
         """Subscribe to the mask of an info. Raises what rclpy does for a wrong topic."""
-        is_keepout = info.kind is FilterKind.KEEPOUT
+        is_keepout = info.kind is layers.FilterKind.KEEPOUT
         if self._infos.get(is_keepout) == info:
             return
         entities = Entities(self.side)
@@ -357,13 +351,13 @@ class MaskSubscription:
             before.close()
         self._infos[is_keepout], self._subscriptions[is_keepout] = info, entities
 
-    def on_mask(self, info: FilterInfo, message: OccupancyGrid) -> None:
+    def on_mask(self, info: layers.FilterInfo, message: OccupancyGrid) -> None:
         """Use a mask from now on."""
-        is_keepout = info.kind is FilterKind.KEEPOUT
+        is_keepout = info.kind is layers.FilterKind.KEEPOUT
         if self._infos.get(is_keepout) != info:
             return
         try:
-            masks = self._masks | {is_keepout: FilterMask(info, grid_from_message(message))}
+            masks = self._masks | {is_keepout: layers.FilterMask(info, grid_from_message(message))}
             self.on_masks(tuple(masks.values()))
         except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
             self.log(f'filter mask {info.topic}', error)

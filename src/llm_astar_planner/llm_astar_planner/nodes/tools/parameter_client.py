@@ -8,15 +8,14 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import yaml
 from llm_astar_msgs_adapter.errors import LlmAstarError, nearest_name
-from rcl_interfaces.msg import ParameterDescriptor
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rcl_interfaces.msg import Parameter as Message
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.node import Node, NodeNameNonExistentError
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter
 
 from llm_astar_planner.nodes.common.entities import ask
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
@@ -31,7 +30,6 @@ TYPE_NAMES = {
 SERVICES = {
     ListParameters: 'list_parameters',
     GetParameters: 'get_parameters',
-    DescribeParameters: 'describe_parameters',
     SetParameters: 'set_parameters',
 }
 # Seconds without a new node after which a graph is taken to be known.
@@ -41,26 +39,6 @@ POLL_SECONDS = 0.05
 
 class RemoteParameterError(LlmAstarError, ValueError):
     """A node or a parameter that is not there, or a refused value; the message names it."""
-
-
-@dataclass(frozen=True)
-class RemoteParameter:
-    """A parameter of a running node: its value, and what the node says about it."""
-
-    value: Any
-    descriptor: ParameterDescriptor
-
-    @property
-    def type(self) -> Parameter.Type:
-        """Its type."""
-        return Type(self.descriptor.type)
-
-    @property
-    def limits(self) -> str:
-        """The values it can have, in words; '' where the node does not say."""
-        ranges = [*self.descriptor.floating_point_range, *self.descriptor.integer_range]
-        facts = [f'{bounds.from_value} to {bounds.to_value}' for bounds in ranges]
-        return '; '.join(filter(None, [*facts, self.descriptor.additional_constraints]))
 
 
 class ParameterClient:
@@ -101,17 +79,14 @@ class ParameterClient:
             return False
         return any(service.endswith('/get_parameters') for service, _ in services)
 
-    def parameters(self, name: str) -> dict[str, RemoteParameter]:
+    def parameters(self, name: str) -> dict[str, Parameter]:
         """Return all parameters of a node by name."""
         names = sorted(self.ask(name, ListParameters).result.names)
         values = self.ask(name, GetParameters, names=names).values
-        descriptors = self.ask(name, DescribeParameters, names=names).descriptors
-        return {
-            one: RemoteParameter(parameter_value_to_python(value), descriptor)
-            for one, value, descriptor in zip(names, values, descriptors)
-        }
+        messages = (Message(name=one, value=value) for one, value in zip(names, values))
+        return {one.name: Parameter.from_parameter_msg(one) for one in messages}
 
-    def parameter(self, node: str, name: str) -> RemoteParameter:
+    def parameter(self, node: str, name: str) -> Parameter:
         """Return one parameter of a node."""
         found = self.parameters(node)
         if name not in found:
@@ -122,7 +97,7 @@ class ParameterClient:
     def set(self, node: str, name: str, text: str) -> tuple[Any, Any]:
         """Set a parameter to a value written as text; return the value before and after."""
         before = self.parameter(node, name)
-        after = typed(name, text, before.type)
+        after = typed(name, text, before.type_)
         result = self.ask(node, SetParameters, parameters=[after.to_parameter_msg()]).results[0]
         if not result.successful:
             raise RemoteParameterError(f'{node} refused it: {result.reason}')

@@ -23,14 +23,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
+from llm_astar_msgs_adapter.messages import report as reports
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
-from llm_astar_msgs_adapter.messages.report import (
-    ExchangeReport,
-    PlanReport,
-    Report,
-    ReportError,
-    report_from_message,
-)
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
@@ -43,29 +37,10 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool, String
 
 from llm_astar_planner.caches import Recent
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Understanding,
-    not_understood,
-)
-from llm_astar_planner.instructions.messages import (
-    Question,
-    QuestionError,
-    interpretation_from_json,
-    parse_object,
-)
+from llm_astar_planner.instructions import interpretation as readings
+from llm_astar_planner.instructions import messages
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.entities import (
-    ASK_AGAIN_S,
-    CALLS,
-    LATCHED,
-    RELIABLE,
-    REPORTS,
-    REPORTS_OF_CALLS,
-    Entities,
-    ask,
-    setting,
-)
+from llm_astar_planner.nodes.common import entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
@@ -78,7 +53,7 @@ POLL_SECONDS = 0.01
 # 'X,Y' in metres, where a name could stand.
 POINT = re.compile(r'\s*-?[\d.]+\s*,\s*-?[\d.]+\s*')
 # Reports on plans of other clients arrive too, and nobody fetches them.
-KEPT_REPORTS = REPORTS_OF_CALLS.depth
+KEPT_REPORTS = entities.REPORTS_OF_CALLS.depth
 # Events kept for a reader that is busy; more are dropped, as on the topics themselves.
 MAX_WAITING = 1000
 
@@ -91,7 +66,7 @@ class CalledPlan(NamedTuple):
     """A planner's answer: its path, its report and the round trip in seconds."""
 
     path: Path
-    report: PlanReport
+    report: reports.PlanReport
     seconds: float
 
     @property
@@ -107,20 +82,27 @@ class PlannerClient:
     It spins its node in a thread of its own, so that a round trip takes a millisecond or two.
     """
 
-    def __init__(self, node: Node, planner: str = 'planner_node') -> None:
-        """Take a node that nobody else spins."""
-        self.node = node
+    def __init__(
+        self, node: Node, planner: str = 'planner_node', seconds: float = DISCOVERY_SECONDS
+    ) -> None:
+        """Take a node that nobody else spins, and how long to wait for other nodes."""
+        self.node, self.planner, self.seconds = node, planner, seconds
         # As the planner names itself in /diagnostics: with its namespace, without the slash.
         self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
         # With the time of arrival, as `time.perf_counter` has it.
-        self._reports: Recent[int, tuple[float, PlanReport]] = Recent(KEPT_REPORTS)
+        self._reports: Recent[int, tuple[float, reports.PlanReport]] = Recent(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
-        self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
+        self._client = node.create_client(
+            GetPlan, f'{planner}/get_plan', qos_profile=entities.CALLS
+        )
+        self._services: dict[str, Client] = {}
         # Whether the last call was answered, so the planner has discovered this caller.
         self._is_discovered = False
-        self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
-        self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
+        self.listen(
+            DiagnosticArray, f'{planner}/report', self._on_report, entities.REPORTS_OF_CALLS
+        )
+        self.listen(DiagnosticArray, '/diagnostics', self._on_health, entities.RELIABLE)
 
     def __enter__(self) -> PlannerClient:
         self._thread = SpinThread(self.node)
@@ -221,7 +203,7 @@ class PlannerClient:
         client: Client,
         request: Any,  # noqa: ANN401 - of the service
         seconds: float = DISCOVERY_SECONDS,
-        ask_again: float = ASK_AGAIN_S,
+        ask_again: float = entities.ASK_AGAIN_S,
     ) -> Any:  # noqa: ANN401 - any service
         """Call a service of the graph, and again after `ask_again` seconds without a response.
 
@@ -229,13 +211,37 @@ class PlannerClient:
         """
         if not client.wait_for_service(seconds):
             raise PlannerClientError(f'{client.srv_name} does not exist')
-        response = ask(client, request, seconds, ask_again)
+        response = entities.ask(client, request, seconds, ask_again)
         if response is None:
             raise PlannerClientError(f'{client.srv_name} did not respond within {seconds:g} s')
         return response
 
+    def service(self, kind: Any, name: str) -> Client:  # noqa: ANN401 - a service type
+        """Return the client of a service, which is kept."""
+        if name not in self._services:
+            self._services[name] = self.node.create_client(kind, name)
+        return self._services[name]
+
+    def values(self, names: Sequence[str], node: str = '') -> dict[str, Any]:
+        """Return parameters of the planner, or of another node. Raises PlannerClientError."""
+        name = node or self.planner
+        client = self.service(GetParameters, f'{name}/get_parameters')
+        request = GetParameters.Request(names=list(names))
+        found = self.ask(client, request, self.seconds).values
+        if len(found) != len(names):
+            raise PlannerClientError(f'{name} lacks some of {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
+
+    def set_values(self, values: Mapping[str, Any]) -> None:
+        """Set parameters of the planner. Raises PlannerClientError where one is refused."""
+        client = self.service(SetParameters, f'{self.planner}/set_parameters')
+        results = self.ask(client, entities.setting(values), self.seconds).results
+        for name, result in zip(values, results):
+            if not result.successful:
+                raise PlannerClientError(f'{self.planner} refused {name}: {result.reason}')
+
     def _on_report(self, message: DiagnosticArray) -> None:
-        report = report_from_message(message, PlanReport)
+        report = reports.report_from_message(message, reports.PlanReport)
         self._reports[stamp_of(message)] = time.perf_counter(), report
 
     def _on_health(self, message: DiagnosticArray) -> None:
@@ -252,42 +258,38 @@ class PlannerCaller(PlannerClient):
 
     def __init__(self, node: Node, planner: str, seconds: float) -> None:
         """Call the node `planner` from a node that nobody else spins."""
-        super().__init__(node, planner)
-        self.planner = planner
-        self.seconds = seconds
+        super().__init__(node, planner, seconds)
         self._answers: dict[str, list[dict[str, Any]]] = {}
         self._places: dict[str, Any] = {}
         self._maps: list[GridMap] = []
         self._listens_to_maps = False
-        self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
-        self._confirm = node.create_publisher(Bool, f'{planner}/confirm', RELIABLE)
-        self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
-        self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
-        self._reader = node.create_client(GetParameters, f'{planner}/get_parameters')
-        self._setter = node.create_client(SetParameters, f'{planner}/set_parameters')
+        self._questions = node.create_publisher(String, f'{planner}/interpret', entities.RELIABLE)
+        self._confirm = node.create_publisher(Bool, f'{planner}/confirm', entities.RELIABLE)
+        self.listen(String, f'{planner}/interpretation', self._on_answer, entities.REPORTS)
+        self.listen(String, f'{planner}/places_geojson', self._on_places, entities.LATCHED)
 
     def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
-        with contextlib.suppress(QuestionError):
-            answer = parse_object(message.data)
+        with contextlib.suppress(messages.QuestionError):
+            answer = messages.parse_object(message.data)
             self._answers.get(answer.get('id', ''), []).append(answer)
 
     def _on_places(self, message: String) -> None:
         """Keep the newest places."""
-        with contextlib.suppress(QuestionError):
-            self._places = parse_object(message.data)
+        with contextlib.suppress(messages.QuestionError):
+            self._places = messages.parse_object(message.data)
 
     def interpretations(self, text: str) -> Iterator[dict[str, Any]]:
         """Yield what the planner understands of a text: now, and again if a model is asked."""
         id_ = uuid.uuid4().hex
         self.wait_for_subscriber(self._questions, self.seconds)
         answers = self._answers[id_] = []
-        self._questions.publish(String(data=Question(text, id_).to_text()))
+        self._questions.publish(String(data=messages.Question(text, id_).to_text()))
         for number in range(2):
             what = f'the interpretation by {self.planner}'
             self.wait_for(lambda: len(answers) > number, what, self.seconds)  # noqa: B023
             yield answers[number]
-            if answers[number].get('status') != Understanding.PENDING.value:
+            if answers[number].get('status') != readings.Understanding.PENDING.value:
                 return
 
     def confirm(self, text: str, *, is_meant: bool) -> None:
@@ -299,20 +301,6 @@ class PlannerCaller(PlannerClient):
             if time.monotonic() > deadline:
                 raise PlannerClientError(f'{self.planner} did not take the answer')
             time.sleep(POLL_SECONDS)
-
-    def values(self, names: Sequence[str]) -> dict[str, Any]:
-        """Return the planner's parameters of these names."""
-        request = GetParameters.Request(names=list(names))
-        found = self.ask(self._reader, request, self.seconds).values
-        if len(found) != len(names):
-            raise PlannerClientError(f'{self.planner} lacks some of {", ".join(names)}')
-        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
-
-    def set_values(self, values: Mapping[str, Any]) -> None:
-        """Set parameters of the planner."""
-        for result in self.ask(self._setter, setting(values), self.seconds).results:
-            if not result.successful:
-                raise PlannerClientError(result.reason)
 
     def pose(self, where: str | Sequence[float], places: Places | None = None) -> Pose2D:
         """Return a point, which may be the text 'X,Y', or the goal of the place of that name.
@@ -350,7 +338,7 @@ class PlannerCaller(PlannerClient):
         """Return the newest map, to which it listens from the first call on."""
         if not self._listens_to_maps:
             self._listens_to_maps = True
-            MapSubscription(Entities(self.node), self._on_map)
+            MapSubscription(entities.Entities(self.node), self._on_map)
         self.wait_for(lambda: bool(self._maps), 'a map', self.seconds)
         return self._maps[-1]
 
@@ -360,16 +348,16 @@ class PlannerCaller(PlannerClient):
             self._maps = [grid_map]
             self._arrived.notify_all()
 
-    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+    def interpret(self, text: str, places: Places, time_limit: float) -> readings.Interpretation:
         """Return what the graph understands of a text; its own places and limits hold."""
         del places, time_limit
         try:
             *_, answer = self.interpretations(text)
             if answer.get('error'):
-                return not_understood(text, str(answer['error']))
-            return interpretation_from_json(answer)
+                return readings.not_understood(text, str(answer['error']))
+            return messages.interpretation_from_json(answer)
         except LlmAstarError as error:
-            return not_understood(text, str(error))
+            return readings.not_understood(text, str(error))
 
 
 @contextlib.contextmanager
@@ -419,12 +407,14 @@ class Monitor:
         )
         self._states: dict[str, object] = {}
         self._heard = False
-        on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
-        on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
+        on_report = partial(self._on_report, EventKind.PLAN, reports.PlanReport, self.planner)
+        on_exchange = partial(
+            self._on_report, EventKind.EXCHANGE, reports.ExchangeReport, self._client
+        )
         for topic, on_message, qos in (
-            (f'{planner}/report', on_report, REPORTS),
-            (f'{client}/exchange', on_exchange, REPORTS),
-            ('/diagnostics', self._on_diagnostics, RELIABLE),
+            (f'{planner}/report', on_report, entities.REPORTS),
+            (f'{client}/exchange', on_exchange, entities.REPORTS),
+            ('/diagnostics', self._on_diagnostics, entities.RELIABLE),
         ):
             node.create_subscription(DiagnosticArray, topic, on_message, qos)
         self._report_topic = node.resolve_topic_name(f'{planner}/report')
@@ -447,12 +437,12 @@ class Monitor:
             return None
 
     def _on_report(
-        self, kind: EventKind, report: type[Report], node: str, message: DiagnosticArray
+        self, kind: EventKind, report: type[reports.Report], node: str, message: DiagnosticArray
     ) -> None:
         self._heard = self._heard or node == self.planner
         try:
-            values = asdict(report_from_message(message, report))
-        except ReportError as error:
+            values = asdict(reports.report_from_message(message, report))
+        except reports.ReportError as error:
             self._node.get_logger().warning(f'{node}: {error}; is it of another version?')
             return
         self._add(kind, stamp_of(message), node, values)
