@@ -15,34 +15,34 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 37_360, 307
+ALL_LINES, ALL_MODULES = 36_750, 304
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 124, 'maps': 1_100, 'messages': 560},
     PLANNER: {
         '': 500,
-        'search': 5_440,
+        'search': 5_450,
         'costmap': 970,
-        'planning': 4_120,
+        'planning': 4_010,
         'waypoints': 2_490,
-        'instructions': 7_600,
-        'nodes': 4_050,
-        'cli': 1_600,
+        'instructions': 7_420,
+        'nodes': 3_960,
+        'cli': 1_540,
     },
     LAB: {
         '': 20,
-        'bags': 830,
+        'bags': 780,
         'evaluation': 530,
         'datasets': 420,
         'runner': 560,
-        'results': 630,
+        'results': 620,
         'analysis': 580,
-        'report': 830,
-        'instruct_bench': 1_130,
+        'report': 820,
+        'instruct_bench': 1_080,
         'pictures': 920,
         'play': 880,
-        'commands': 1_040,
-        'nodes': 510,
+        'commands': 1_020,
+        'nodes': 490,
     },
 }
 ROOMS = [(package, room) for package, rooms in LIMITS.items() for room in rooms]
