@@ -43,8 +43,6 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
-from llm_astar_planner.instructions.clauses.end_at import EndAt
-from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, first_lines, plan_report
@@ -81,6 +79,8 @@ def run(arguments: argparse.Namespace) -> int:
     answer = answered(arguments.why, asked) if arguments.why else {}
     show(plan, arguments, asked.coordinates, answer)
     if drawing is not None:
+        from llm_astar_planner.instructions.route import Route  # noqa: PLC0415
+
         route = Route(planner.costmap, plan.start, plan.goal, asked.places)
         drawing.load()(plan, route, asked.coordinates.offset, arguments.png)
         if not arguments.json:
@@ -131,8 +131,11 @@ def may_touch(plan: Plan, asked: Problem) -> bool:
 
 def ends_route(plan: Plan) -> bool:
     """Tell whether a clause of the instruction says where the path ends."""
-    clauses = plan.instruction.clauses if plan.instruction is not None else ()
-    return any(outcome.clause.kind == EndAt.kind for outcome in clauses)
+    if plan.instruction is None:
+        return False
+    from llm_astar_planner.instructions.clauses.end_at import EndAt  # noqa: PLC0415
+
+    return any(outcome.clause.kind == EndAt.kind for outcome in plan.instruction.clauses)
 
 
 def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:

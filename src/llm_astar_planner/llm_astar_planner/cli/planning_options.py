@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
@@ -19,10 +19,6 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.cli import flags, map_files
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.zone_layer import with_zones
-from llm_astar_planner.instructions import interpretation as readings
-from llm_astar_planner.instructions.confirmations import Confirmations
-from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
-from llm_astar_planner.instructions.route import find_place
 from llm_astar_planner.instructions.text import clean_instruction
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning import parameters
@@ -34,6 +30,10 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions import interpretation as readings
+    from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
 
 # planner_node's parameters that decide a plan, wherever it is made; the map's options include
 # that of its places.
@@ -82,6 +82,9 @@ def route_instruction(
     text = clean_instruction(values['instruction'])
     if not text:
         return None
+    # A clause of each kind, which other plans do not need.
+    from llm_astar_planner.instructions.interpretation import RouteInstruction  # noqa: PLC0415
+
     reading = settle(make().interpret(text, places, limit), places)
     return RouteInstruction(reading, places, values['instruction_policy'])
 
@@ -93,6 +96,8 @@ def settled(
 
     An answer is remembered for these places.
     """
+    from llm_astar_planner.instructions.confirmations import Confirmations  # noqa: PLC0415
+
     confirmations = Confirmations(state_file('confirmations.json'))
     if confirm is None:
         reading = confirmations.applied(reading, places)
@@ -254,6 +259,7 @@ def choose_endpoints(
         place, point = getattr(arguments, f'{end}_place'), getattr(arguments, end)
         if place is not None:
             from llm_astar_planner.instructions.ground import goal_cell  # noqa: PLC0415
+            from llm_astar_planner.instructions.route import find_place  # noqa: PLC0415
 
             return goal_cell(find_place(place, places), costmap)
         return None if point is None else coordinates.to_cell(f'--{end}', point)

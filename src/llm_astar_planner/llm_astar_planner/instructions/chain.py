@@ -27,7 +27,11 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
 from llm_astar_planner.instructions.reader.interpreter import NAME as READER
-from llm_astar_planner.instructions.reader.interpreter import ReaderInterpreter
+from llm_astar_planner.instructions.reader.interpreter import (
+    UNLIKELY,
+    CheckedInterpreter,
+    ReaderInterpreter,
+)
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient
@@ -165,11 +169,12 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     )
 
 
-def rank(reading: Interpretation) -> tuple[bool, float, bool]:
+def rank(reading: Interpretation) -> tuple[bool, float, bool, bool]:
     """Return what readings are compared by; the greatest is the best. A guess counts half."""
     known = reading.specification.enforceable
     sure = reading.is_whole and bool(known) and not any(clause.unsure for clause in known)
-    return sure, sum(0.5 if clause.unsure else 1.0 for clause in known), reading.is_read
+    count = sum(0.5 if clause.unsure else 1.0 for clause in known)
+    return sure, count, reading.detail != UNLIKELY, reading.is_read
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
@@ -182,7 +187,8 @@ def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
     settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
     settings.check()
     slow = make_slow_interpreter(settings)
-    return ChainInterpreter([GrammarInterpreter(), ReaderInterpreter(), *([slow] if slow else [])])
+    grammar = CheckedInterpreter(GrammarInterpreter())
+    return ChainInterpreter([grammar, ReaderInterpreter(), *([slow] if slow else [])])
 
 
 def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-import shapely
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 from numba.core import config as numba_config
@@ -29,16 +28,13 @@ from numba.core import event
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.costmap.zone_layer import FilterInfo, FilterKind, FilterMask, ZoneLayer
-from llm_astar_planner.costmap.zones import ONE_WAY, Zone
+from llm_astar_planner.lazy import shapely
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_planner import PathPlanner
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
-from llm_astar_planner.planning.why import Explainer
 from llm_astar_planner.search.arrays import StopFlag, no_stop
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
@@ -106,7 +102,7 @@ def compile_for(
     """
     method = request.method if request.method in METHODS else EXACT
     kind = kind_of_plan(config, request, is_graded, has_landmarks)
-    if kind in COMPILED:
+    if kind in COMPILED or numba_config.DISABLE_JIT:
         return True
 
     def check(_: str) -> None:
@@ -202,6 +198,9 @@ def compile_map_kernels(
 
 def compile_footprint_kernels() -> None:
     """Compile what plans with a footprint run besides, or load it from numba's cache."""
+    # Here and below: other plans do not need it.
+    from llm_astar_planner.planning.footprint_search import FootprintChecker  # noqa: PLC0415
+
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = OCCUPIED
     planner = PathPlanner(GridMap(cells)).prepare()
@@ -213,6 +212,8 @@ def compile_footprint_kernels() -> None:
 
 def compile_why_kernels() -> None:
     """Compile what says why there is no path, or load it from numba's cache."""
+    from llm_astar_planner.planning.why import Explainer  # noqa: PLC0415
+
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[:, 12], cells[11:14, 12] = OCCUPIED, FREE
     for radius in (0.0, 3.0):
@@ -223,11 +224,14 @@ def compile_why_kernels() -> None:
 
 def compile_zone_kernels() -> None:
     """Compile what zones and filter masks take, or load it from the cache."""
+    from llm_astar_planner.costmap import zone_layer, zones  # noqa: PLC0415
+
     grid_map = GridMap(np.zeros((4, 4), dtype=np.int8))
-    mask = FilterMask(FilterInfo(FilterKind.KEEPOUT, 'mask'), grid_map)
-    box = shapely.box(1.0, 1.0, 2.0, 2.0)
-    zones = Zone('zone', box), Zone('rule', box, 0, kind=ONE_WAY, heading=0.0)
-    Costmap(ZoneLayer(grid_map, zones, [mask]).compose(grid_map)).reached((0, 0))
+    info = zone_layer.FilterInfo(zone_layer.FilterKind.KEEPOUT, 'mask')
+    mask, box = zone_layer.FilterMask(info, grid_map), shapely.box(1.0, 1.0, 2.0, 2.0)
+    rule = zones.Zone('rule', box, 0, kind=zones.ONE_WAY, heading=0.0)
+    layer = zone_layer.ZoneLayer(grid_map, (zones.Zone('zone', box), rule), [mask])
+    Costmap(layer.compose(grid_map)).reached((0, 0))
 
 
 def compile_instruction_kernels(*, any_angle: bool = True) -> None:

@@ -35,7 +35,7 @@ def jit(loop: Callable[..., Any]) -> Any:  # noqa: ANN401 - numba is not typed
     folder = Path(loop.__code__.co_filename).parent
     prepare_cache(folder)
     compiled = njit(cache=True, nogil=True)(loop)
-    if _CHOSEN:
+    if _CHOSEN and not config.DISABLE_JIT:
         copy_compiled(folder / '__pycache__', Path(compiled.stats.cache_path))
     return compiled
 
@@ -51,6 +51,18 @@ def prepare_cache(folder: Path) -> None:
     if not (config.CACHE_DIR or is_writable(folder / '__pycache__')):
         _CHOSEN.append(writable_folder())
         config.CACHE_DIR = str(_CHOSEN[0])
+
+
+def interpret_unless_compiled() -> None:
+    """Leave the kernels Python where none is compiled yet; call it before they are imported.
+
+    For one plan on a map of a few thousand cells: to compile what it takes takes ten seconds.
+    """
+    folder = Path(__file__).parent / '_kernels'
+    prepare_cache(folder)
+    is_named = config.CACHE_DIR and not _CHOSEN
+    places = [config.CACHE_DIR] if is_named else [folder / '__pycache__', *_CHOSEN]
+    config.DISABLE_JIT = int(not any(file for at in places for file in Path(at).rglob('*.nbi')))
 
 
 def say(sentence: str) -> None:

@@ -1,13 +1,18 @@
 """`llm-astar plan` starts fast: it imports only what the plan takes."""
 
 import json
+import os
 import subprocess
 import sys
 
 import pytest
+from llm_astar_planner.cli.main import main
 
 # Not scipy.linalg, which numba imports by itself.
-HEAVY = {'httpx', 'lark', 'matplotlib', 'scipy.ndimage', 'rclpy', 'duckdb'}
+HEAVY = {
+    'httpx', 'lark', 'matplotlib', 'scipy.ndimage', 'rclpy', 'duckdb',
+    'llm_astar_planner.planning.why', 'llm_astar_planner.instructions.specification',
+}  # fmt: skip
 CODE = """
 import json, sys
 from llm_astar_planner.cli.main import main
@@ -45,3 +50,19 @@ def test_a_plan_between_places_reads_no_vocabulary():
 )
 def test_what_a_plan_needs_is_imported(arguments, library):
     assert library in modules_after('plan', *arguments)
+
+
+def test_where_nothing_is_compiled_the_demo_is_planned_uncompiled_with_the_same_answer(
+    tmp_path, capsys
+):
+    command = [sys.executable, '-W', 'error', '-m', 'llm_astar_planner.cli', 'plan', '--json']
+    environment = os.environ | {'NUMBA_CACHE_DIR': str(tmp_path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
+    assert done.stderr == ''
+    assert not list(tmp_path.rglob('*.nbi'))
+    assert main(['plan', '--json']) == 0
+    answers = [json.loads(text) for text in (done.stdout, capsys.readouterr().out)]
+    for answer in answers:
+        for name in ('seconds_source', 'seconds_search'):
+            del answer[name]
+    assert answers[0] == answers[1]

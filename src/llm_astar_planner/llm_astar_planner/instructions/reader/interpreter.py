@@ -4,6 +4,7 @@
 """Understands instructions by the small network, and is sure only where everything agrees."""
 
 from collections import Counter
+from dataclasses import replace
 
 from llm_astar_msgs_adapter.maps.places import Places
 
@@ -12,12 +13,20 @@ from llm_astar_planner.instructions.clauses.unknown import Unknown
 from llm_astar_planner.instructions.grammar.interpreter import asked
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.vocabulary import vocabulary
-from llm_astar_planner.instructions.interpretation import Interpretation, not_understood
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Interpreter,
+    not_understood,
+)
 from llm_astar_planner.instructions.reader.check import doubt, viewed
-from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer
+from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer, ordered
+from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.specification import Specification, from_json
 
 NAME = 'reader'
+# The least weight of what the grammar has read, set as CERTAIN is, and what is said below it.
+LIKELY = -2.0
+UNLIKELY = 'the networks read it otherwise'
 # How many different readings are weighed.
 CONSIDERED = 3
 
@@ -33,6 +42,44 @@ class ReaderInterpreter:
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:  # noqa: ARG002
         """Say what was understood of a text; takes some milliseconds. Never raises."""
         return interpretation.interpreted(text, NAME, lambda one: read_or_not(one, places))
+
+
+class CheckedInterpreter:
+    """Asks about what another interpreter has read whole where the networks find it unlikely.
+
+    They have learnt from other sentences than its rules were written for: an Interpreter.
+    """
+
+    def __init__(self, inner: Interpreter) -> None:
+        """Check what this one reads."""
+        self.inner = inner
+        self.name = inner.name
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what `inner` understood, as a question where that is unlikely. Never raises."""
+        found = self.inner.interpret(text, places, time_limit)
+        clauses = found.specification.clauses
+        if not (found.is_whole and clauses) or is_likely(found, places):
+            return found
+        doubted = Specification(asked(clauses, question_about(found.text, places)))
+        status = interpretation.status_of(doubted)
+        return replace(found, specification=doubted, status=status, detail=UNLIKELY)
+
+
+def is_likely(found: Interpretation, places: Places) -> bool:
+    """Whether the networks find a reading likely, or cannot say."""
+    try:
+        one, views = viewed(found.text, places)
+        said = Translation(one.slots, places).meaning(found.specification.to_json()['clauses'])
+        return views.weight(ordered(said)) >= LIKELY
+    except Unreadable:
+        return True
+
+
+def question_about(text: str, places: Places) -> str:
+    """Return what is asked about a reading of a clean text, with '{meant}' for it."""
+    question = vocabulary(viewed(text, places)[0].language).questions['model']
+    return question.replace('{said}', text[: fields.MAX_QUESTION_CHARS // 3])
 
 
 def read_or_not(text: str, places: Places) -> Interpretation:
@@ -59,9 +106,7 @@ def read(text: str, places: Places) -> Interpretation:
     said = from_json({'version': 2, 'clauses': [writer.clause(part) for part in clauses]})
     reason = doubt(one, clauses, views)
     if reason:
-        question = vocabulary(one.language).questions['model']
-        question = question.replace('{said}', text[: fields.MAX_QUESTION_CHARS // 3])
         if all(isinstance(clause, Unknown) for clause in said.clauses):
             raise Unreadable(reason)
-        said = Specification(asked(said.clauses, question))
+        said = Specification(asked(said.clauses, question_about(text, places)))
     return Interpretation(text, said, NAME, interpretation.status_of(said), reason)
