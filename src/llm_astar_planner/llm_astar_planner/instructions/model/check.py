@@ -35,6 +35,10 @@ from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 TOLERANCE = 1e-3
+SAYING = {
+    'visit': KINDS.says_visit, 'stay_in': KINDS.says_stay_in, 'end_at': KINDS.says_end_at,
+    'pass': KINDS.says_pass, 'keep_distance': KINDS.says_keep_distance,
+}  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -205,8 +209,8 @@ def is_sure(clause: Clause, part: Part) -> bool:
     refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in lexemes)
     if isinstance(clause, Avoid):
         return refusals == 1 and not kinds & KINDS.others
-    says: frozenset[str] = getattr(KINDS, f'says_{clause.kind}', frozenset())
-    if refusals:
+    says = SAYING.get(clause.kind)
+    if says is None or refusals:
         return False
     others = KINDS.others - {'LENGTH'} | (KINDS.verbs - KINDS.says_visit)
     return bool(kinds & says) and not kinds & (others - says)
