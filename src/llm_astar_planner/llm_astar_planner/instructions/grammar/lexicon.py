@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
-from llm_astar_planner.instructions.grammar.spoken import NUMBERS, SMALL
+from llm_astar_planner.instructions.grammar.spoken import CALLED, NUMBERS
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, Noun, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
 
@@ -144,8 +144,8 @@ def articles() -> frozenset[str]:
 def numbered(name: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Yield a name that ends with a number as people say it: 'ward two', 'ward number 2'."""
     number = name[-1] if len(name) > 1 else ''
-    if number.isdecimal() and 0 < int(number) <= len(SMALL):
-        for said in (number, *SMALL[int(number) - 1].split()):
+    if number.isdecimal() and int(number) in CALLED:
+        for said in (number, *CALLED[int(number)]):
             yield from ((*name[:-1], *before, said) for before in ((), *BEFORE_NUMBERS))
 
 

@@ -9,31 +9,16 @@ The lexicon knows numbers of one word: of 'setenta y cinco centímetros' it woul
 import re
 from collections.abc import Sequence
 
+from llm_astar_planner.instructions.grammar.vocabulary import read_table
 from llm_astar_planner.instructions.grammar.words import Word
 
 UNIT = re.compile('([cz]enti|milli|deci|mili)?met(er|re|ro)n?s?|[cm]?m')
-SMALL = (
-    'one ein eine einen un une uno una', 'two zwei deux dos', 'three drei trois tres',
-    'four vier quatre cuatro', 'five funf cinq cinco', 'six sechs seis', 'seven sieben sept siete',
-    'eight acht huit ocho', 'nine neun neuf nueve', 'ten zehn dix diez', 'eleven elf onze once',
-    'twelve zwolf douze doce', 'thirteen dreizehn treize trece',
-    'fourteen vierzehn quatorze catorce', 'fifteen funfzehn quinze quince',
-    'sixteen sechzehn seize dieciseis', 'seventeen siebzehn diecisiete',
-    'eighteen achtzehn dieciocho', 'nineteen neunzehn diecinueve',
-)  # fmt: skip
-TENS = (
-    'twenty zwanzig vingt vingts veinte', 'thirty dreissig trente treinta',
-    'forty vierzig quarante cuarenta', 'fifty funfzig cinquante cincuenta',
-    'sixty sechzig soixante sesenta', 'seventy siebzig setenta', 'eighty achtzig ochenta',
-    'ninety neunzig noventa',
-)  # fmt: skip
-HUNDREDS = {'hundred', 'hundert', 'cent', 'cents', 'cien', 'ciento'}
-JOINTS = {'and', 'und', 'et', 'y'}
-NUMBERS = {
-    **{word: n for n, words in enumerate(SMALL, 1) for word in words.split()},
-    **{word: 10 * n for n, words in enumerate(TENS, 2) for word in words.split()},
-    **dict.fromkeys(HUNDREDS, 100),
+# What each number is called in any of the languages, and what joins them.
+CALLED: dict[int, list[str]] = {
+    int(n): words.split() for n, words in read_table('numbers').items()
 }
+NUMBERS = {word: n for n, words in CALLED.items() for word in words}
+JOINTS = {'and', 'und', 'et', 'y'}
 # What a German number in one word is made of: 'hundertfünfundsiebzig'.
 PARTS = re.compile('|'.join(sorted({*NUMBERS, *JOINTS}, key=len, reverse=True)))
 

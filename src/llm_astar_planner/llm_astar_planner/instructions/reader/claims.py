@@ -13,7 +13,7 @@ from collections.abc import Collection, Sequence
 from zlib import crc32
 
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE, WALL
-from llm_astar_planner.instructions.grammar.vocabulary import nouns, vocabulary
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, SAID, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter
 from llm_astar_planner.instructions.reader.meaning import UNKNOWN, WISH, Parts, flat
@@ -21,57 +21,12 @@ from llm_astar_planner.instructions.reader.network import known_words
 
 # What slots of regions begin with.
 REGIONS = ('@R', '@O', '@G', '@Y')
-# Kinds of words that a name may follow, and ordinals that tell an order: 'first the kitchen'.
-LEADING = {
-    'AVOID', 'VISIT', 'TO', 'INTO', 'FROM', 'AND', 'OR', 'THEN', 'BEFORE', 'AFTER', 'THROUGH',
-    'NEG', 'STAY',
-}  # fmt: skip
 # Clauses that begin with a condition on a place.
 CONDITIONAL = {'B', 'N', 'T'}
 ENDS = ('.', ';', ':', '!', '?')
 FIRST = ('first', 'erst', 'premier', 'primero')
-# Kinds of words that are never a name, though they are in some: 'salle de bain', '@R1 s closed'.
-GLUE = {'OF', 'TO', 'STATE'}
-# English words before a place that are no part of its name, beside those of the grammar.
-BEFORE_PLACES = {
-    'about', 'as', 'bar', 'been', 'done', 'down', 'hit', 'just', 'mean', 'meant', 'near', 'off',
-    'out', 'past', 'proceed', 'said', 'say', 'says', 'teh', 'touch', 'uh', 'yes',
-}  # fmt: skip
-# What the whole map may be called in 'the north half of the floor'.
-WHOLE = {
-    'building', 'floor', 'house', 'map', 'place', 'premises', 'site', 'yard', 'gebaude', 'haus',
-    'stockwerk', 'batiment', 'etage', 'maison', 'edificio', 'planta', 'casa',
-}  # fmt: skip
 # Ends of English words that are no names where no article is before them: 'booked', 'no barging'.
 ENDINGS = ('ed', 'ing')
-# Words that ask for a part of a place or a group, or to say something: no meaning has them.
-PARTIAL = {
-    'corner', 'corners', 'edge', 'several', 'part', 'ecke', 'rand', 'teil', 'einige', 'manche',
-    'meisten', 'coin', 'bord', 'partie', 'quelques', 'certains', 'plupart', 'rincon', 'esquina',
-    'borde', 'parte', 'algunos', 'algunas', 'mayoria', 'resto', 'ignore', 'pretend', 'ignoriere',
-    'ignora', 'ignorez', 'finge',
-}  # fmt: skip
-# What makes a least distance a greatest one, and what turns a part of a sentence into a condition.
-AT_MOST = re.compile(
-    r'no more than|not more than|at most|within|maximum|hochstens|maximal|au plus|como mucho|'
-    r'como maximo|a lo sumo'
-)
-CONDITIONS = re.compile(
-    r'(?:(?:^|[.,;:!?] )(?:if|whenever|unless|wenn|falls|sobald|si|quand|lorsque|cuando)|'
-    r'(?:if|when) (?:i|we|he|she|it|they)|(?:^|[.,;:!?] )when) [^.,;:!?]*'
-)
-AT_ONCE = re.compile(
-    r'at once|immediately|sofort|unmittelbar|immediatement|inmediatamente|'
-    r'(?:directly|straight|direkt|juste|justo) (?:before|after|vor|nach|avant|apres|antes|despues)'
-)
-OTHERS = re.compile(
-    r'(?:last|other|another|andere|letzte|autre|otro) robot|for a while|'
-    r'(?<!you )(?<!ich )\bwill\b(?! do\b| you\b| be\b| ich\b)|'
-    r'\bsome\b(?! point| space| distance)|\bmost\b(?= of| @| \w+s\b)|\bof the rest\b|'
-    r'(?:le|du) reste|other way (?:about|round|around)|i like to|yesterday|in case of (?!@)|'
-    r'\bsuppose\b|depending on|thereafter only|on the way to (?:the )?@|'
-    r'what (?:is|s) @S|from (?:the )?@S|desde (?:el )?@S|(?<!@S\d )\bhalf of (?!the map|it)'
-)
 
 
 def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
@@ -124,12 +79,12 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'.
     """
     said = ' '.join(one.tokens)
-    found = [token for token in one.tokens if token in PARTIAL]
-    checks = ((OTHERS, ''), (AT_MOST, 'K'), (AT_ONCE, ''))
-    matches = (words.search(said) for words, kind in checks if not kind or kind in meaning)
+    found = [token for token in one.tokens if SAID['partial'].fullmatch(token)]
+    names = ('unsayable', *(['at_most'] if 'K' in meaning else []))
+    matches = (SAID[name].search(said) for name in names)
     found += [match[0] for match in matches if match]
     if WISH not in meaning:
-        found += [one[0] for one in CONDITIONS.finditer(said) if SIGN not in one[0]]
+        found += [one[0] for one in SAID['conditions'].finditer(said) if SIGN not in one[0]]
     return f'"{found[0]}" may ask for something else' if found else ''
 
 
@@ -148,16 +103,16 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
         named = called.exactly([token])
         is_wall = any(noun.name == WALL for noun in named)
-        is_map = 'HF' in meaning and token in WHOLE
+        is_map = 'HF' in meaning and SAID['whole_map'].fullmatch(token)
         if not token.isalpha() or is_map or (is_wall and 'WALLS' in meaning):
             continue
-        kinds, leads = kinds_of[token], kinds_of[before] & LEADING
-        is_noun = token in called.words and token not in articles and not kinds & GLUE
+        kinds, leads = kinds_of[token], kinds_of[before] & KINDS.leading
+        is_noun = token in called.words and token not in articles and not kinds & KINDS.glue
         is_seen = crc32(token.encode()) in known
         # In English what is before a place may be a part of its name.
         is_known = token in articles or bool(kinds - {'REMARK'})
         is_known |= is_seen and one.language != 'en'
-        is_known |= token in BEFORE_PLACES
+        is_known |= bool(SAID['before_places'].fullmatch(token))
         is_known &= 'ORDINAL' not in kinds or token in FIRST
         follows = before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
         is_verb = is_no_noun(token, before in articles, one)
