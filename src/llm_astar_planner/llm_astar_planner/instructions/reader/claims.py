@@ -76,10 +76,14 @@ def leftover(one: Lifted) -> str:
 def twisted(one: Lifted, meaning: Collection[str]) -> str:
     """Return words that ask for what no meaning can say; '' for none.
 
-    'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'.
+    'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'; and
+    those that ask for what a path does not have, where the meaning leaves it out.
     """
     said = ' '.join(one.tokens)
     found = [token for token in one.tokens if SAID['partial'].fullmatch(token)]
+    if not any(token.startswith('U_') for token in meaning):
+        asked = (lexeme for lexeme in one.lexemes if lexeme.kind == 'UNSUPPORTED')
+        found += [w.text for x in asked for w in one.words if x.start <= w.start < x.end]
     names = ('unsayable', *(['at_most'] if 'K' in meaning else []))
     matches = (SAID[name].search(said) for name in names)
     found += [match[0] for match in matches if match]

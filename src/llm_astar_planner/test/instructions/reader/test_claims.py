@@ -78,6 +78,7 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
         ('in case of fire go to ward 1', 'V R1 )'),
         ('ward 1, then ward 2; no, the other way about', 'V R1 ) V R2 )'),
         ('avoid half of the wards', 'A R1'),
+        ('keep 1 m away from the lift, and sing', 'K R1 L1'),
     ],
 )
 def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
