@@ -37,6 +37,9 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     doubts = [said for name in one.slots if name in tokens for said in one.slots[name].doubts]
     if doubts:
         return f'"{doubts[0]}" is doubtful'
+    in_any_order = any(part[0] == 'V' and len(part) > 2 for part in clauses)
+    if in_any_order and any(lexeme.kind == 'INORDER' for lexeme in one.lexemes):
+        return 'the order is left'
     return (
         unused(one, tokens)
         or leftover(one)

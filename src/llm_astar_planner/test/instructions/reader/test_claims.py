@@ -37,6 +37,7 @@ WRONG = [
     ('visit the kitchen', 'E R1'),
     ('only the main corridor', 'V R1 )'),
     ('avoid the kitchen and 3 more', 'A R1'),
+    ('ward 1 and ward 2 in that order', 'V R1 R2 )'),
     ('avoid the kithcen', 'A R1'),
 ]
 
