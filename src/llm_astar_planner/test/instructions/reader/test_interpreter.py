@@ -7,6 +7,8 @@ import time
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
+from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.reader import network
 from llm_astar_planner.instructions.reader.interpreter import ReaderInterpreter
@@ -73,6 +75,29 @@ def test_only_slots_of_the_sentence_are_written():
     one = lifted('keep away', HOSPITAL)
     for tokens, _ in network.reading('reader', [one.tokens]).written([{}]):
         assert not {token for token in tokens if token[1:].isdigit()}
+
+
+@pytest.mark.parametrize(
+    ('text', 'status', 'by', 'said'),
+    [
+        (
+            'ward 1 first, ward 2 second, and you finish up in the kitchen',
+            'WHOLE',
+            'reader',
+            ['visit the ward 1', 'visit the ward 2', 'end in the kitchen'],
+        ),
+        ('not ward 1, ward 2', 'UNSURE', 'reader', ['visit the ward 2', 'avoid the ward 1']),
+        ('avoid the kitchen', 'WHOLE', 'grammar', ['avoid the kitchen']),
+        ('avoid x > 4', 'WHOLE', 'grammar', ['avoid the area with x above 4']),
+    ],
+)
+def test_what_the_grammar_reads_is_claimed_only_where_the_networks_find_it_likely(
+    text, status, by, said
+):
+    assert GrammarInterpreter().interpret(text, HOSPITAL, 1.0).is_whole
+    found = make_interpreter({}).interpret(text, HOSPITAL, 1.0)
+    assert (found.status.name, found.understood_by) == (status, by)
+    assert [clause.phrase() for clause in found.specification.clauses] == said
 
 
 def test_the_network_is_loaded_when_it_is_asked_first():
