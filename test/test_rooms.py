@@ -26,7 +26,7 @@ LIMITS = {
         'planning': 4_010,
         'waypoints': 2_490,
         'instructions': 7_370,
-        'nodes': 3_960,
+        'nodes': 3_970,
         'cli': 1_540,
     },
     LAB: {

@@ -30,7 +30,7 @@ from rclpy.exceptions import (
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
+from rclpy.signals import SignalHandlerOptions, install_signal_handlers
 from rclpy.utilities import remove_ros_args
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
@@ -187,10 +187,12 @@ def run_node(
     prepare_log_folder()
     limit_heaps()
     try:
-        rclpy.init(args=args)
-        check_arguments(args)
-        # Before the node, which takes its time: an executor made after a signal fails.
-        executor = make_executor()
+        # An executor made after a signal fails, so signals wait for it; the node takes its time.
+        with deferred_signals():
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+            check_arguments(args)
+            executor = make_executor()
+        install_signal_handlers(SignalHandlerOptions.ALL)
         nodes = [make_node()]
         try:
             nodes += make_others(nodes[0])
