@@ -153,8 +153,8 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     """Return the reading to use, with the seconds, tokens and reasons of all.
 
     That is a whole one without guesses, else the one with most clauses that stand in the sentence;
-    of equal ones a whole one, then the earlier, since the surest interpreter comes first. Where
-    none is whole and one has yet to answer, it is PENDING.
+    of equal ones one that the networks do not doubt, then a whole one, then the earlier, since the
+    surest interpreter comes first. Where none is whole and one has yet to answer, it is PENDING.
     """
     best = max(readings, key=rank)
     others = [] if best.is_read else [part.detail for part in readings if part is not best]

@@ -10,11 +10,13 @@ from functools import lru_cache
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 
-from llm_astar_planner.instructions.grammar.spoken import CALLED, NUMBERS
+from llm_astar_planner.instructions.grammar.spoken import NUMBER_WORDS, NUMBERS
 from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, Noun, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import Phrases, comparable, phrase_words
 
 AREA, WALL = 'area', 'wall'
+# Words that may stand before the number of a place.
+BEFORE_NUMBERS = ('number', 'nummer', 'numero')
 OBJECT, PASSAGE, ROOM, PLACE = 'object', 'passage', 'room', 'place'
 Members = tuple[Place, ...]
 # Of a place without a noun in its name, kind and tags.
@@ -40,10 +42,6 @@ class Group:
     tag: str = ''
     noun: str = ''
     own: str = KIND
-
-
-# Words that may stand before the number of a place.
-BEFORE_NUMBERS = (('number',), ('nummer',), ('numero',))
 
 
 class Lexicon:
@@ -144,9 +142,10 @@ def articles() -> frozenset[str]:
 def numbered(name: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Yield a name that ends with a number as people say it: 'ward two', 'ward number 2'."""
     number = name[-1] if len(name) > 1 else ''
-    if number.isdecimal() and int(number) in CALLED:
-        for said in (number, *CALLED[int(number)]):
-            yield from ((*name[:-1], *before, said) for before in ((), *BEFORE_NUMBERS))
+    if number.isdecimal() and int(number) in NUMBER_WORDS:
+        for said in (number, *NUMBER_WORDS[int(number)]):
+            yield (*name[:-1], said)
+            yield from ((*name[:-1], before, said) for before in BEFORE_NUMBERS)
 
 
 def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:

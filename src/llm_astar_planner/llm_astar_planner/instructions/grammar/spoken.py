@@ -13,11 +13,11 @@ from llm_astar_planner.instructions.grammar.vocabulary import read_table
 from llm_astar_planner.instructions.grammar.words import Word
 
 UNIT = re.compile('([cz]enti|milli|deci|mili)?met(er|re|ro)n?s?|[cm]?m')
-# What each number is called in any of the languages, and what joins them.
-CALLED: dict[int, list[str]] = {
+# The words for each number in all languages, and what joins them.
+NUMBER_WORDS: dict[int, list[str]] = {
     int(n): words.split() for n, words in read_table('numbers').items()
 }
-NUMBERS = {word: n for n, words in CALLED.items() for word in words}
+NUMBERS = {word: n for n, words in NUMBER_WORDS.items() for word in words}
 JOINTS = {'and', 'und', 'et', 'y'}
 # What a German number in one word is made of: 'hundertfünfundsiebzig'.
 PARTS = re.compile('|'.join(sorted({*NUMBERS, *JOINTS}, key=len, reverse=True)))

@@ -21,6 +21,8 @@ from llm_astar_planner.instructions.reader.translation import Translation
 LONGEST = 64
 # The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
 CERTAIN = 0.05
+# The least weight of what the grammar may claim, set in the same way.
+LIKELY = -2.0
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
 RENUMBERED, TRUST = 1, 0.15
 Names = Mapping[str, str]
@@ -89,10 +91,23 @@ def doubt_about(text: str, places: Places, clauses: Sequence[Mapping[str, Any]])
     """Return why clauses in JSON may not be claimed of a clean text, '' where they may."""
     try:
         one, views = viewed(text, places)
-        tokens = Translation(one.slots, places).meaning(clauses)
-        return doubt(one, meaning.ordered(tokens), views)
+        return doubt(one, meant(one, places, clauses), views)
     except meaning.Unreadable as error:
         return str(error)
+
+
+def is_likely(text: str, places: Places, clauses: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the networks find clauses in JSON likely of a clean text, or cannot say."""
+    try:
+        one, views = viewed(text, places)
+        return views.weight(meant(one, places, clauses)) >= LIKELY
+    except meaning.Unreadable:
+        return True
+
+
+def meant(one: Lifted, places: Places, clauses: Sequence[Mapping[str, Any]]) -> Clauses:
+    """Return the meaning that clauses in JSON are of a sentence. Raises Unreadable."""
+    return meaning.ordered(Translation(one.slots, places).meaning(clauses))
 
 
 @lru_cache(maxsize=4)

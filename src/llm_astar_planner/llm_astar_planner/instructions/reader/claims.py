@@ -55,16 +55,14 @@ def unused(one: Lifted, tokens: Collection[str]) -> str:
     Not the other side of one that it says, 'on the left, not on the right', and not 'once' of a
     condition, 'une fois sorti du labo'.
     """
-    sides = {
-        OPPOSITE[str(one.slots[name].value)]
-        for name in tokens
-        if name[0] == 'S' and name in one.slots
-    }
+    said = [str(slot.value) for name, slot in one.slots.items() if name in tokens]
+    opposites = {OPPOSITE.get(side) for side in said}
     is_condition = not CONDITIONAL.isdisjoint(tokens)
     for name, slot in one.slots.items():
-        is_said = name in tokens or name[0] == 'R' or (name[0] == 'S' and slot.value in sides)
+        is_said = name in tokens or name[0] == 'R'
+        is_contrast = name[0] == 'S' and slot.value in opposites
         is_once = is_condition and name[0] == 'K' and slot.number == 1
-        if not (is_said or is_once):
+        if not (is_said or is_contrast or is_once):
             return f'{name} is left'
     return ''
 
@@ -87,7 +85,7 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     if not any(token.startswith('U_') for token in meaning):
         asked = (lexeme for lexeme in one.lexemes if lexeme.kind == 'UNSUPPORTED')
         found += [w.text for x in asked for w in one.words if x.start <= w.start < x.end]
-    names = ('unsayable', *(['at_most'] if 'K' in meaning else []))
+    names = ['unsayable', 'at_most'] if 'K' in meaning else ['unsayable']
     matches = (SAID[name].search(said) for name in names)
     found += [match[0] for match in matches if match]
     if WISH not in meaning:
@@ -113,8 +111,10 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         is_map = 'HF' in meaning and SAID['whole_map'].fullmatch(token)
         if not token.isalpha() or is_map or (is_wall and 'WALLS' in meaning):
             continue
-        kinds, leads = kinds_of[token], kinds_of[before] & KINDS.leading
-        is_noun = token in called.words and token not in articles and not kinds & KINDS.glue
+        kinds, leads = kinds_of[token], kinds_of[before] & KINDS.before_names
+        is_noun = (
+            token in called.words and token not in articles and not kinds & KINDS.function_words
+        )
         is_seen = crc32(token.encode()) in known
         # In English what is before a place may be a part of its name.
         is_known = token in articles or bool(kinds - {'REMARK'})
@@ -122,25 +122,31 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         is_known |= bool(SAID['before_places'].fullmatch(token))
         is_known &= 'ORDINAL' not in kinds or token in FIRST
         follows = before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
-        is_verb = is_no_noun(token, before in articles, one)
         is_name = (
             (after[:2] in REGIONS and (is_noun or not is_known))
             or (before[:2] in REGIONS and (is_noun or is_letter(token)))
-            or (follows and not (is_seen or kinds or is_verb))
+            or (
+                follows
+                and not (is_seen or kinds)
+                and may_be_noun(token, one, has_article=before in articles)
+            )
         )
         if is_name or named:
             return f'"{token}" may be a name'
     return ''
 
 
-def is_no_noun(token: str, has_article: bool, one: Lifted) -> bool:
-    """Whether a word is none by its form: 'no barging'; German nouns are written with capitals."""
+def may_be_noun(token: str, one: Lifted, *, has_article: bool) -> bool:
+    """Whether a word may be one by its form: not 'no barging', nor a German one in small letters.
+
+    German nouns begin with capitals where anything but the first word of the sentence does.
+    """
     if one.language == 'en':
-        return token.endswith(ENDINGS) and not has_article
+        return has_article or not token.endswith(ENDINGS)
     said = [word.said or word.text for word in one.words[1:]]
     has_capitals = any(word[0].isupper() for word in said)
     mine = (word for word in said if comparable(word) == token)
-    return one.language == 'de' and has_capitals and all(word.islower() for word in mine)
+    return one.language != 'de' or not has_capitals or not all(word.islower() for word in mine)
 
 
 def alone(one: Lifted) -> str:

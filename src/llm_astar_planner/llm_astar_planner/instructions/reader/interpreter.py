@@ -18,14 +18,12 @@ from llm_astar_planner.instructions.interpretation import (
     Interpreter,
     not_understood,
 )
-from llm_astar_planner.instructions.reader.check import doubt, viewed
-from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer, ordered
-from llm_astar_planner.instructions.reader.translation import Translation
+from llm_astar_planner.instructions.reader.check import doubt, is_likely, viewed
+from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer
 from llm_astar_planner.instructions.specification import Specification, from_json
 
 NAME = 'reader'
-# The least weight of what the grammar has read, set as CERTAIN is, and what is said below it.
-LIKELY = -2.0
+# What is said of a reading of the grammar that the networks find unlikely.
 UNLIKELY = 'the networks read it otherwise'
 # How many different readings are weighed.
 CONSIDERED = 3
@@ -59,21 +57,13 @@ class CheckedInterpreter:
         """Return what `inner` understood, as a question where that is unlikely. Never raises."""
         found = self.inner.interpret(text, places, time_limit)
         clauses = found.specification.clauses
-        if not (found.is_whole and clauses) or is_likely(found, places):
+        if not (found.is_whole and clauses):
+            return found
+        if is_likely(found.text, places, found.specification.to_json()['clauses']):
             return found
         doubted = Specification(asked(clauses, question_about(found.text, places)))
         status = interpretation.status_of(doubted)
         return replace(found, specification=doubted, status=status, detail=UNLIKELY)
-
-
-def is_likely(found: Interpretation, places: Places) -> bool:
-    """Whether the networks find a reading likely, or cannot say."""
-    try:
-        one, views = viewed(found.text, places)
-        said = Translation(one.slots, places).meaning(found.specification.to_json()['clauses'])
-        return views.weight(ordered(said)) >= LIKELY
-    except Unreadable:
-        return True
 
 
 def question_about(text: str, places: Places) -> str:
