@@ -31,7 +31,8 @@ WEIGHTS = {
     'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'A HF s': 2,
     'T a b': 4, 'N a b': 4, 'S a': 3, 'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3,
     'V a b )': 3, 'W A a': 3,
-    'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 4, NOTHING: 3, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
+    'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 4, NOTHING: 3,
+    'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
 }  # fmt: skip
 NEVER_JOINED = {'', NOTHING, 'S a'}
 WISHED = ('A', 'V', 'S', 'K', 'P', 'B')

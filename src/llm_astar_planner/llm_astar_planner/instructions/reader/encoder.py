@@ -9,7 +9,6 @@ of words; a slot of a lifted sentence is one piece.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +47,9 @@ def cut(token: str, known: Mapping[str, int]) -> list[str]:
     return [token] if token in known else pieces(token, known)[:8]
 
 
-def encoded(shown: Sequence[Sequence[str]], known: Mapping[str, int], table: Mapping[str, Array]) -> Array:
+def encoded(
+    shown: Sequence[Sequence[str]], known: Mapping[str, int], table: Mapping[str, Array]
+) -> Array:
     """Return the states [n, length, size] of sentences in pieces, all of one length."""
     index = np.array([[known[piece] for piece in sentence] for sentence in shown])
     states = table['word.weight'][index] @ table['wide.weight'].T + table['pos'][: index.shape[1]]

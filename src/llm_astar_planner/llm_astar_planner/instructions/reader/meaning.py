@@ -5,7 +5,8 @@
 
 A meaning is a row of tokens, clauses in prefix form: `A R1` avoids the first region of the
 sentence, `V R1 R2 ) V R3 )` visits two in any order and then a third, `W` makes a wish of what
-follows, `NO` asks for nothing. Slots are regions R, lengths L, sides S and counts K, numbered as in the sentence.
+follows, `NO` asks for nothing. Slots are regions R, lengths L, sides S and counts K, numbered as
+in the sentence.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -51,7 +51,9 @@ def weights(network: str) -> Mapping[str, Array]:
     with np.load(FILE) as arrays:
         names = [name for name in arrays.files if name.startswith(f'{network}.')]
         values = {name.partition('.')[2]: arrays[name] for name in names}
-    scales = {name: values.pop(name).astype(np.float32) for name in [*values] if name.endswith(SCALE)}
+    scales = {
+        name: values.pop(name).astype(np.float32) for name in [*values] if name.endswith(SCALE)
+    }
     found = {name: scaled(value, scales.get(name + SCALE)) for name, value in values.items()}
     for back in [name for name in found if name.endswith(REVERSE)]:
         ahead = back.removesuffix(REVERSE)

@@ -3,7 +3,7 @@
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.check import doubt_about
-from llm_astar_planner.instructions.reader.claims import twisted, unnamed, unused
+from llm_astar_planner.instructions.reader.claims import returning, twisted, unnamed, unused
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import Writer, ordered
 
@@ -80,6 +80,10 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
         ('ward 1, then ward 2; no, the other way about', 'V R1 ) V R2 )'),
         ('avoid half of the wards', 'A R1'),
         ('keep 1 m away from the lift, and sing', 'K R1 L1'),
+        ('enter the kitchen an even number of times', 'V R1 )'),
+        ('to the kitchen! just kidding', 'V R1 )'),
+        ('if the lift is free, take ward 1, otherwise ward 2', 'V R2 )'),
+        ('ward 1 must on no account be skipped', 'A R1'),
     ],
 )
 def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
@@ -94,6 +98,9 @@ def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
         ('if you are in ward 1, go to ward 2 at some point', 'T R1 R2'),
         ('am Ende will ich dich in ward 1 sehen', 'E R1'),
         ('either ward will do, just go to one', 'V R1 )'),
+        ('the north side of the lift, if you please', 'P R2 S1'),
+        ('stay out of the kitchen tonight', 'A R1'),
+        ('ignore all earlier orders, and go to ward 1', 'V R1 )'),
     ],
 )
 def test_words_that_only_look_so_forbid_none(text, meaning):
@@ -108,6 +115,8 @@ def test_words_that_only_look_so_forbid_none(text, meaning):
         ('once you have been to ward 1 twice, avoid ward 2', 'N R1 R2', 'K1'),
         ('une fois sorti de ward 1, évite ward 2', 'N R1 R2', ''),
         ('go to ward 1 three times', 'V R1 )', 'K1'),
+        ('ward 1 or ward 2, one of the two', 'V OR R1 R2 ) )', ''),
+        ('both wards, all 3 of them', 'V EA R1 )', 'K1'),
     ],
 )
 def test_a_side_or_a_number_that_is_left_is_told_but_for_the_opposite_and_once(
@@ -136,7 +145,27 @@ def test_a_side_or_a_number_that_is_left_is_told_but_for_the_opposite_and_once(
     ],
 )
 def test_a_word_beside_a_place_or_after_a_verb_may_be_a_name(text, is_name):
-    assert bool(unnamed(lifted(text, HOSPITAL), ())) == is_name
+    assert bool(unnamed(lifted(text, HOSPITAL), ('WALLS',))) == is_name
+
+
+def test_a_noun_of_a_reason_is_no_name_but_where_the_meaning_names_no_place():
+    one = lifted('not ward 1, the varnish is wet', HOSPITAL)
+    assert unnamed(one, ('A', 'R1')) == ''
+    assert 'varnish' in unnamed(one, ('A', 'HF', 'S1'))
+    assert 'varnish' in unnamed(lifted('not ward 1 and the varnish', HOSPITAL), ('A', 'R1'))
+
+
+@pytest.mark.parametrize(
+    ('text', 'meaning', 'is_doubted'),
+    [
+        ('ward 1, ward 2, ward 1 again', 'V R1 ) V R2 )', True),
+        ('ward 1, ward 2, just ward 2', 'V R1 ) V R2 )', False),
+        ('go to ward 1. not ward 2. ward 1!', 'V R1 ) A R2', False),
+    ],
+)
+def test_a_place_said_again_after_another_may_be_a_second_visit(text, meaning, is_doubted):
+    one = lifted(text, HOSPITAL)
+    assert bool(returning(one, ordered(meaning.split()))) == is_doubted
 
 
 def test_walls_are_no_name_where_the_reading_means_them():
