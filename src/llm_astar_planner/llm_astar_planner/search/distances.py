@@ -12,9 +12,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from llm_astar_planner.search._kernels import distances as kernels
-from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, RUNNING
+from llm_astar_planner.search._kernels.astar import (
+    FOUND,
+    NEED_SPACE,
+    NO_PATH,
+    RUNNING,
+    STEP_X,
+    STEP_Y,
+    Cells,
+)
 from llm_astar_planner.search.arrays import Int32s, Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import GridGraph, whole
+from llm_astar_planner.search.kernel_cache import INTERPRETED
 
 # Cells that one step of a repair expands: about 2 ms.
 REPAIR_STEP = 1 << 14
@@ -79,6 +88,27 @@ def is_alike(one: GridGraph | FreestMap, other: GridGraph) -> bool:
     return sizes == other_sizes and one.cells[2:] == other.cells[2:]
 
 
+def relaxed(cells: Cells, source: int) -> Int64s:
+    """Return the distance of each cell from a source, -1 where there is no way: `fill` in numpy.
+
+    All cells look at their neighbours, until none is nearer. On small maps, in a tenth of the time
+    of the kernel where that is Python.
+    """
+    moves, surcharge, width, straight, diagonal = cells
+    here = np.arange(moves.size)
+    is_legal = moves >> np.arange(8)[:, None] & 1 == 1
+    others = np.where(is_legal, here + (STEP_Y * width + STEP_X)[:, None], here)
+    costs = np.repeat([straight, diagonal], 4)[:, None]
+    if surcharge.size:
+        costs = costs + (costs * (surcharge.astype(np.int64) + surcharge[others]) >> 9)
+    distances = np.full(moves.size, NO_PATH)
+    distances[source], before = 0, np.empty(0)
+    while not np.array_equal(before, distances):
+        before = distances
+        distances = np.minimum(before, (before[others] + costs).min(axis=0))
+    return np.where(distances == NO_PATH, -1, distances)
+
+
 class DistanceRows:
     """Rows of distances on a `FreestMap`: Dijkstra's algorithm from single cells, and repairs."""
 
@@ -94,6 +124,9 @@ class DistanceRows:
 
         The map must be that of a single grid: superfluous moves are left out.
         """
+        if INTERPRETED:
+            self._distances[row] = relaxed(self._map.cells, source)
+            return True
         self._distances[row] = -1
         self._distances[row, source] = 0
         self._clear()
