@@ -70,8 +70,15 @@ def run(arguments: argparse.Namespace) -> int:
     drawing = find_drawing('plan') if arguments.png else None
     asked = read_problem(arguments)
     planner = asked.planner
-    # So that the time of the plan is for planning.
-    prepare(asked)
+    # So that the time of the plan is for planning; says so where it takes long.
+    if INTERPRETED:
+        planner.prepare()
+    else:
+        # With numba, which imports slowly.
+        from llm_astar_planner.planning.compile import compile_progress  # noqa: PLC0415
+
+        with compile_progress():
+            planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
     if may_touch(plan, asked):
         plan = replace(plan, warnings=(*plan.warnings, POINT_ROBOT))
@@ -85,18 +92,6 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.json:
             print(f'picture    {arguments.png}')
     return exit_code(plan, arguments)
-
-
-def prepare(asked: Problem) -> None:
-    """Do what the plan needs once for its map, and compile the searches, or interpret them."""
-    if INTERPRETED:
-        asked.planner.prepare()
-        return
-    # With numba, which imports slowly.
-    from llm_astar_planner.planning.compile import compile_progress  # noqa: PLC0415
-
-    with compile_progress():
-        asked.planner.prepare().compile(asked.request)
 
 
 def answered(question: str, asked: Problem) -> dict[str, Any]:
@@ -197,10 +192,8 @@ def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: st
     lines = [*first_lines(plan_report(plan, coordinates.grid_map), named, points)]
     if plan.code == 0:
         lines += path_lines(plan, coordinates)
-    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
-    lines.append('time       {:.2f} ms for waypoints, {:.2f} ms to search'.format(*milliseconds))
-    if INTERPRETED:
-        lines[-1] += ', uncompiled'
+    took = 1000 * plan.seconds_source, 1000 * plan.seconds_search, ', uncompiled' * INTERPRETED
+    lines.append('time       {:.2f} ms for waypoints, {:.2f} ms to search{}'.format(*took))
     return '\n'.join(lines)
 
 

@@ -11,16 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels import distances as kernels
-from llm_astar_planner.search._kernels.astar import (
-    FOUND,
-    NEED_SPACE,
-    NO_PATH,
-    RUNNING,
-    STEP_X,
-    STEP_Y,
-    Cells,
-)
 from llm_astar_planner.search.arrays import Int32s, Int64s, StopFlag
 from llm_astar_planner.search.grid_graph import GridGraph, whole
 from llm_astar_planner.search.kernel_cache import INTERPRETED
@@ -88,25 +80,22 @@ def is_alike(one: GridGraph | FreestMap, other: GridGraph) -> bool:
     return sizes == other_sizes and one.cells[2:] == other.cells[2:]
 
 
-def relaxed(cells: Cells, source: int) -> Int64s:
+def relaxed(cells: shared.Cells, source: int) -> Int64s:
     """Return the distance of each cell from a source, -1 where there is no way: `fill` in numpy.
 
-    All cells look at their neighbours, until none is nearer. On small maps, in a tenth of the time
-    of the kernel where that is Python.
+    For uniform costs. All cells look at their neighbours, until none is nearer: on small maps a
+    tenth of the time of the kernel where that is Python.
     """
-    moves, surcharge, width, straight, diagonal = cells
-    here = np.arange(moves.size)
-    is_legal = moves >> np.arange(8)[:, None] & 1 == 1
-    others = np.where(is_legal, here + (STEP_Y * width + STEP_X)[:, None], here)
+    moves, _, width, straight, diagonal = cells
+    here, offsets = np.arange(moves.size), shared.STEP_Y * width + shared.STEP_X
+    others = np.where(moves >> np.arange(8)[:, None] & 1, here + offsets[:, None], here)
     costs = np.repeat([straight, diagonal], 4)[:, None]
-    if surcharge.size:
-        costs = costs + (costs * (surcharge.astype(np.int64) + surcharge[others]) >> 9)
-    distances = np.full(moves.size, NO_PATH)
+    distances = np.full(moves.size, shared.NO_PATH)
     distances[source], before = 0, np.empty(0)
     while not np.array_equal(before, distances):
         before = distances
         distances = np.minimum(before, (before[others] + costs).min(axis=0))
-    return np.where(distances == NO_PATH, -1, distances)
+    return np.where(distances == shared.NO_PATH, -1, distances)
 
 
 class DistanceRows:
@@ -124,16 +113,16 @@ class DistanceRows:
 
         The map must be that of a single grid: superfluous moves are left out.
         """
-        if INTERPRETED:
+        if INTERPRETED and not self._map.cell_surcharge.size:
             self._distances[row] = relaxed(self._map.cells, source)
             return True
         self._distances[row] = -1
         self._distances[row, source] = 0
         self._clear()
-        seeds, status = np.array([source]), RUNNING
-        while status == RUNNING and time.monotonic() < deadline:
+        seeds, status = np.array([source]), shared.RUNNING
+        while status == shared.RUNNING and time.monotonic() < deadline:
             status = self._propagate(row, seeds, True, FILL_STEP, stop)
-        return status == FOUND
+        return status == shared.FOUND
 
     def largest_area(self, stop: StopFlag) -> Int32s | None:
         """Measure from a cell in the largest connected area that a few tries find, into row 0.
@@ -172,11 +161,11 @@ class DistanceRows:
                 expanded = self._control[kernels.D_EXPANDED]
                 status = self._propagate(row, seeds[:count], False, left, stop)
                 left -= int(self._control[kernels.D_EXPANDED] - expanded)
-                if status != RUNNING:
+                if status != shared.RUNNING:
                     break
                 yield False
                 left = REPAIR_STEP
-            if status != FOUND:
+            if status != shared.FOUND:
                 return
         yield True
 
@@ -192,6 +181,6 @@ class DistanceRows:
                 self._map.cells, single, seeds, self._distances[row], self._pool,
                 self._heads, self._control, quota, stop,
             )  # fmt: skip
-            if status != NEED_SPACE:
+            if status != shared.NEED_SPACE:
                 return int(status)
             self._pool = np.concatenate((self._pool, np.empty_like(self._pool)))

@@ -49,28 +49,25 @@ RISE = 8 * 2378
 ) = range(10)  # fmt: skip
 
 
-def bit_operation(generate: Callable[[Any, Any], Any]) -> Any:
-    """Return a function of an int64 that a few instructions of the processor compute."""
+def bit_operation(generate: Callable[[Any, Any, Any], Any]) -> Any:
+    """Return a function of an int64 that a few instructions of the processor compute.
+
+    `generate` gets what makes them, the word, and what tells the processor that it is not 0.
+    """
 
     def operation(_context: Any, _word: Any) -> Any:
-        return types.int64(types.int64), lambda _, builder, __, words: generate(builder, words[0])
+        sure = ir.Constant(ir.IntType(1), 1)
+        return types.int64(types.int64), lambda _, ops, __, words: generate(ops, words[0], sure)
 
     return operation if INTERPRETED else extending.intrinsic(operation)
 
 
-def not_zero() -> Any:
-    """Return what tells the processor that a word is not 0."""
-    return ir.Constant(ir.IntType(1), 1)
-
-
 # The numbers of the lowest and of the highest set bit of a word, not 0; how many bits are set.
-lowest_bit = bit_operation(lambda builder, word: builder.cttz(word, not_zero()))
+lowest_bit = bit_operation(lambda builder, word, sure: builder.cttz(word, sure))
 highest_bit = bit_operation(
-    lambda builder, word: builder.sub(
-        ir.Constant(ir.IntType(64), 63), builder.ctlz(word, not_zero())
-    )
+    lambda builder, word, sure: builder.sub(word.type(63), builder.ctlz(word, sure))
 )
-count_bits = bit_operation(lambda builder, word: builder.ctpop(word))
+count_bits = bit_operation(lambda builder, word, _: builder.ctpop(word))
 
 
 @jit
