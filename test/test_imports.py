@@ -25,13 +25,13 @@ ROS = {
 }
 LAB = 'llm_astar_lab'
 # What each room of the planner may import, besides itself, of the planner's other rooms.
-COSTMAP = {'search', 'parameter', 'plugins'}
+COSTMAP = {'search', 'parameter', 'plugins', 'lazy'}
 WAYPOINTS = COSTMAP | {'caches', 'costmap', 'resources'}
-INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
+INSTRUCTIONS = WAYPOINTS | {'waypoints'}
 PLANNING = INSTRUCTIONS | {'instructions'}
 NODES = PLANNING | {'planning'}
 ROOMS = {
-    'search': {'plugins'},
+    'search': {'plugins', 'lazy'},
     'costmap': COSTMAP,
     'waypoints': WAYPOINTS,
     'instructions': INSTRUCTIONS,

@@ -16,18 +16,26 @@ COLD = '/cold'
 HEAVY = ('numba', 'scipy', 'httpx', 'lark', 'matplotlib', 'rosbags')
 LISTED = f"""
 import sys
-from llm_astar_planner.nodes.planner import planner_node
+from llm_astar_planner.nodes.planner import {{}}
 print(*sorted(set({HEAVY!r}) & set(sys.modules)))
 """
 
 
-def test_nothing_that_takes_long_is_imported_before_the_services_are_there():
+@pytest.mark.parametrize(
+    ('module', 'taken'),
+    [
+        ('planner_node', {'lark'}),  # which the ROS wheels import
+        ('planner_server', {'lark', 'numba', 'scipy'}),  # llm_client_node is the HTTP client
+    ],
+)
+def test_nothing_that_takes_long_is_imported_before_it_is_needed(module, taken):
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
     done = subprocess.run(
-        [sys.executable, '-c', LISTED], capture_output=True, text=True, env=environment
-    )
+        [sys.executable, '-c', LISTED.format(module)],
+        capture_output=True, text=True, env=environment,
+    )  # fmt: skip
     assert done.stderr == ''
-    assert set(done.stdout.split()) <= {'lark'}  # which the ROS wheels import
+    assert set(done.stdout.split()) <= taken
 
 
 @pytest.fixture

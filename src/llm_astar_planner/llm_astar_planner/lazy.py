@@ -21,6 +21,8 @@ class LazyModule:
         return getattr(importlib.import_module(self._name), attribute)
 
 
-# A fifth of a second and a tenth; most plans need none of them.
+# A fifth of a second and a tenth; most plans need none of them. numba takes a seventh, and half a
+# second more when it loads its first kernel.
 ndimage: Any = LazyModule('scipy.ndimage')
 shapely: Any = LazyModule('shapely')
+numba: Any = LazyModule('numba')

@@ -5,10 +5,12 @@
 
 import atexit
 import gc
+import os
 import signal
 import sys
 
-# With these options alone `llm-astar plan` is on the demo's map, and takes few kernels.
+# With these options alone `llm-astar plan` is on the demo's map, where Python searches sooner than
+# numba is imported.
 OF_DEMO = {'--json', '--png', '--pair', '--map-id', '--start', '--goal', '--reply'}
 # Container objects that are made before garbage is looked for; Python's default is 700.
 COLLECTED_AT = 50_000
@@ -26,9 +28,7 @@ def main() -> int:
     atexit.register(gc.freeze)
     command, options = sys.argv[1:2], {word.partition('=')[0] for word in sys.argv[2:]}
     if command == ['plan'] and {word for word in options if word[:2] == '--'} <= OF_DEMO:
-        from llm_astar_planner.search.kernel_cache import interpret_unless_compiled  # noqa: PLC0415
-
-        interpret_unless_compiled()
+        os.environ.setdefault('NUMBA_DISABLE_JIT', '1')
     from llm_astar_planner.cli.main import main as run_command  # noqa: PLC0415
 
     return run_command()

@@ -43,10 +43,10 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
-from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, ResultCode, first_lines, plan_report
 from llm_astar_planner.plugins import find_drawing
+from llm_astar_planner.search.kernel_cache import INTERPRETED
 
 # Metres from the path to the nearest obstacle that many robots are wider than.
 NARROW = 0.35
@@ -71,8 +71,14 @@ def run(arguments: argparse.Namespace) -> int:
     asked = read_problem(arguments)
     planner = asked.planner
     # So that the time of the plan is for planning; says so where it takes long.
-    with compile_progress():
-        planner.prepare().compile(asked.request)
+    if INTERPRETED:
+        planner.prepare()
+    else:
+        # With numba, which imports slowly.
+        from llm_astar_planner.planning.compile import compile_progress  # noqa: PLC0415
+
+        with compile_progress():
+            planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
     if may_touch(plan, asked):
         plan = replace(plan, warnings=(*plan.warnings, POINT_ROBOT))
@@ -186,8 +192,8 @@ def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: st
     lines = [*first_lines(plan_report(plan, coordinates.grid_map), named, points)]
     if plan.code == 0:
         lines += path_lines(plan, coordinates)
-    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
-    lines.append('time       {:.2f} ms for waypoints, {:.2f} ms to search'.format(*milliseconds))
+    took = 1000 * plan.seconds_source, 1000 * plan.seconds_search, ', uncompiled' * INTERPRETED
+    lines.append('time       {:.2f} ms for waypoints, {:.2f} ms to search{}'.format(*took))
     return '\n'.join(lines)
 
 

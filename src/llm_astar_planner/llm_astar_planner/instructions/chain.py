@@ -25,7 +25,6 @@ from llm_astar_planner.instructions.interpretation import (
     Understanding,
     not_understood,
 )
-from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, ReplayInterpreter
 from llm_astar_planner.instructions.reader.interpreter import NAME as READER
 from llm_astar_planner.instructions.reader.interpreter import (
     UNLIKELY,
@@ -34,7 +33,6 @@ from llm_astar_planner.instructions.reader.interpreter import (
 )
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
-from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.source import MESSAGE
 
 _LOG = logging.getLogger(__name__)
@@ -193,17 +191,22 @@ def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
 
 def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     """Make the interpreter behind those of the robot, None where the settings name none."""
-    if settings.source == 'replay' and settings.transcript:
-        return ReplayInterpreter(settings.transcript, settings.model)
-    if settings.source != 'endpoint':
+    if settings.source not in ('replay', 'endpoint'):
         return None
+    # With an HTTP client, which planner_node does without: a fifth of what it imports.
+    from llm_astar_planner.instructions.model import interpreter as models  # noqa: PLC0415
+    from llm_astar_planner.waypoints.llm.client import ChatClient  # noqa: PLC0415
+
+    if settings.source == 'replay':
+        known, model = settings.transcript, settings.model
+        return models.ReplayInterpreter(known, model) if known else None
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
     # The form is that of prompts for waypoints.
     asked = replace(settings, max_output_tokens=tokens, response_format='json_schema')
     asked = replace(asked, prompt_form=MESSAGE)
     recorder = InstructionRecorder(settings.record) if settings.record else None
-    return ModelInterpreter(ChatClient(asked), recorder)
+    return models.ModelInterpreter(ChatClient(asked), recorder)
 
 
 class BackgroundInterpreter:

@@ -24,6 +24,7 @@ from llm_astar_planner.planning.types import (
     kind_of_plan,
 )
 from llm_astar_planner.search.arrays import StopFlag
+from llm_astar_planner.search.kernel_cache import INTERPRETED
 
 if TYPE_CHECKING:
     from llm_astar_planner.instructions.interpretation import RouteInstruction
@@ -100,7 +101,7 @@ class Planner(PathPlanner):
         """
         is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
         kind = self.config, request, is_graded, self.landmarks.current is not None
-        if kind_of_plan(*kind) in COMPILED:
+        if INTERPRETED or kind_of_plan(*kind) in COMPILED:
             return True
         # A process whose plans are compiled needs it no more.
         from llm_astar_planner.planning.compile import compile_for  # noqa: PLC0415

@@ -21,28 +21,37 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba import config, njit
+from llm_astar_planner.lazy import numba
 
 NAME = 'llm_astar_planner'
 # The folder that was chosen here, None while numba's own are good.
 _CHOSEN: list[Path] = []
-# A small part of inner loops, written out where it is called.
-inlined: Any = njit(inline='always')
+# Whether the kernels stay Python in this process: numba's own variable says so. For one plan on a
+# map of a few thousand cells: to import numba and to load what it has compiled takes longer.
+INTERPRETED = os.environ.get('NUMBA_DISABLE_JIT', '') not in {'', '0'}
 
 
 def jit(loop: Callable[..., Any]) -> Any:  # noqa: ANN401 - numba is not typed
     """Return a loop that numba compiles at its first call and keeps; other threads run on."""
+    if INTERPRETED:
+        return loop
     folder = Path(loop.__code__.co_filename).parent
     prepare_cache(folder)
-    compiled = njit(cache=True, nogil=True)(loop)
-    if _CHOSEN and not config.DISABLE_JIT:
+    compiled = numba.njit(cache=True, nogil=True)(loop)
+    if _CHOSEN:
         copy_compiled(folder / '__pycache__', Path(compiled.stats.cache_path))
     return compiled
+
+
+def inlined(loop: Callable[..., Any]) -> Any:  # noqa: ANN401 - numba is not typed
+    """Return a small part of inner loops, which numba writes out where it is called."""
+    return loop if INTERPRETED else numba.njit(inline='always')(loop)
 
 
 @cache
 def prepare_cache(folder: Path) -> None:
     """Make sure that numba can keep what it compiles of the modules in a folder."""
+    config = numba.config
     if config.CACHE_DIR and not is_writable(Path(config.CACHE_DIR)):
         say(f'warning: NUMBA_CACHE_DIR={config.CACHE_DIR} cannot be written and is ignored')
         # Also for the processes that this one starts.
@@ -51,18 +60,6 @@ def prepare_cache(folder: Path) -> None:
     if not (config.CACHE_DIR or is_writable(folder / '__pycache__')):
         _CHOSEN.append(writable_folder())
         config.CACHE_DIR = str(_CHOSEN[0])
-
-
-def interpret_unless_compiled() -> None:
-    """Leave the kernels Python where none is compiled yet; call it before they are imported.
-
-    For one plan on a map of a few thousand cells: to compile what it takes takes ten seconds.
-    """
-    folder = Path(__file__).parent / '_kernels'
-    prepare_cache(folder)
-    is_named = config.CACHE_DIR and not _CHOSEN
-    places = [config.CACHE_DIR] if is_named else [folder / '__pycache__', *_CHOSEN]
-    config.DISABLE_JIT = int(not any(file for at in places for file in Path(at).rglob('*.nbi')))
 
 
 def say(sentence: str) -> None:

@@ -113,20 +113,3 @@ def test_a_folder_that_numba_can_write_stays_its_own(install, monkeypatch):
     monkeypatch.setattr(kernel_cache, 'is_writable', lambda _: True)
     start(install)
     assert not config.CACHE_DIR
-
-
-def test_kernels_stay_python_only_where_none_is_compiled(install, tmp_path, monkeypatch):
-    def is_interpreted():
-        kernel_cache.prepare_cache.cache_clear()
-        kernel_cache.interpret_unless_compiled()
-        return bool(config.DISABLE_JIT)
-
-    monkeypatch.setattr(config, 'DISABLE_JIT', 0)
-    monkeypatch.setattr(kernel_cache, '__file__', str(install.parents[1] / 'kernel_cache.py'))
-    # Those of an installation that cannot be written are copied when they are needed.
-    assert not is_interpreted()
-    monkeypatch.setattr(kernel_cache, '_CHOSEN', [])
-    monkeypatch.setattr(config, 'CACHE_DIR', str(tmp_path / 'named'))
-    assert is_interpreted()
-    (tmp_path / 'named' / 'astar.nbi').touch()
-    assert not is_interpreted()

@@ -10,6 +10,7 @@ from grids import dijkstra, queries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.distances import relaxed
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 
@@ -194,6 +195,16 @@ def test_repaired_distances_equal_new_ones_on_what_was_ever_free(graded, corner_
             if step % 5 == 0:
                 assert_exact(landmarks, landmarks.freest)
                 assert_covers(landmarks.freest, union)
+
+
+@pytest.mark.parametrize('corner_cutting', [False, True])
+def test_numpy_measures_the_distances_of_the_kernel(corner_cutting):
+    random = np.random.default_rng(11)
+    for size in ((1, 1), (9, 9), (23, 31)):
+        grid = random_map(random, size, graded=False, corner_cutting=corner_cutting)
+        landmarks = Landmarks.build(grid, count=3)
+        for row in [] if landmarks is None else landmarks.distances:
+            assert (relaxed(grid.cells, int((row == 0).argmax())) == row).all()
 
 
 def test_corners_may_be_cut_from_one_map_to_the_next():

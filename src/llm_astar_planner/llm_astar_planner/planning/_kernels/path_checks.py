@@ -126,10 +126,11 @@ def has_lethal(tile: Int8s, threshold: int) -> bool:
 
 @jit
 def squared_clearance(
-    cells: Int8s, tiles: Uint8s, threshold: int, path: Int64s, limit: int
+    cells: Int8s, tiles: Uint8s, threshold: int, path: Int64s, limit: int, enough: int
 ) -> int:
     """Return the least squared distance of cells [n, 2] to a lethal one, at most `limit`.
 
+    Or any distance to one that is at most `enough`.
     The cells are halved again and again; a part is left out if the box around it, wider by the
     least distance so far, holds no lethal cell. Fast where neighbours in `path` are near.
     """
@@ -138,7 +139,7 @@ def squared_clearance(
     firsts, lasts = np.zeros(128, dtype=np.int64), np.zeros(128, dtype=np.int64)
     lasts[0] = len(path)
     count = 1
-    while count and best:
+    while count and best > enough:
         count -= 1
         first, last = firsts[count], lasts[count]
         if first == last:
@@ -192,7 +193,7 @@ def first_blocked(rules: Rules, places: Int64s) -> int:
     # Of the places from `begin`, those to `end` are looked at; one to `found` is too near.
     begin, found, end = 0, 0, len(places) if own < 0 else own
     while reach > 0 and begin < end:
-        if squared_clearance(cells, tiles, threshold, places[begin:end], reach + 1) > reach:
+        if squared_clearance(cells, tiles, threshold, places[begin:end], reach + 1, reach) > reach:
             begin, end = end, found
         elif end - begin == 1:
             return begin
@@ -269,19 +270,22 @@ def measure(cells: Int8s, tiles: Uint8s, threshold: int, path: Int64s) -> tuple[
     """Return a path's squared clearance, its length in unknown cells and its turns, in cells."""
     unknown, turns = 0.0, 0
     before_x = before_y = 0
+    # Outside of obstacles nothing is nearer than a cell: there the measuring ends.
+    is_free = cells[path[0, 1], path[0, 0]] < threshold
     for n in range(1, len(path)):
         x, y = path[n, 0], path[n, 1]
         step_x, step_y = x - path[n - 1, 0], y - path[n - 1, 1]
         if n > 1 and (step_x != before_x or step_y != before_y):
             turns += 1
         before_x, before_y = step_x, step_y
+        is_free &= cells[y, x] < threshold
         # Half of a move is in each of its two cells.
         halves = (cells[y, x] < 0) + (cells[path[n - 1, 1], path[n - 1, 0]] < 0)
         if halves:
             unknown += halves / 2.0 * math.hypot(step_x, step_y)
     # With its type, or numba compiles all of it once more for this constant.
     limit = np.int64(NO_LETHAL)
-    squared = squared_clearance(cells, tiles, threshold, path, limit)
+    squared = squared_clearance(cells, tiles, threshold, path, limit, np.int64(is_free))
     return squared, unknown, turns
 
 
@@ -348,7 +352,7 @@ def invalid_poses(rules: Rules, path: Int64s, cost_limit: int) -> Bools:
             value = cells[y, x]
             invalid[n] = value >= min(threshold, cost_limit) or (value < 0 and not allow_unknown)
     # Mostly all are far enough from obstacles, which is cheaper to tell of all at once.
-    near = squared_clearance(cells, tiles, threshold, inside[:count], reach + 1) <= reach
+    near = squared_clearance(cells, tiles, threshold, inside[:count], reach + 1, reach) <= reach
     for n in range(len(path)):
         if near and not invalid[n]:
             x, y = path[n, 0], path[n, 1]

@@ -17,15 +17,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
+from llm_astar_planner.lazy import LazyModule
 from llm_astar_planner.search._kernels import astar as shared
 from llm_astar_planner.search._kernels.astar import Cells, estimate_to_goal, octile
 from llm_astar_planner.search.arrays import Bools, Int32s, Int64s
-from llm_astar_planner.search.kernel_cache import inlined, jit
+from llm_astar_planner.search.kernel_cache import INTERPRETED, inlined, jit
 
+# The compiler's parts, which only what is compiled takes.
+extending, ir, types = map(LazyModule, ('numba.extending', 'llvmlite.ir', 'numba.core.types'))
 CANONICAL_SUCCESSORS, LOWEST = shared.CANONICAL_SUCCESSORS, shared.LOWEST
 STEP_X, STEP_Y = shared.STEP_X, shared.STEP_Y
 
@@ -49,24 +49,25 @@ RISE = 8 * 2378
 ) = range(10)  # fmt: skip
 
 
-def bit_operation(generate: Callable[[Any, Any], Any]) -> Any:
-    """Return a function of an int64 that a few instructions of the processor compute."""
+def bit_operation(generate: Callable[[Any, Any, Any], Any]) -> Any:
+    """Return a function of an int64 that a few instructions of the processor compute.
+
+    `generate` gets what makes them, the word, and what tells the processor that it is not 0.
+    """
 
     def operation(_context: Any, _word: Any) -> Any:
-        return types.int64(types.int64), lambda _, builder, __, words: generate(builder, words[0])
+        sure = ir.Constant(ir.IntType(1), 1)
+        return types.int64(types.int64), lambda _, ops, __, words: generate(ops, words[0], sure)
 
-    return intrinsic(operation)
+    return operation if INTERPRETED else extending.intrinsic(operation)
 
 
 # The numbers of the lowest and of the highest set bit of a word, not 0; how many bits are set.
-NOT_ZERO = ir.Constant(ir.IntType(1), 1)
-lowest_bit = bit_operation(lambda builder, word: builder.cttz(word, NOT_ZERO))
+lowest_bit = bit_operation(lambda builder, word, sure: builder.cttz(word, sure))
 highest_bit = bit_operation(
-    lambda builder, word: builder.sub(
-        ir.Constant(ir.IntType(64), 63), builder.ctlz(word, NOT_ZERO)
-    )
+    lambda builder, word, sure: builder.sub(word.type(63), builder.ctlz(word, sure))
 )
-count_bits = bit_operation(lambda builder, word: builder.ctpop(word))
+count_bits = bit_operation(lambda builder, word, _: builder.ctpop(word))
 
 
 @jit
