@@ -3,8 +3,6 @@
 
 """The base class of every error raised for bad input, bad files or a failed service."""
 
-from __future__ import annotations
-
 import reprlib
 from collections.abc import Iterable
 from typing import TypeVar

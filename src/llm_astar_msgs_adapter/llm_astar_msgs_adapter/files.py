@@ -7,8 +7,6 @@ What a parameter or a field of a file names may be a device, a FIFO or a file of
 and its contents may be made to take all time or memory.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -3,8 +3,6 @@
 
 """The storage files of bags: mcap, read record by record, and sqlite3, of every version."""
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 import zlib

@@ -7,8 +7,6 @@ Definitions come from Jazzy's common packages (rosbags has them), from the packa
 this machine, or from the bag itself.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

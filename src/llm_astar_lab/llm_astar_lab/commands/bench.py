@@ -24,8 +24,6 @@ exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, or a l
 the optimal one in the dataset, 130 interrupted
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 from collections.abc import Sequence

@@ -22,8 +22,6 @@ exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left
 did not answer, 130 interrupted
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 
 """The options and the last steps that `bench` and `evaluate` share."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -8,8 +8,6 @@ connected free cells whose straight line is blocked. The paper chose its maps by
 is kept if its barriers make the paths long enough (`MapRules`).
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator

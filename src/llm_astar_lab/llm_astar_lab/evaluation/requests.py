@@ -7,8 +7,6 @@ Messages are read one by one. Only the current map, the newest poses and transfo
 requests that wait for their recorded plan are kept.
 """
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

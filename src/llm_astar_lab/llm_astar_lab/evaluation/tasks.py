@@ -3,8 +3,6 @@
 
 """Benchmark tasks from bags: each request is a sample on the map of its time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace

@@ -3,8 +3,6 @@
 
 """The maps of a suite: found, loaded, and their places read; and what its checks refer to."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -76,8 +76,6 @@ from a region is a region to avoid with that margin. The order counts among visi
 of unknown parts and the questions of unsure clauses do not count.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 
 """Maps as images: what each cell shows, which part of a map is drawn, and at which size."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 
 """What a running graph shows to the page: its newest map, plan and state."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import AsyncIterator, Iterable

@@ -3,8 +3,6 @@
 
 """Plans for the page, one a core at a time: the chosen plan, and some to compare with."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import threading

@@ -3,8 +3,6 @@
 
 """What the page asks for, checked field by field, and the command that asks for the same."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

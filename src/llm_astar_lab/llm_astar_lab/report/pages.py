@@ -6,8 +6,6 @@
 And its text for a terminal, and the section of a README.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -3,8 +3,6 @@
 
 """The samples of a run that a page shows: maps, variants and rows, bounded in size."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -8,8 +8,6 @@ its answer is given to every method, so a run costs one request per sample, prom
 Any concurrent.futures executor can run them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait

@@ -14,8 +14,6 @@ A pixel's shade is the mean of its colours, 0 for black to 1 for white. Its occu
 The bottom row of the image is row 0 of the map.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Iterator

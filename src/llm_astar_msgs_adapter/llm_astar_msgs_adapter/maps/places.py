@@ -10,8 +10,6 @@ commas, as QGIS writes them. Of a nav2_route graph the nodes with a name become 
 and all edges are skipped.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

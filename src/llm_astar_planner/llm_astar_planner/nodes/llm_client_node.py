@@ -3,8 +3,6 @@
 
 """llm_client_node: returns waypoints between a start and a goal on the latest map."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

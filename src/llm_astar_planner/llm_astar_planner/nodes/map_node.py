@@ -3,8 +3,6 @@
 
 """map_node: publishes a barrier map or a map_server map as an occupancy grid, latched."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

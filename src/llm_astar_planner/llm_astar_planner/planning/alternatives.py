@@ -11,8 +11,6 @@ is the cheapest path of no class found before: of each class at least one crossi
 and which one is searched through best-first, with automata that count crossings.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from collections.abc import Iterator, Mapping

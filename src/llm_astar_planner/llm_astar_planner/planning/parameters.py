@@ -8,8 +8,6 @@ Most are described in `parameters.yaml`.
 ROS parameter files are read without ROS and checked against the table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -7,8 +7,6 @@ The problem that a question names is solved exactly, and so is the one that was 
 compares both, in the language of the question. Regions are read by the grammar of instructions.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

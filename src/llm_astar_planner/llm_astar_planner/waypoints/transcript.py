@@ -9,8 +9,6 @@ in it are the map's lattice coordinates. Where a big map was described on a coar
 is its step in cells.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import logging

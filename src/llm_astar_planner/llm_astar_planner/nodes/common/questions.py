@@ -3,8 +3,6 @@
 
 """The topics on which a node is asked what an instruction means, and who answers them."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -3,8 +3,6 @@
 
 """Transforms poses into the map's frame, with tf2 if it is installed."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

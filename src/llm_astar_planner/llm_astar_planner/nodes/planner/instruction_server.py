@@ -3,8 +3,6 @@
 
 """The instruction of the planner: set, understood, previewed, and carried by each request."""
 
-from __future__ import annotations
-
 import threading
 import time
 import uuid

@@ -3,8 +3,6 @@
 
 """planner_node: plans on the newest map, for services, actions and RViz's buttons."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any

@@ -6,8 +6,6 @@
 Importing them takes a second, so planner_node does it after its first services are there.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped

@@ -3,8 +3,6 @@
 
 """Publishes paths, reports, markers, and the state of the planner."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable, Iterator

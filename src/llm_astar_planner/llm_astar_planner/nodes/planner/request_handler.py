@@ -3,8 +3,6 @@
 
 """Answers goals: from poses to a PlanRequest, its plans, and what is published of them."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

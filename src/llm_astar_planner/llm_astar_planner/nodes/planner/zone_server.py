@@ -3,8 +3,6 @@
 
 """The zones and filter masks of planner_node, and every map with them."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

@@ -8,8 +8,6 @@ every byte, and name look-ups have none, so the request runs as a task that is c
 time is up.
 """
 
-from __future__ import annotations
-
 import asyncio
 import functools
 import logging

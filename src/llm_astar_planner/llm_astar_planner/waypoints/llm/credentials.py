@@ -9,8 +9,6 @@ base64, or broken over lines. Nothing can be done about a server that encrypts i
 has the key anyway.
 """
 
-from __future__ import annotations
-
 import base64
 import fnmatch
 import html

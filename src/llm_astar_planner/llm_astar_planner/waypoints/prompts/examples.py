@@ -3,8 +3,6 @@
 
 """Prompts as they are sent: with the most similar solved samples, and about a reply."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterator, Sequence

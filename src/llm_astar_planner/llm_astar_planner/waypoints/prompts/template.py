@@ -9,8 +9,6 @@ user and assistant, `completion` is one text that a model without chat continues
 For structured output, a prompt also says which JSON is expected; the schema is sent along.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
