@@ -389,7 +389,7 @@ def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: 
         for message in bag.messages([name for name, role in roles.items() if role == 'exchange']):
             exchange = exchange_from_values(fields.values_of_report(message.value))
             if exchange is not None:
-                writer.write(exchange)
+                writer.write(exchange.to_json())
                 count += 1
     return count
 
