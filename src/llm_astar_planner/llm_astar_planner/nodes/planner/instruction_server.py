@@ -21,8 +21,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
-from llm_astar_planner.instructions.confirmations import Confirmations, ConfirmationsError
-from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
+from llm_astar_planner.instructions.current import (
+    Confirmations,
+    ConfirmationsError,
+    CurrentInstruction,
+    InstructionReader,
+)
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
