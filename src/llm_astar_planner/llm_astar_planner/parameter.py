@@ -9,22 +9,14 @@ import re
 from collections.abc import Callable
 from dataclasses import Field, dataclass, field, replace
 from inspect import cleandoc
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 
+from llm_astar_planner.plugins import Plugins
+
 Scalar = bool | int | float | str
 _T = TypeVar('_T', bool, int, float, str)
-
-
-class Extension(Protocol):
-    """What else a parameter with choices can be: the names of plug-ins."""
-
-    def problem(self, name: object) -> str | None:
-        """Say why a name cannot be chosen, None where it can."""
-
-    def admit(self, name: object) -> None:
-        """Take a name that whoever started the process has given. Raises LlmAstarError."""
 
 
 class ParameterError(LlmAstarError, ValueError):
@@ -59,7 +51,7 @@ class Parameter:
     sentence: str
     unit: str = ''
     choices: tuple[str, ...] = ()
-    plugins: Extension | None = None
+    plugins: Plugins | None = None
     between: tuple[float, float] | None = None
     zero: str = ''
     read_only: bool = False
