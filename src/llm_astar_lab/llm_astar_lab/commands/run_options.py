@@ -21,6 +21,7 @@ from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
@@ -33,7 +34,7 @@ from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
-from llm_astar_lab.runner.engine import SearchSettings, Task
+from llm_astar_lab.runner.engine import Task
 from llm_astar_lab.runner.sources import GRID_BASELINES, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -123,10 +124,13 @@ def add_defaulted_flags(group: Any, parameters: Iterable[Parameter], names: Sequ
     group.set_defaults(**defaults(items))
 
 
-def search_settings(args: argparse.Namespace, places: Places, **others: Any) -> SearchSettings:  # noqa: ANN401 - fields of SearchSettings
-    """Return how every sample is planned, by the options and `others`. Raises ValueError."""
-    values = args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
-    return SearchSettings(*values, instruction=instruction_of(args, places), **others)
+def search_request(args: argparse.Namespace, places: Places, **others: float) -> PlanRequest:
+    """Return what the requests of all samples share, by the options. Raises ValueError."""
+    return PlanRequest(
+        (0, 0), (0, 0), heuristic=args.heuristic, weight=args.weight,
+        time_limit=args.max_planning_time, max_suboptimality=args.max_suboptimality,
+        instruction=instruction_of(args, places), **others,
+    )  # fmt: skip
 
 
 def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:
