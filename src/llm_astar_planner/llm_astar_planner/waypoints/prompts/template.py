@@ -33,12 +33,6 @@ _JSON_REQUEST = (
     'Write the whole reply as one JSON object: {thought}"path": [{{"x": 5, "y": 5}}, ...]}}, '
     'with the points of the generated path in order, and nothing around it.'
 )
-ASK_FOR_A_LIST = (
-    'That holds no list of points. Reply with the route alone, '
-    'in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
-)
-# How questions began by which earlier versions asked a model to correct its route.
-_DOES_NOT_WORK = 'This route does not work:'
 
 
 class TemplateError(LlmAstarError, ValueError):
