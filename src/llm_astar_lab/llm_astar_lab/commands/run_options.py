@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import printable
+from llm_astar_msgs_adapter.errors import printable, raising
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
@@ -77,10 +77,8 @@ def parsed_by(parse: Callable[[str], Parsed]) -> Callable[[str], Parsed]:
     """Return a parser of an option's value whose ValueErrors argparse shows."""
 
     def parsed(text: str) -> Parsed:
-        try:
+        with raising(argparse.ArgumentTypeError, '', ValueError):
             return parse(text)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
 
     return parsed
 
@@ -124,7 +122,7 @@ def add_defaulted_flags(group: Any, parameters: Iterable[Parameter], names: Sequ
     group.set_defaults(**defaults(items))
 
 
-def search_request(args: argparse.Namespace, places: Places, **others: float) -> PlanRequest:
+def search_request(args: argparse.Namespace, places: Places, **others: Any) -> PlanRequest:  # noqa: ANN401 - its fields
     """Return what the requests of all samples share, by the options. Raises ValueError."""
     return PlanRequest(
         (0, 0), (0, 0), heuristic=args.heuristic, weight=args.weight,

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising, short_repr, shortened
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
@@ -82,10 +82,8 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
         raise MapServerError(f'{path}: image: a file name is expected, not {short_repr(image)}')
     shades = Shades(mode, negate=bool(negate), occupied=occupied, free=free)
     cells = read_image(path.parent / image, path, shades)
-    try:
+    with raising(MapServerError, f'{path}: ', GridMapError):
         return GridMap(cells[::-1], resolution, pose, frame_id)
-    except GridMapError as error:
-        raise MapServerError(f'{path}: {error}') from None
 
 
 def to_grid_map(source: MapLike) -> GridMap:

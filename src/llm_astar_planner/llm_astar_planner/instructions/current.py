@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Protocol
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
@@ -110,13 +110,11 @@ def key_of(clause: Clause, places: Places) -> Key:
 def load(path: Path, size: int) -> dict[Key, bool]:
     """Read a file of answers. Raises ConfirmationsError."""
     entries = read_json(path, ConfirmationsError)
-    try:
+    with raising(ConfirmationsError, f'{path}: not a list of answers: ', TypeError, ValueError):
         return {
             (str(digest), str(sentence), str(question)): bool(answer)
             for digest, sentence, question, answer in entries[-size:]
         }
-    except (TypeError, ValueError) as error:
-        raise ConfirmationsError(f'{path}: not a list of answers: {error}') from None
 
 
 def save(path: Path, known: Mapping[Key, bool]) -> None:

@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.files import read_text
 
 from llm_astar_planner.search.result import Cell
@@ -172,10 +172,8 @@ def load_template(prompt: str) -> Template:
     """
     is_path = prompt not in TEMPLATES and ('/' in prompt or prompt.endswith('.txt'))
     path = Path(prompt).expanduser() if is_path else template_path(prompt)
-    try:
+    with raising(TemplateError, 'prompt: ', TemplateError):
         text = read_text(path, TemplateError, limit=MAX_TEMPLATE_BYTES)
-    except TemplateError as error:
-        raise TemplateError(f'prompt: {error}') from None
     missing = [name for name in _NEEDED if name not in text]
     if missing:
         raise TemplateError(f'prompt: {path}: does not use {", ".join(missing)}')
