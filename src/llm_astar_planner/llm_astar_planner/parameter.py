@@ -17,17 +17,18 @@ from llm_astar_planner.plugins import Plugins
 
 Scalar = bool | int | float | str
 _T = TypeVar('_T', bool, int, float, str)
+_R = TypeVar('_R')
 
 
 class ParameterError(LlmAstarError, ValueError):
     """A parameter that does not exist or a value it cannot have; the message names both."""
 
 
-def problem_of(read: Callable[[str], object], text: str) -> str | None:
-    """Say why a text cannot be read, None where it can."""
+def problem_of(read: Callable[[_R], object], value: _R) -> str | None:
+    """Say why a value cannot be read, None where it can."""
     try:
-        read(text)
-    except LlmAstarError as error:
+        read(value)
+    except (LlmAstarError, FileNotFoundError) as error:
         return str(error)
     return None
 

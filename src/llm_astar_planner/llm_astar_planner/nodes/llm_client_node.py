@@ -293,7 +293,3 @@ def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
 def main(args: Sequence[str] | None = None) -> int:
     """Run llm_client_node."""
     return run_node(LlmClientNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())

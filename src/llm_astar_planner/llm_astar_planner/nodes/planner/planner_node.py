@@ -187,7 +187,3 @@ class PlannerNode(LifecycleNodeMixin, Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Run planner_node."""
     return run_node(PlannerNode, args, lambda: MultiThreadedExecutor(THREADS), PlannerNode.others)
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())
