@@ -127,10 +127,8 @@ class RequestConverter:
         if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
         last, more = len(goal.goals), len(goal.viapoints)
-        for name, count, most in (
-            ('goals', last, MAX_VIA + 1),
-            ('viapoints', more, MAX_VIAPOINTS),
-        ):
+        limits = ('goals', last, MAX_VIA + 1), ('viapoints', more, MAX_VIAPOINTS)
+        for name, count, most in limits:
             if count > most:
                 message = f'{name}: {count}, over the {most} allowed'
                 raise RequestError(ResultCode.INVALID_PLANNER, message)
