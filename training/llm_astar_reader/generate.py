@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.instructions.grammar.words import comparable
-from llm_astar_planner.instructions.reader.meaning import CLAUSES, LISTS
+from llm_astar_planner.instructions.reader.meaning import CLAUSES, LISTS, NOTHING
 
 Random = random.Random
 Words = list[str]
@@ -31,9 +31,9 @@ WEIGHTS = {
     'A a': 7, 'V a )': 7, 'V a ) V b )': 7, 'B a b': 4, 'V a ) A b': 2.5, 'A HF s': 2,
     'T a b': 4, 'N a b': 4, 'S a': 3, 'P a s': 3, 'K a n': 3, 'C a k': 3, 'E a': 2.5, 'A a A b': 3,
     'V a b )': 3, 'W A a': 3,
-    'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 5, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
+    'V a ) V b ) V c )': 3, 'A b V a )': 3, '': 4, NOTHING: 3, 'V a ) V b ) B a b': 2, 'V a b ) V c )': 1.5,
 }  # fmt: skip
-NEVER_JOINED = {'', 'S a'}
+NEVER_JOINED = {'', NOTHING, 'S a'}
 WISHED = ('A', 'V', 'S', 'K', 'P', 'B')
 
 
@@ -265,7 +265,12 @@ def made(draw: Random) -> Filled:
             words = [*words, *some('after')]
     if draw.random() < 0.5:
         words = [*words, draw.choice('..!')]
-    return noisy(words, draw), meaning
+    return noisy(words, draw), demanded(meaning)
+
+
+def demanded(meaning: Words) -> Words:
+    """Return a meaning without 'nothing is asked' where something is."""
+    return [token for token in meaning if token != NOTHING] or meaning[:1]
 
 
 def wished(meaning: Words) -> Words:

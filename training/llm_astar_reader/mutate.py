@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import (
     EACH,
+    NOTHING,
     ONE,
     UNKNOWN,
     WISH,
@@ -21,6 +22,8 @@ from llm_astar_planner.instructions.reader.meaning import (
     ordered,
     parsed,
 )
+
+from llm_astar_reader.generate import demanded
 
 Words = list[str]
 # Clauses of one form, of which one is taken for another.
@@ -40,7 +43,9 @@ def wrong(tokens: Sequence[str], meaning: Sequence[str], draw: random.Random) ->
         parts = list(parsed(iter(meaning)))
         for _ in range(2 if draw.random() < 0.2 else 1):
             parts = draw.choice(CHANGES)(parts, slots, draw)
-        found = list(flat(parts))
+        found = demanded(list(flat(parts)))
+        if not found and draw.random() < 0.5:
+            found = [NOTHING]
         if ordered(found) != right:
             return found
     return None
@@ -146,7 +151,7 @@ def wished(parts: list[Parts], slots: Words, draw: random.Random) -> list[Parts]
         return added(parts, slots, draw)
     at = draw.randrange(len(parts))
     part = parts[at]
-    if part[0].startswith('U_'):
+    if part[0].startswith('U_') or part[0] == NOTHING:
         return dropped(parts, slots, draw)
     return replaced(parts, at, part[1] if part[0] == WISH else (WISH, part))
 

@@ -7,18 +7,25 @@ from typing import Any
 
 import numpy as np
 import torch
+from llm_astar_planner.instructions.reader.encoder import spelt
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import TOKENS
 from llm_astar_planner.instructions.reader.network import BUCKETS, SCALE, features
 from torch import nn
 
+from llm_astar_reader.pretrained import Encoder, four_bits
+
 Sentences = Sequence[Sequence[str]]
+# Of each sentence some meanings.
+Meanings = Sequence[Sentences]
 
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
 # Tokens beside those of meanings: what is before the first one, and what pads.
 BEGIN = len(TOKENS)
 # Share of the words that are known by their parts alone, so that new ones are nothing new.
 UNKNOWN_WORDS = 0.08
+# The score of what is not there.
+HIDDEN = -1e4
 
 
 class Words(nn.Module):
@@ -61,33 +68,67 @@ class Words(nn.Module):
 class Reader(Words):
     """Writes the meaning of a lifted sentence by another GRU, a token at a time."""
 
-    def __init__(self, word: int = 64, size: int = 144, decoder: int = 208) -> None:
+    def __init__(self, word: int = 64, size: int = 112, decoder: int = 160) -> None:
         """Begin with random weights."""
         super().__init__(word, size)
-        self.start = nn.Linear(2 * size, decoder)
-        self.tokens = nn.Embedding(len(TOKENS) + 1, 48)
-        self.decoder = nn.GRU(48, decoder, batch_first=True)
-        self.query = nn.Linear(decoder, 2 * size, bias=False)
-        self.mix = nn.Linear(decoder + 2 * size, decoder)
-        self.out = nn.Linear(decoder, len(TOKENS))
+        add_writer(self, 2 * size, decoder)
 
-    def forward(self, sentences: Sentences, previous: torch.Tensor) -> torch.Tensor:
+    def forward(self, sentences: Sentences, previous: torch.Tensor, _: object = None) -> torch.Tensor:
         """Return logits [n, steps, tokens] for sentences of one length and the tokens before."""
-        encoded = self.encoded(sentences)
-        first = torch.tanh(self.start(encoded.mean(1)))
-        states, _ = self.decoder(self.drop(self.tokens(previous)), first[None].contiguous())
-        scores = self.query(states) @ encoded.transpose(1, 2)
-        context = torch.softmax(scores, -1) @ encoded
-        return self.out(self.drop(torch.tanh(self.mix(torch.cat((states, context), -1)))))
+        states = self.encoded(sentences)
+        return written(self, states, torch.ones(states.shape[:2], dtype=torch.bool), previous)
 
 
-class Checker(Words):
+class Pretrained(Encoder):
+    """Writes the meaning of a sentence that MiniLM has read, and checks meanings of it."""
+
+    def __init__(self, decoder: int = 256) -> None:
+        """Begin with random weights; `begun` takes those of MiniLM."""
+        super().__init__()
+        add_writer(self, self.size, decoder)
+        self.checker = Checker(self.size)
+
+    def forward(
+        self, sentences: Sentences, previous: torch.Tensor, meanings: Meanings
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return logits [n, steps, tokens] of the next tokens, and [n, k] of k meanings each."""
+        states, mask = self.encoded(sentences)
+        return written(self, states, mask, previous), self.checker(
+            states, mask, [spelt(one, self.known) for one in sentences], meanings
+        )
+
+
+def add_writer(network: nn.Module, size: int, decoder: int) -> None:
+    """Give a network of states [n, length, size] the parts that write a meaning."""
+    network.start = nn.Linear(size, decoder)
+    network.tokens = nn.Embedding(len(TOKENS) + 1, 48)
+    network.decoder = nn.GRU(48, decoder, batch_first=True)
+    network.query = nn.Linear(decoder, size, bias=False)
+    network.mix = nn.Linear(decoder + size, decoder)
+    network.out = nn.Linear(decoder, len(TOKENS))
+    network.rest = nn.Dropout(0.2)
+
+
+def written(
+    network: Any, states: torch.Tensor, mask: torch.Tensor, previous: torch.Tensor
+) -> torch.Tensor:
+    """Return logits [n, steps, tokens] for states [n, length, size] and the tokens before."""
+    shown = mask[:, :, None].to(states.dtype)
+    first = torch.tanh(network.start((states * shown).sum(1) / shown.sum(1)))
+    steps, _ = network.decoder(network.rest(network.tokens(previous)), first[None].contiguous())
+    scores = network.query(steps) @ states.transpose(1, 2)
+    context = torch.softmax(scores.masked_fill(~mask[:, None], HIDDEN), -1) @ states
+    mixed = torch.tanh(network.mix(torch.cat((steps, context), -1)))
+    return network.out(network.rest(mixed))
+
+
+class Checker(nn.Module):
     """Tells whether a meaning is that of a sentence: each is read in the light of the other."""
 
-    def __init__(self, word: int = 64, size: int = 112, inner: int = 128) -> None:
-        """Begin with random weights."""
-        super().__init__(word, size)
-        self.view = nn.Linear(2 * size, inner)
+    def __init__(self, size: int, inner: int = 128) -> None:
+        """Begin with random weights, for states of a size."""
+        super().__init__()
+        self.view = nn.Linear(size, inner)
         self.tokens = nn.Embedding(len(TOKENS) + 1, 48)
         self.meaning = nn.GRU(48 + inner, inner // 2, bidirectional=True, batch_first=True)
         self.query = nn.Linear(inner, inner, bias=False)
@@ -95,44 +136,54 @@ class Checker(Words):
         self.meaning_side = nn.Linear(3 * inner, inner)
         self.mix = nn.Linear(4 * inner, inner)
         self.out = nn.Linear(inner, 1)
+        self.drop = nn.Dropout(0.2)
 
     def forward(
-        self, sentences: Sentences, meanings: Sequence[Sequence[Sequence[str]]]
+        self, states: torch.Tensor, mask: torch.Tensor, shown: Sentences, meanings: Meanings
     ) -> torch.Tensor:
-        """Return logits [n, k] for sentences of one length with k meanings each."""
+        """Return logits [n, k] for the states of sentences in pieces with k meanings each."""
         many = len(meanings[0])
-        code = self.view(self.encoded(sentences)).repeat_interleave(many, 0)
+        code = self.view(states).repeat_interleave(many, 0)
+        there = mask.repeat_interleave(many, 0)
         flat = [meaning for some in meanings for meaning in some]
         lengths = torch.tensor([len(meaning) + 1 for meaning in flat])
         index = torch.full((len(flat), int(lengths.max())), BEGIN)
         links = torch.zeros(len(flat), index.shape[1], code.shape[1])
         for n, meaning in enumerate(flat):
             index[n, : len(meaning) + 1] = torch.tensor([*(NUMBER[t] for t in meaning), 0])
-            spots = places_of(sentences[n // many])
+            spots = places_of(shown[n // many])
             for step, token in enumerate(meaning):
                 for spot in spots.get(token, ()):
                     links[n, step, spot] = 1.0 / len(spots[token])
+        index, links = index.to(code.device), links.to(code.device)
         inputs = torch.cat((self.drop(self.tokens(index)), links @ code), -1)
         packed = nn.utils.rnn.pack_padded_sequence(
             inputs, lengths, batch_first=True, enforce_sorted=False
         )
-        states, _ = nn.utils.rnn.pad_packed_sequence(
+        steps, _ = nn.utils.rnn.pad_packed_sequence(
             self.meaning(packed)[0], batch_first=True, total_length=index.shape[1]
         )
-        mask = torch.arange(index.shape[1])[None] < lengths[:, None]
-        scores = self.query(states) @ code.transpose(1, 2)
-        read = torch.softmax(scores, -1) @ code
-        there = scores.masked_fill(~mask[:, :, None], -1e9)
-        told = torch.softmax(there, 1).transpose(1, 2) @ states
-        mine = torch.tanh(
-            self.meaning_side(self.drop(torch.cat((states, read, states * read), -1)))
-        )
-        other = torch.tanh(self.sentence_side(self.drop(torch.cat((code, told, code * told), -1))))
-        low = mine.masked_fill(~mask[:, :, None], -1.0).amax(1)
-        mean = (mine * mask[:, :, None]).sum(1) / lengths[:, None]
-        pooled = torch.cat((low, mean, other.amax(1), other.mean(1)), -1)
-        logits = self.out(self.drop(torch.tanh(self.mix(self.drop(pooled)))))
-        return logits.view(len(sentences), many)
+        said = (torch.arange(index.shape[1])[None] < lengths[:, None]).to(code.device)
+        scores = self.query(steps) @ code.transpose(1, 2)
+        read = torch.softmax(scores.masked_fill(~there[:, None], HIDDEN), -1) @ code
+        told = torch.softmax(scores.masked_fill(~said[:, :, None], HIDDEN), 1)
+        told = told.transpose(1, 2) @ steps
+        sides = [
+            pooled(torch.tanh(side(self.drop(torch.cat((mine, other, mine * other), -1)))), seen)
+            for side, mine, other, seen in (
+                (self.meaning_side, steps, read, said),
+                (self.sentence_side, code, told, there),
+            )
+        ]
+        logits = self.out(self.drop(torch.tanh(self.mix(self.drop(torch.cat(sides, -1))))))
+        return logits.view(len(shown), many)
+
+
+def pooled(states: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    """Return the greatest and the mean [n, 2 * size] of the states that are there."""
+    shown = mask[:, :, None]
+    mean = (states * shown).sum(1) / shown.sum(1)
+    return torch.cat((states.masked_fill(~shown, -1.0).amax(1), mean), -1)
 
 
 def places_of(sentence: Sequence[str]) -> dict[str, list[int]]:
@@ -147,15 +198,22 @@ def places_of(sentence: Sequence[str]) -> dict[str, list[int]]:
 def exported(network: nn.Module) -> dict[str, Any]:
     """Return the arrays of a network by the names that inference knows.
 
-    Tables are whole numbers of one byte with a scale for each row, the others float16.
+    Tables are whole numbers of one byte with a scale for each row, those of the pretrained layers
+    of four bits with a scale for each group; the others are float16.
     """
     found: dict[str, Any] = {}
     for name, value in network.state_dict().items():
-        array = value.detach().numpy()
-        if array.ndim == 2:
-            scale = np.abs(array).max(axis=1, keepdims=True) / 127.0 + 1e-12
+        array = value.detach().cpu()
+        if name == 'word.weight' or (name.startswith('layers.') and array.ndim == 2):
+            numbers, scales = four_bits(array)
+            low, high = (numbers.flatten(1) + 8).to(torch.uint8).unflatten(1, (-1, 2)).unbind(-1)
+            found[name + SCALE] = scales[:, :, 0].numpy().astype(np.float16)
+            found[name] = (low | high << 4).numpy()
+        elif array.ndim == 2:
+            table = array.numpy()
+            scale = np.abs(table).max(axis=1, keepdims=True) / 127.0 + 1e-12
             found[name + SCALE] = scale.astype(np.float32)
-            found[name] = np.rint(array / scale).astype(np.int8)
+            found[name] = np.rint(table / scale).astype(np.int8)
         else:
-            found[name] = array.astype(np.float16)
+            found[name] = array.numpy().astype(np.float16)
     return found

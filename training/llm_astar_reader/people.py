@@ -32,8 +32,7 @@ def people() -> list[Sample]:
     found: list[Sample] = []
     for sentence in written.sentences(written.TRAINING):
         places = written.worlds()[sentence.map].places
-        clauses = [truth.clauses for truth in sentence.truths] or [()]
-        found += lifted_pairs(sentence.text, places, clauses) * 2
+        found += lifted_pairs(sentence.text, places, [one.clauses for one in sentence.truths]) * 2
     return found + corpus_pairs()
 
 
@@ -51,9 +50,12 @@ def misread() -> dict[tuple[str, ...], list[list[str]]]:
 
 
 def lifted_pairs(text: str, places: Places, truths: Sequence[Sequence[Clause]]) -> list[Sample]:
-    """Return a sentence with its meanings in a list, empty where slots cannot say them."""
+    """Return a sentence with its meanings in a list, empty where slots cannot say them.
+
+    Without truths nothing can be read for certain.
+    """
     one = lifted(text, places)
-    meanings: list[list[str]] = []
+    meanings: list[list[str]] = [] if truths else [[]]
     for clauses in truths:
         told = [{'about': about(c['text']), **c} if 'text' in c else c for c in clauses]
         try:

@@ -14,7 +14,7 @@ from llm_astar_planner.instructions.reader.meaning import (
     told_in_turn,
 )
 
-from llm_astar_reader.generate import made, noisy
+from llm_astar_reader.generate import demanded, made, noisy
 from llm_astar_reader.mutate import wrong
 
 Words = list[str]
@@ -108,7 +108,7 @@ def joined(
     shown = [t if t[0] != SIGN else t[:2] + names[slot_name(t)][1:] for t in others]
     body = tokens[:-1] if tokens[-1] in '.!' else tokens
     both = [*mine, *(names.get(token, token) for token in more)]
-    return [*body, *draw.choice(JOINTS), *shown], [both]
+    return [*body, *draw.choice(JOINTS), *shown], [demanded(both)]
 
 
 def batches(

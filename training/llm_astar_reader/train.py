@@ -12,7 +12,6 @@ import random
 import sys
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -20,24 +19,27 @@ from zlib import crc32
 
 import numpy as np
 import torch
+from llm_astar_planner.instructions.reader.network import PIECES, known_pieces
 from torch import nn
 from torch.nn import functional
 
 from llm_astar_reader.generate import vocabulary
-from llm_astar_reader.network import BEGIN, NUMBER, Checker, Reader, exported
+from llm_astar_reader.network import BEGIN, NUMBER, Pretrained, Reader, exported
 from llm_astar_reader.people import known_words, misread, people
 from llm_astar_reader.samples import Sample, batches
 
 PAD = -100
-RATE, WARM = 2e-3, 0.02
-SMALL = partial(Reader, 64, 112, 160)
+# The greatest rate of learning, also that of layers that were trained before.
+RATE, GENTLE, WARM = 2e-3, 5e-4, 0.02
+# What is wrong of the checker counts less than what is wrong of the reader.
+CHECKED = 0.3
+# What the parameters of layers that were trained before begin with, and those of the checker.
+BEFORE, CHECKER = ('word.', 'wide.', 'pos', 'eln.', 'layers.'), 'checker.'
+DEVICE = 'cuda' if torch.cuda.is_available() else 'cpu'
 # Of each network: how it is made, its seed, the share of people's sentences, wrong meanings.
 NETWORKS: dict[str, tuple[Callable[[], nn.Module], int, float, int]] = {
-    'reader': (Reader, 1, 0.7, 0),
-    'second': (SMALL, 3, 0.85, 0),
-    'third': (Reader, 4, 0.85, 0),
-    'fourth': (SMALL, 5, 0.7, 0),
-    'checker': (Checker, 2, 0.7, 3),
+    'first': (Pretrained, 2, 0.8, 3),
+    'second': (Reader, 3, 0.85, 0),
 }
 
 
@@ -57,16 +59,21 @@ def targets(meanings: Sequence[Sequence[str]]) -> tuple[torch.Tensor, torch.Tens
 def loss_of(network: nn.Module, batch: Sequence[Sample]) -> torch.Tensor:
     """Return what is to be made small: of the reader by tokens, of the checker by meanings."""
     sentences, meanings = zip(*batch)
+    before, wanted = (part.to(DEVICE) for part in targets([some[0] for some in meanings]))
     if isinstance(network, Reader):
-        before, wanted = targets([some[0] for some in meanings])
-        logits = network(sentences, before).flatten(0, 1)
-        return functional.cross_entropy(logits, wanted.flatten(), ignore_index=PAD)
-    logits = network(sentences, meanings)
-    right = torch.zeros_like(logits)
+        return told(network(sentences, before), wanted)
+    logits, checked = network(sentences, before, meanings)
+    right = torch.zeros_like(checked)
     right[:, 0] = 1.0
     # Which of several meanings it is, and whether one by itself is right.
-    which = functional.cross_entropy(logits, torch.zeros(len(logits), dtype=torch.long))
-    return which + functional.binary_cross_entropy_with_logits(logits, right)
+    which = functional.cross_entropy(checked, right.argmax(1))
+    alone = functional.binary_cross_entropy_with_logits(checked, right)
+    return told(logits, wanted) + CHECKED * (which + alone)
+
+
+def told(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """Return the loss of the tokens that are written."""
+    return functional.cross_entropy(logits.flatten(0, 1), wanted.flatten(), ignore_index=PAD)
 
 
 def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
@@ -75,11 +82,15 @@ def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
     kind, seed, share, wrongs = NETWORKS[name]
     path = out / f'{name}.pt'
     torch.manual_seed(seed)
-    network = kind()
-    optimizer = torch.optim.Adam(network.parameters(), lr=RATE, betas=(0.9, 0.99))
+    network = begun(kind()).to(DEVICE)
+    groups = [
+        {'params': [value], 'rate': GENTLE if key.startswith(BEFORE) else RATE}
+        for key, value in network.named_parameters()
+    ]
+    optimizer = torch.optim.AdamW(groups, lr=RATE, betas=(0.9, 0.98), weight_decay=0.02)
     state = {'round': 0, 'seconds': 0.0}
     if path.exists():
-        saved = torch.load(path)
+        saved = torch.load(path, map_location=DEVICE)
         network.load_state_dict(saved['network'])
         optimizer.load_state_dict(saved['optimizer'])
         state = saved['state']
@@ -95,7 +106,7 @@ def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
         for batch in batches(draw, human, share, wrongs, wrong):
             done = min(1.0, (state['seconds'] + time.process_time() - began) / total)
             for group in optimizer.param_groups:
-                group['lr'] = rate(done)
+                group['lr'] = group['rate'] * rate(done)
             loss = loss_of(network, batch)
             optimizer.zero_grad()
             loss.backward()
@@ -116,21 +127,25 @@ def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
 
 
 def rate(done: float) -> float:
-    """Return the learning rate when a share of the time is done."""
-    return (
-        RATE * min(1.0, done / WARM + 0.05) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
-    )
+    """Return the share of the learning rate when a share of the time is done."""
+    return min(1.0, done / WARM + 0.05) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
+
+
+def begun(network: nn.Module) -> nn.Module:
+    """Return a network with the weights that it has before it is trained."""
+    return network.begun() if isinstance(network, Pretrained) else network
 
 
 def export(out: Path) -> None:
     """Write the weights of all networks into one file."""
-    arrays: dict[str, Any] = {}
+    arrays: dict[str, Any] = {PIECES: np.frombuffer('\n'.join(known_pieces()).encode(), np.uint8)}
     for name, (kind, *_) in NETWORKS.items():
         network = kind()
-        network.load_state_dict(torch.load(out / f'{name}.pt')['network'])
-        arrays |= {f'{name}.{key}': value for key, value in exported(network).items()}
+        network.load_state_dict(torch.load(out / f'{name}.pt', map_location='cpu')['network'])
+        for key, value in exported(network).items():
+            arrays[key if key.startswith(CHECKER) else f'{name}.{key}'] = value
     words = sorted(crc32(word.encode()) for word in vocabulary(with_nouns=False) | known_words())
-    np.savez(out / 'reader.npz', words=np.array(words, np.uint32), **arrays)
+    np.savez_compressed(out / 'reader.npz', words=np.array(words, np.uint32), **arrays)
 
 
 def main() -> None:

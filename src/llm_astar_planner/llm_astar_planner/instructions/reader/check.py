@@ -20,11 +20,11 @@ from llm_astar_planner.instructions.reader.translation import Translation
 
 LONGEST = 64
 # The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
-CERTAIN = 0.05
+CERTAIN = 0.65
 # The least weight of what the grammar may claim, set in the same way.
-LIKELY = -2.0
+LIKELY = -4.0
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
-RENUMBERED, TRUST = 1, 0.15
+RENUMBERED, TRUST = 1, 0.2
 Names = Mapping[str, str]
 Clauses = tuple[meaning.Parts, ...]
 
@@ -59,7 +59,7 @@ class Views:
                 for sentence, names in zip(self.sentences, self.names)
             ]
             likely = min(float(read.log_probabilities(said).mean()) for read in self.read)
-            agreed = float(network.agreement(self.sentences, said).mean())
+            agreed = float(network.agreement(self.read[0], said).mean())
             self._weights[clauses] = likely + TRUST * agreed
         return self._weights[clauses]
 

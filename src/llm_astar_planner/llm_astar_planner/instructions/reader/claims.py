@@ -15,14 +15,16 @@ from zlib import crc32
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE, WALL
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, SAID, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable
-from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter
-from llm_astar_planner.instructions.reader.meaning import UNKNOWN, WISH, Parts, flat
+from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter, slot_name
+from llm_astar_planner.instructions.reader.meaning import EACH, UNKNOWN, WISH, Parts, flat, is_visit
 from llm_astar_planner.instructions.reader.network import known_words
 
 # What slots of regions begin with.
 REGIONS = ('@R', '@O', '@G', '@Y')
 # Clauses that begin with a condition on a place.
 CONDITIONAL = {'B', 'N', 'T'}
+# Meanings that need no place of the sentence: what is named may have been one.
+BEYOND = {'HF', 'WALLS', 'START', 'GOAL'}
 ENDS = ('.', ';', ':', '!', '?')
 FIRST = ('first', 'erst', 'premier', 'primero')
 # Ends of English words that are no names where no article is before them: 'booked', 'no barging'.
@@ -44,6 +46,7 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
         unused(one, tokens)
         or leftover(one)
         or twisted(one, tokens)
+        or returning(one, clauses)
         or unnamed(one, tokens)
         or alone(one)
     )
@@ -58,11 +61,16 @@ def unused(one: Lifted, tokens: Collection[str]) -> str:
     said = [str(slot.value) for name, slot in one.slots.items() if name in tokens]
     opposites = {OPPOSITE.get(side) for side in said}
     is_condition = not CONDITIONAL.isdisjoint(tokens)
+    # 'All three labs', 'the lab or the bar, one of the two'.
+    counted = {2} if 'OR' in tokens else set()
+    if EACH in tokens:
+        counted |= {len(one.slots[token].members) for token in tokens if token in one.slots}
     for name, slot in one.slots.items():
         is_said = name in tokens or name[0] == 'R'
         is_contrast = name[0] == 'S' and slot.value in opposites
         is_once = is_condition and name[0] == 'K' and slot.number == 1
-        if not (is_said or is_contrast or is_once):
+        is_all = name[0] == 'K' and slot.number in counted
+        if not (is_said or is_contrast or is_once or is_all):
             return f'{name} is left'
     return ''
 
@@ -84,13 +92,26 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     found = [token for token in one.tokens if SAID['partial'].fullmatch(token)]
     if not any(token.startswith('U_') for token in meaning):
         asked = (lexeme for lexeme in one.lexemes if lexeme.kind == 'UNSUPPORTED')
-        found += [w.text for x in asked for w in one.words if x.start <= w.start < x.end]
+        words = (w.text for x in asked for w in one.words if x.start <= w.start < x.end)
+        found += [word for word in words if not SAID['any_time'].fullmatch(word)]
     names = ['unsayable', 'at_most'] if 'K' in meaning else ['unsayable']
     matches = (SAID[name].search(said) for name in names)
     found += [match[0] for match in matches if match]
+    if 'A' in meaning and 'V' not in meaning:
+        found += [one[0] for one in SAID['omission'].finditer(said)]
     if WISH not in meaning:
         found += [one[0] for one in SAID['conditions'].finditer(said) if SIGN not in one[0]]
     return f'"{found[0]}" may ask for something else' if found else ''
+
+
+def returning(one: Lifted, clauses: Sequence[Parts]) -> str:
+    """Return a place to visit that is said again after another one, '' for none."""
+    visited = {token for part in clauses for token in flat([part]) if is_visit(part)}
+    said = [slot_name(token) for token in one.tokens if token[0] == SIGN]
+    said = [name for name in said if name in visited]
+    turns = [name for name, after in zip(said, [*said[1:], '']) if name != after]
+    again = [name for n, name in enumerate(turns) if name in turns[:n]]
+    return f'{again[0]} is said again' if again else ''
 
 
 def unnamed(one: Lifted, meaning: Collection[str]) -> str:
@@ -112,6 +133,7 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         if not token.isalpha() or is_map or (is_wall and 'WALLS' in meaning):
             continue
         kinds, leads = kinds_of[token], kinds_of[before] & KINDS.before_names
+        is_beside = before[:2] in REGIONS
         is_noun = (
             token in called.words and token not in articles and not kinds & KINDS.function_words
         )
@@ -121,12 +143,13 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         is_known |= is_seen and one.language != 'en'
         is_known |= bool(SAID['before_places'].fullmatch(token))
         is_known &= 'ORDINAL' not in kinds or token in FIRST
-        follows = before in articles or bool(leads) or bool({before[:2], earlier[:2]} & {*REGIONS})
+        follows = before in articles or bool(leads) or is_beside or earlier[:2] in REGIONS
         is_name = (
             (after[:2] in REGIONS and (is_noun or not is_known))
             or (before[:2] in REGIONS and (is_noun or is_letter(token)))
             or (
                 follows
+                and (is_beside or not BEYOND.isdisjoint(meaning))
                 and not (is_seen or kinds)
                 and may_be_noun(token, one, has_article=before in articles)
             )

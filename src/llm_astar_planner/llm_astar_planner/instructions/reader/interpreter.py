@@ -19,7 +19,7 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
 )
 from llm_astar_planner.instructions.reader.check import doubt, is_likely, viewed
-from llm_astar_planner.instructions.reader.meaning import Unreadable, Writer
+from llm_astar_planner.instructions.reader.meaning import NOTHING, Unreadable, Writer
 from llm_astar_planner.instructions.specification import Specification, from_json
 
 NAME = 'reader'
@@ -93,7 +93,8 @@ def read(text: str, places: Places) -> Interpretation:
         if lexeme.kind == 'UNSUPPORTED'
     }
     writer = Writer(one.slots, {'': text[: fields.MAX_NAME_CHARS], **about})
-    said = from_json({'version': 2, 'clauses': [writer.clause(part) for part in clauses]})
+    asked_for = [writer.clause(part) for part in clauses if part != (NOTHING,)]
+    said = from_json({'version': 2, 'clauses': asked_for})
     reason = doubt(one, clauses, views)
     if reason:
         if all(isinstance(clause, Unknown) for clause in said.clauses):

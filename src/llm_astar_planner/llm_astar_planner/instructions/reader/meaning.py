@@ -5,7 +5,7 @@
 
 A meaning is a row of tokens, clauses in prefix form: `A R1` avoids the first region of the
 sentence, `V R1 R2 ) V R3 )` visits two in any order and then a third, `W` makes a wish of what
-follows. Slots are regions R, lengths L, sides S and counts K, numbered as in the sentence.
+follows, `NO` asks for nothing. Slots are regions R, lengths L, sides S and counts K, numbered as in the sentence.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,14 +19,14 @@ from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.selection import DRAWN, OPPOSITE
 from llm_astar_planner.instructions.reader.lifting import SIGN, SLOTS, Slot, slot_name
 
-END, CLOSE, UNKNOWN, WISH, EACH, ONE = '<end>', ')', '?', 'W', 'EA', 'ONE'
+END, CLOSE, UNKNOWN, WISH, EACH, ONE, NOTHING = '<end>', ')', '?', 'W', 'EA', 'ONE', 'NO'
 # The parts of each clause: c a clause, r a region, p a place, s a side, l a length, k how often,
 # w a region or the walls, f the first of regions to visit; a star ends a list of any length.
 CLAUSES = {
     'A': 'r', 'B': 'rr', 'T': 'rr', 'N': 'rr', 'S': 'r', 'P': 'rs', 'PX': 'rs', 'K': 'wl',
     'E': 'r', 'C': 'rk', 'CN': 'rk', 'CL': 'rk', 'CG': 'rk', 'CE': 'rk', 'HF': 's', 'HO': 'sp',
     'AL': 'p', 'BW': 'pp', 'W': 'c', 'EA': 'p',
-    'V': 'fv', 'OR': 'rrm', 'EX': 'rrm',
+    'V': 'fv', 'OR': 'rrm', 'EX': 'rrm', NOTHING: '',
 }  # fmt: skip
 LISTS = ('V', 'OR', 'EX')
 REGIONS = ('HF', 'HO', 'AL', 'BW', 'EA', 'OR', 'EX')

@@ -13,23 +13,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.instructions.reader import encoder
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import END, KINDS, TOKENS, after
 
 FILE = Path(__file__).with_name('reader.npz')
 # The hashes of the words that were seen in training, in the same file.
 WORDS = 'words'
+# The pieces of words that the pretrained encoder knows, in the same file, one a line.
+PIECES = 'pieces'
 # What the scales of the rows of a table are called by, after its name.
 SCALE = '.scale'
 # The parts of a GRU, what those of its way back are called after, and those of both ways.
 GRU = ('weight_ih', 'bias_ih', 'weight_hh', 'bias_hh')
 REVERSE, BOTH = '_reverse', '_both'
-READERS = ('reader', 'second', 'third', 'fourth')
+READERS = ('first', 'second')
+PRETRAINED = READERS[0]
 LONGEST = 32
 Array = NDArray[np.float32]
 NUMBER = {token: n for n, token in enumerate(TOKENS)}
@@ -45,13 +50,27 @@ def weights(network: str) -> Mapping[str, Array]:
     """
     with np.load(FILE) as arrays:
         names = [name for name in arrays.files if name.startswith(f'{network}.')]
-        values = {name.partition('.')[2]: arrays[name].astype(np.float32) for name in names}
-    scales = {name: values.pop(name) for name in [*values] if name.endswith(SCALE)}
-    found = {name: value * scales.get(name + SCALE, 1.0) for name, value in values.items()}
+        values = {name.partition('.')[2]: arrays[name] for name in names}
+    scales = {name: values.pop(name).astype(np.float32) for name in [*values] if name.endswith(SCALE)}
+    found = {name: scaled(value, scales.get(name + SCALE)) for name, value in values.items()}
     for back in [name for name in found if name.endswith(REVERSE)]:
         ahead = back.removesuffix(REVERSE)
         found[ahead + BOTH] = np.stack((found.pop(ahead), found.pop(back)))
     return found
+
+
+def scaled(value: NDArray[Any], scale: Array | None) -> Array:
+    """Return the numbers that whole ones of a file stand for, bytes for two of four bits each."""
+    if scale is None:
+        return value.astype(np.float32)
+    return encoder.unpacked(value, scale) if value.dtype == np.uint8 else value * scale
+
+
+@cache
+def known_pieces() -> Mapping[str, int]:
+    """Return the numbers of the pieces that the pretrained encoder knows."""
+    with np.load(FILE) as arrays:
+        return {piece: n for n, piece in enumerate(bytes(arrays[PIECES]).decode().split('\n'))}
 
 
 @cache
@@ -139,7 +158,7 @@ class Reading:
     """Sentences of one length as a reader has read them, to be asked for their meanings."""
 
     table: Mapping[str, Array]
-    sentences: Sequence[Sequence[str]]
+    shown: Sequence[Sequence[str]]
     code: Array
     state: Array
 
@@ -154,8 +173,8 @@ class Reading:
 
     def log_probabilities(self, meanings: Sequence[Sequence[str]]) -> NDArray[np.float64]:
         """Return the log probability of a meaning of each sentence, all of one length."""
-        state, last = self.state, np.full(len(self.sentences), len(TOKENS))
-        found = np.zeros(len(self.sentences))
+        state, last = self.state, np.full(len(self.shown), len(TOKENS))
+        found = np.zeros(len(self.shown))
         for tokens in columns(meanings):
             state, logs = self.step(state, last)
             last = np.array([NUMBER[token] for token in tokens])
@@ -169,7 +188,7 @@ class Reading:
         """
         has = np.array([token[0] not in 'RLSK' or not token[1:].isdigit() for token in TOKENS])
         has = has | np.array([[token in mine.values() for token in TOKENS] for mine in names])
-        count = len(self.sentences)
+        count = len(self.shown)
         stacks, found = ['t'] * count, [[] for _ in names]  # type: ignore[var-annotated]
         scores, state, last = np.zeros(count), self.state, np.full(count, len(TOKENS))
         for _ in range(LONGEST):
@@ -199,23 +218,25 @@ def columns(meanings: Sequence[Sequence[str]]) -> Iterator[Sequence[str]]:
 
 
 def reading(name: str, sentences: Sequence[Sequence[str]]) -> Reading:
-    """Return sentences of one length as one of READERS reads them."""
-    table = weights(name)
-    code = encoded(sentences, table)
-    return Reading(table, sentences, code, np.tanh(linear(code.mean(axis=1), table, 'start')))
+    """Return a sentence with its slots numbered in several ways, as one of READERS reads it."""
+    table, shown = weights(name), sentences
+    if name == PRETRAINED:
+        shown = [encoder.spelt(one, known_pieces()) for one in sentences]
+        code = encoder.encoded(shown, known_pieces(), table)
+    else:
+        code = encoded(sentences, table)
+    return Reading(table, shown, code, np.tanh(linear(code.mean(axis=1), table, 'start')))
 
 
-def agreement(
-    sentences: Sequence[Sequence[str]], meanings: Sequence[Sequence[str]]
-) -> NDArray[np.float64]:
+def agreement(read: Reading, meanings: Sequence[Sequence[str]]) -> NDArray[np.float64]:
     """Return how sure the checker is that each sentence has its meaning, as a log odds.
 
-    Sentences are of one length, and so are meanings.
+    It looks at what the PRETRAINED reader has read; meanings are of one length.
     """
     table = weights('checker')
-    code = linear(encoded(sentences, table), table, 'view')
+    code = linear(read.code, table, 'view')
     tokens = [[*meaning, END] for meaning in meanings]
-    links = np.array([links_of(*pair) for pair in zip(sentences, tokens)], np.float32)
+    links = np.array([links_of(*pair) for pair in zip(read.shown, tokens)], np.float32)
     index = np.array([[NUMBER[token] for token in meaning] for meaning in tokens])
     inputs = np.concatenate((table['tokens.weight'][index], links @ code), axis=2)
     states = both_ways(inputs, table, 'meaning.{}_l0')

@@ -39,7 +39,7 @@ class Translation:
             for clause in clauses
             for tokens in self.clause(clause)
         ]
-        return [token for tokens in dict.fromkeys(found) for token in tokens]
+        return [token for tokens in dict.fromkeys(found) for token in tokens] or [meaning.NOTHING]
 
     def clause(self, clause: Json) -> list[list[str]]:
         """Return the tokens of one clause, or of two that mean the same. Raises Unreadable."""

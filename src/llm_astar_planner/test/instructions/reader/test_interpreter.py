@@ -73,7 +73,7 @@ def test_no_text_breaks_it(text):
 
 def test_only_slots_of_the_sentence_are_written():
     one = lifted('keep away', HOSPITAL)
-    for tokens, _ in network.reading('reader', [one.tokens]).written([{}]):
+    for tokens, _ in network.reading(network.PRETRAINED, [one.tokens]).written([{}]):
         assert not {token for token in tokens if token[1:].isdigit()}
 
 
@@ -117,7 +117,7 @@ def test_the_weights_are_small():
 
 
 @pytest.mark.parametrize('name', network.READERS)
-def test_the_readers_in_numpy_are_those_of_torch(name):
+def test_the_networks_in_numpy_are_those_of_torch(name):
     torch = pytest.importorskip('torch')
     from llm_astar_reader.train import NETWORKS, targets  # noqa: PLC0415
 
@@ -126,32 +126,24 @@ def test_the_readers_in_numpy_are_those_of_torch(name):
     read = network.reading(name, [one.tokens])
     ((tokens, score),) = read.written([{name: name for name in one.slots}])
     before, wanted = targets([tokens])
-    logs = torch.log_softmax(other([one.tokens], before), -1)
+    logits = other([one.tokens], before, [[tokens]])
+    if name == network.PRETRAINED:
+        logits, checked = logits
+        found = network.agreement(read, [tokens])
+        assert found.tolist() == pytest.approx(checked[0].tolist(), abs=1e-3)
+    logs = torch.log_softmax(logits, -1)
     assert logs[0].gather(1, wanted[0][:, None]).sum().item() == pytest.approx(score, abs=1e-3)
     assert read.log_probabilities([tokens])[0] == pytest.approx(score, abs=1e-5)
-
-
-def test_the_checker_in_numpy_is_that_of_torch():
-    pytest.importorskip('torch')
-    from llm_astar_reader.train import NETWORKS  # noqa: PLC0415
-
-    other = loaded(NETWORKS['checker'][0](), 'checker')
-    tokens = lifted('go to the kitchen, then to ward 1', HOSPITAL).tokens
-    meanings = [['V', one, ')', 'V', two, ')'] for one, two in (('R1', 'R2'), ('R2', 'R1'))]
-    logits = other([tokens], [meanings])[0].tolist()
-    found = network.agreement([tokens, tokens], meanings)
-    assert found.tolist() == pytest.approx(logits, abs=1e-3)
 
 
 def loaded(other, name):
     """Return a network of torch with the weights of the package."""
     torch = pytest.importorskip('torch')
-    arrays = {}
-    for key, one in network.weights(name).items():
-        names = [key]
-        if key.endswith(network.BOTH):
-            ahead = key.removesuffix(network.BOTH)
-            names = [ahead, ahead + network.REVERSE]
-        arrays |= dict(zip(names, torch.tensor(one if len(names) == 2 else one[None])))
-    other.load_state_dict(arrays)
+    arrays = dict(network.weights(name))
+    if name == network.PRETRAINED:
+        arrays |= {f'checker.{key}': one for key, one in network.weights('checker').items()}
+    for both in [key for key in arrays if key.endswith(network.BOTH)]:
+        ahead = both.removesuffix(network.BOTH)
+        arrays[ahead], arrays[ahead + network.REVERSE] = arrays.pop(both)
+    other.load_state_dict({key: torch.tensor(one) for key, one in arrays.items()})
     return other.eval()

@@ -1,0 +1,95 @@
+# Copyright 2026 The LLM-A* for ROS 2 contributors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pretrained encoder in numpy: the first layers of MiniLM, which have learnt to read orders.
+
+MiniLM (Wang et al., NeurIPS 2020, arXiv 2002.10957) knows English from reading much of it, so a
+word that no sentence of the training had is not new to it. Layers are as in BERT. It reads pieces
+of words; a slot of a lifted sentence is one piece.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float32]
+# The first pieces: what begins and ends a sentence, and what stands for an unknown one.
+BEGIN, END, UNKNOWN = '<begin>', '<end>', '<unknown>'
+# What a piece begins with that goes on with a word.
+INNER = '##'
+HEADS, EPSILON = 12, 1e-12
+# Weights of four bits have a scale for each of so many.
+GROUP = 64
+
+
+def pieces(word: str, known: Mapping[str, int]) -> list[str]:
+    """Return a word in the longest known pieces from the left; UNKNOWN for a letter not known."""
+    found, start = [], 0
+    while start < len(word):
+        mark = INNER if start else ''
+        ends = range(len(word), start, -1)
+        end = next((end for end in ends if mark + word[start:end] in known), start + 1)
+        piece = mark + word[start:end]
+        found.append(piece if piece in known else UNKNOWN)
+        start = end
+    return found
+
+
+def spelt(tokens: Sequence[str], known: Mapping[str, int]) -> list[str]:
+    """Return the pieces of a lifted sentence, at most 8 of a word."""
+    inner = [piece for token in tokens for piece in cut(token, known)]
+    return [BEGIN, *inner, END]
+
+
+def cut(token: str, known: Mapping[str, int]) -> list[str]:
+    """Return the first 8 pieces of a token; a slot is one."""
+    return [token] if token in known else pieces(token, known)[:8]
+
+
+def encoded(shown: Sequence[Sequence[str]], known: Mapping[str, int], table: Mapping[str, Array]) -> Array:
+    """Return the states [n, length, size] of sentences in pieces, all of one length."""
+    index = np.array([[known[piece] for piece in sentence] for sentence in shown])
+    states = table['word.weight'][index] @ table['wide.weight'].T + table['pos'][: index.shape[1]]
+    states = normal(states, table, 'eln')
+    for n in range(sum(name.endswith('.q.weight') for name in table)):
+        states = layer(states, table, f'layers.{n}.')
+    return states
+
+
+def layer(states: Array, table: Mapping[str, Array], name: str) -> Array:
+    """Return the states after one more layer."""
+
+    def linear(inputs: Array, part: str) -> Array:
+        return np.asarray(inputs @ table[f'{name}{part}.weight'].T + table[f'{name}{part}.bias'])
+
+    def head(part: str) -> Array:
+        found = linear(states, part)
+        return found.reshape(*found.shape[:2], HEADS, -1).swapaxes(1, 2)
+
+    query, key, value = head('q'), head('k'), head('v')
+    scores = query @ key.swapaxes(2, 3) / np.sqrt(np.float32(query.shape[-1]))
+    scores = np.exp(scores - scores.max(axis=-1, keepdims=True))
+    mixed = (scores / scores.sum(axis=-1, keepdims=True) @ value).swapaxes(1, 2)
+    states = normal(states + linear(mixed.reshape(states.shape), 'ao'), table, f'{name}aln')
+    inner = linear(states, 'fi')
+    # GELU by its usual approximation.
+    inner *= 0.5 + 0.5 * np.tanh(0.7978845608 * (inner + 0.044715 * inner * inner * inner))
+    return normal(states + linear(inner, 'fo'), table, f'{name}oln')
+
+
+def normal(states: Array, table: Mapping[str, Array], name: str) -> Array:
+    """Return states with mean 0 and variance 1, times a weight, and a bias."""
+    middle = states - states.mean(axis=-1, keepdims=True)
+    spread = np.sqrt((middle * middle).mean(axis=-1, keepdims=True) + EPSILON)
+    return np.asarray(middle / spread * table[f'{name}.weight'] + table[f'{name}.bias'])
+
+
+def unpacked(codes: NDArray[np.uint8], scales: NDArray[np.float32]) -> Array:
+    """Return a table [rows, columns] of numbers of four bits, two in a byte of `codes`.
+
+    `scales` [rows, columns / GROUP] are of each GROUP of a row.
+    """
+    both = np.stack((codes & 15, codes >> 4), axis=-1).reshape(*scales.shape, GROUP)
+    return np.asarray((both.astype(np.float32) - 8) * scales[..., None]).reshape(len(codes), -1)
