@@ -25,6 +25,8 @@ _WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])
 os.environ['ROS_DOMAIN_ID'] = str(40 + (os.getpid() + _WORKER) % 60)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
+# A worker has one core: threads that share a product of matrices only wait for each other there.
+os.environ.setdefault('OMP_NUM_THREADS', '1')
 # What a person has confirmed is remembered in a folder that ends with the tests.
 _STATE = tempfile.TemporaryDirectory()
 os.environ['XDG_STATE_HOME'] = _STATE.name

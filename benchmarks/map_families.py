@@ -6,10 +6,11 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from llm_astar_lab.datasets.generate import Blocked, maze, rooms
+from llm_astar_lab.datasets.generate import maze, rooms
+from llm_astar_planner.search.arrays import Bools
 
 
-def boxes(size: int, random: np.random.Generator) -> Blocked:
+def boxes(size: int, random: np.random.Generator) -> Bools:
     """Return an open area with boxes of 5 to 60 cells a side, one per 4000 cells."""
     blocked = np.zeros((size, size), dtype=np.bool_)
     for _ in range(size * size // 4000):
@@ -19,7 +20,7 @@ def boxes(size: int, random: np.random.Generator) -> Blocked:
     return blocked
 
 
-def city(size: int, random: np.random.Generator) -> Blocked:
+def city(size: int, random: np.random.Generator) -> Bools:
     """Return blocks of houses with courtyards between streets of 6 to 14 cells, and parks."""
     blocked = np.zeros((size, size), dtype=np.bool_)
     rows, columns = (np.cumsum(random.integers(28, 90, size // 28)).tolist() for _ in range(2))
@@ -36,12 +37,12 @@ def city(size: int, random: np.random.Generator) -> Blocked:
     return blocked
 
 
-def random_40(size: int, random: np.random.Generator) -> Blocked:
+def random_40(size: int, random: np.random.Generator) -> Bools:
     """Return cells that are blocked at random, 40 % of them."""
     return random.random((size, size)) < 0.4
 
 
-def warehouse(size: int, random: np.random.Generator) -> Blocked:
+def warehouse(size: int, random: np.random.Generator) -> Bools:
     """Return rows of racks with aisles of 10 cells, cross aisles, and pallets left in the way."""
     blocked = np.zeros((size, size), dtype=np.bool_)
     for top in range(30, size - 40, 26):
@@ -53,7 +54,7 @@ def warehouse(size: int, random: np.random.Generator) -> Blocked:
     return blocked
 
 
-FAMILIES: dict[str, Callable[[int, np.random.Generator], Blocked]] = {
+FAMILIES: dict[str, Callable[[int, np.random.Generator], Bools]] = {
     'rooms': rooms,
     'random 40 %': random_40,
     'maze': maze,

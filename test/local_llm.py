@@ -72,8 +72,8 @@ def serve(api_key_env, context):
     params.port = 0
     params.n_ctx = context
     params.n_parallel = 1
-    params.cpuparams.n_threads = os.cpu_count() or 1
-    params.cpuparams_batch.n_threads = params.cpuparams.n_threads
+    # Two wait for each other where the other core runs another test.
+    params.cpuparams.n_threads = params.cpuparams_batch.n_threads = 1
     params.warmup = False
     params.ui = False
     params.verbosity = -1

@@ -21,4 +21,4 @@ def write_transcript(path):
         for pair, sample in enumerate(barrier_map.samples):
             text = f'Generated Path: [{list(sample.goal)}]'
             query = (barrier_map.id, pair, 1, 'parrot', 'few_shot', (), text)
-            writer.write(Exchange(*query, 7, 5, 0.1, SourceStatus.OK))
+            writer.write(Exchange(*query, 7, 5, 0.1, SourceStatus.OK).to_json())

@@ -11,12 +11,12 @@ from fuzzing import MOST_BYTES, run_outside
 
 # The time of the whole module counts as that of its first test.
 pytestmark = pytest.mark.timeout(900)
-MUTATIONS = 300
+MUTATIONS = 200
 # Of readers that take a tenth of a second and more each time: bags, and what is solved or
 # understood at once; a folder of results is summed up and reported anew.
 FEWER = {
-    **dict.fromkeys(('bag_mcap', 'bag_sqlite3', 'bag_metadata', 'reply_to_instruction'), 100),
-    **{name: 25 for name in READERS if name.startswith('results_')},
+    **dict.fromkeys(('bag_mcap', 'bag_sqlite3', 'bag_metadata', 'reply_to_instruction'), 60),
+    **{name: 15 for name in READERS if name.startswith('results_')},
 }
 SOAK_MUTATIONS = int(os.environ.get('FUZZ_MUTATIONS', '100000'))
 

@@ -98,7 +98,8 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
         map_node, client, planner, caller = graph(arguments, *slow)
         with map_node, client, planner, caller as caller:
             caller.wait_until_ready(client='llm_client_node')
-            for prompt in ('few_shot', 'repe'):
+            # The shortest and the default one, whose beginning the model then has read already.
+            for prompt in ('zero_shot', 'few_shot'):
                 assert set_parameter(caller, 'llm_client_node', 'prompt', prompt).successful
                 exchange = ask_client(caller)
                 assert exchange.status in answered, exchange

@@ -268,7 +268,7 @@ def test_an_old_transcript_holds_the_same_exchanges(tmp_path):
     assert exchanges[1].response == 'Sorry.'
     copy = TranscriptWriter(tmp_path / 'copy.jsonl')
     for exchange in exchanges:
-        copy.write(exchange)
+        copy.write(exchange.to_json())
     assert copy.path.read_text() == TRANSCRIPT.read_text()
 
 

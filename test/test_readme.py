@@ -81,7 +81,12 @@ SLOW = {
 # What asks a running planner; a page that starts none takes one for granted.
 ASKS = re.compile(r'llm-astar (call|param|watch)')
 # Options that are added to the commands that match, so that they end in seconds.
-SHORTER = {r'llm-astar bench': '--limit 3 --methods guided'}
+SHORTER = {
+    r'llm-astar bench --dataset rooms,': '--limit 3 --methods guided --maps 1',
+    r'llm-astar bench': '--limit 3 --methods guided',
+    r'llm-astar dataset to-bag': '--map-ids 50-51',
+    r'llm-astar dataset generate .*large': '--size 900 600',
+}
 SECONDS = 400
 
 

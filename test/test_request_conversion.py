@@ -89,7 +89,7 @@ def convert(converter, goal, grid_map=MAP, want_expanded=False):
 
 
 def to_request(*arguments, **fields):
-    return convert(*arguments, **fields).request
+    return convert(*arguments, **fields)[0]
 
 
 def refusal(converter, goal):
@@ -243,9 +243,9 @@ def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words)
 def test_without_a_start_the_robots_pose_counts():
     buffer = Buffer(base_link=(3.0, 4.0, 0.5), robot_base=(5.0, 6.0, 0.0))
     goal = PlanGoal((pose(1.0, 1.0),))
-    assert convert(converter(buffer), goal).start == pytest.approx((3.0, 4.0, 0.5))
+    assert convert(converter(buffer), goal)[1] == pytest.approx((3.0, 4.0, 0.5))
     named = converter(buffer, robot_base_frame='robot_base')
-    assert convert(named, goal).start == pytest.approx((5.0, 6.0, 0.0))
+    assert convert(named, goal)[1] == pytest.approx((5.0, 6.0, 0.0))
     code, message = refusal(converter(Buffer()), goal)
     assert code == 'TF_ERROR'
     assert 'base_link' in message
@@ -253,10 +253,10 @@ def test_without_a_start_the_robots_pose_counts():
 
 def test_a_fallback_serves_where_the_robots_pose_is_not_known():
     goal = PlanGoal((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
-    assert convert(converter(None), goal).start[:2] == (9.0, 8.0)
-    assert convert(converter(Buffer()), goal).start[:2] == (9.0, 8.0)
+    assert convert(converter(None), goal)[1][:2] == (9.0, 8.0)
+    assert convert(converter(Buffer()), goal)[1][:2] == (9.0, 8.0)
     known = Buffer(base_link=(3.0, 4.0, 0.0))
-    assert convert(converter(known), goal).start[:2] == (3.0, 4.0)
+    assert convert(converter(known), goal)[1][:2] == (3.0, 4.0)
 
 
 def test_a_pose_that_is_not_finite_is_refused():

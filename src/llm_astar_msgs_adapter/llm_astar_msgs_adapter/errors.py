@@ -3,10 +3,9 @@
 
 """The base class of every error raised for bad input, bad files or a failed service."""
 
-from __future__ import annotations
-
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 _T = TypeVar('_T')
@@ -25,6 +24,18 @@ class LlmAstarError(Exception):
 
     Subclasses are also ValueError, RuntimeError and so on, where callers expect those.
     """
+
+
+@contextmanager
+def raising(kind: Callable[..., Exception], head: str, *caught: type[Exception]) -> Iterator[None]:
+    """Raise an error of this kind in the place of others that a block raises.
+
+    Its message is theirs, behind the head.
+    """
+    try:
+        yield
+    except caught as error:
+        raise kind(f'{head}{error}') from None
 
 
 def short_repr(value: object) -> str:

@@ -7,8 +7,6 @@ What a parameter or a field of a file names may be a device, a FIFO or a file of
 and its contents may be made to take all time or memory.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -19,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 
 # Larger than any dataset or transcript; a prompt or a yaml file of this size is none.
 MAX_BYTES = 64 * 2**20
@@ -79,20 +77,16 @@ def read_text(
     `encoding` and `errors` are those of `open`.
     """
     contents = read_bytes(path, kind, limit)
-    try:
+    with raising(kind, f'{path}: ', UnicodeDecodeError):
         text = contents.decode(encoding, errors)
-    except UnicodeDecodeError as error:
-        raise kind(f'{path}: {error}') from None
     return text.replace('\r\n', '\n').replace('\r', '\n')
 
 
 def read_json(path: str | Path, kind: type[LlmAstarError], limit: int = MAX_BYTES) -> Any:  # noqa: ANN401 - any JSON value
     """Return the value in a JSON file. Raises an error of this kind."""
     contents = read_bytes(path, kind, limit)
-    try:
+    with raising(kind, f'{path}: not JSON: ', ValueError):
         return parse_json(contents)
-    except ValueError as error:
-        raise kind(f'{path}: not JSON: {error}') from None
 
 
 def read_yaml(path: str | Path, kind: type[LlmAstarError], limit: int = MAX_YAML_BYTES) -> Any:  # noqa: ANN401 - any yaml value
@@ -136,10 +130,8 @@ def check_events(events: Iterable[yaml.Event]) -> None:
 
 def parse_json(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON value
     """Return a JSON value. Raises ValueError, also where it is too deep or has too many values."""
-    count = sum(
-        text.count(sign) if isinstance(text, str) else text.count(sign.encode()) for sign in SIGNS
-    )
-    if count > MAX_VALUES:
+    signs: Any = SIGNS if isinstance(text, str) else SIGNS.encode()
+    if sum(map(text.count, signs)) > MAX_VALUES:
         raise ValueError(f'over {MAX_VALUES} values')
     try:
         return json.loads(text)

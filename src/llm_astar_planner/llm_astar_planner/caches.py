@@ -3,8 +3,6 @@
 
 """Memories of a bounded size: what was not used for longest makes way."""
 
-from __future__ import annotations
-
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable

@@ -3,8 +3,6 @@
 
 """Imports of large libraries that wait for their first use."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -9,33 +9,26 @@ import re
 from collections.abc import Callable
 from dataclasses import Field, dataclass, field, replace
 from inspect import cleandoc
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 
+from llm_astar_planner.plugins import Plugins
+
 Scalar = bool | int | float | str
 _T = TypeVar('_T', bool, int, float, str)
-
-
-class Extension(Protocol):
-    """What else a parameter with choices can be: the names of plug-ins."""
-
-    def problem(self, name: object) -> str | None:
-        """Say why a name cannot be chosen, None where it can."""
-
-    def admit(self, name: object) -> None:
-        """Take a name that whoever started the process has given. Raises LlmAstarError."""
+_R = TypeVar('_R')
 
 
 class ParameterError(LlmAstarError, ValueError):
     """A parameter that does not exist or a value it cannot have; the message names both."""
 
 
-def problem_of(read: Callable[[str], object], text: str) -> str | None:
-    """Say why a text cannot be read, None where it can."""
+def problem_of(read: Callable[[_R], object], value: _R) -> str | None:
+    """Say why a value cannot be read, None where it can."""
     try:
-        read(text)
-    except LlmAstarError as error:
+        read(value)
+    except (LlmAstarError, FileNotFoundError) as error:
         return str(error)
     return None
 
@@ -59,7 +52,7 @@ class Parameter:
     sentence: str
     unit: str = ''
     choices: tuple[str, ...] = ()
-    plugins: Extension | None = None
+    plugins: Plugins | None = None
     between: tuple[float, float] | None = None
     zero: str = ''
     read_only: bool = False

@@ -183,10 +183,8 @@ class Plugins:
 
     def _import(self, name: str, place: str) -> Any:  # noqa: ANN401 - of any kind
         """Import a plug-in from `module:name`. Raises PluginError."""
-        try:
+        with errors.raising(PluginError, f'{self.kind} {name} cannot be loaded: ', PluginError):
             return call(lambda: self.adapt(name, pkgutil.resolve_name(place)))
-        except PluginError as error:
-            raise PluginError(f'{self.kind} {name} cannot be loaded: {error}') from None
 
 
 LAB = 'llm_astar_lab'

@@ -3,8 +3,6 @@
 
 """Find the files that come with the package, however it was installed, and those of the user."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

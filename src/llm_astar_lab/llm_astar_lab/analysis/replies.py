@@ -3,8 +3,6 @@
 
 """What is wrong with the replies of models: each is judged when its row is made, then counted."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache

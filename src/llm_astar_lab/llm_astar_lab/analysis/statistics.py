@@ -10,8 +10,6 @@ mean has Student's t with the standard error over maps. Several tests at once ar
 Holm's method.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 
 """Summarises rows: metrics of every variant, paired comparisons, and growth with the scale."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -3,8 +3,6 @@
 
 """What a run must meet: thresholds [VARIANT:]METRIC=LIMIT, and a dataset's optimal lengths."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple

@@ -8,8 +8,6 @@ of their times, file by file. Where the times of one topic go back within a file
 clock jumped, and that file is read in the order of recording. Memory does not grow with the bag.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence

@@ -3,8 +3,6 @@
 
 """The storage files of bags: mcap, read record by record, and sqlite3, of every version."""
 
-from __future__ import annotations
-
 import sqlite3
 import struct
 import zlib
@@ -20,7 +18,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 import lz4.frame
 import zstandard
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -314,14 +312,13 @@ class SqliteFile:
         # A write-ahead log next to it holds its last messages and needs a real connection.
         log = path.with_name(path.name + '-wal')
         mode = 'ro' if log.exists() and log.stat().st_size else 'ro&immutable=1'
-        try:
+        what = f'{path}: is not a bag that sqlite3 can read: '
+        with raising(BagError, what, sqlite3.Error, ValueError, OverflowError):
             self._database = sqlite3.connect(f'{path.resolve().as_uri()}?mode={mode}', uri=True)
             # Without this, sqlite refuses a file that is shorter than its header says.
             self._database.execute('PRAGMA writable_schema=ON')
             check_tables(self._database)
             self.channels = dict(self._read_channels())
-        except (sqlite3.Error, ValueError, OverflowError) as error:
-            raise BagError(f'{path}: is not a bag that sqlite3 can read: {error}') from None
 
     def close(self) -> None:
         """Close the file."""

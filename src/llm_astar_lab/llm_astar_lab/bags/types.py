@@ -7,8 +7,6 @@ Definitions come from Jazzy's common packages (rosbags has them), from the packa
 this machine, or from the bag itself.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -20,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import zstandard
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from rosbags import typesys
@@ -88,16 +86,14 @@ def define(msgtype: str) -> TypeDefinition:
 
     Raises BagTypeError where neither Jazzy's common packages nor those installed here define it.
     """
-    store = bag_types()
-    try:
+    store, what = bag_types(), f'{msgtype}: its definition cannot be read: '
+    with raising(BagTypeError, what, OSError, typesys.TypesysError, ValueError):
         if msgtype == GET_PLAN_EVENT_TYPE:
             text, encoding = GET_PLAN_EVENT_IDL, 'ros2idl'
         else:
             learn(store, msgtype)
             (text, _), encoding = store.generate_msgdef(msgtype, ros_version=2), 'ros2msg'
         return TypeDefinition(msgtype, text, encoding, store.hash_rihs01(msgtype))
-    except (OSError, typesys.TypesysError, ValueError) as error:
-        raise BagTypeError(f'{msgtype}: its definition cannot be read: {error}') from None
 
 
 def learn(store: Typestore, msgtype: str) -> None:
@@ -161,11 +157,9 @@ class Decoder:
 
         Raises DecodeError for data that do not fit the type, UnknownTypeError for the type.
         """
-        try:
-            if data[:4] == ZSTD_MAGIC:
+        if data[:4] == ZSTD_MAGIC:
+            with raising(DecodeError, '', ValueError, zstandard.ZstdError):
                 data = unzstd(data)
-        except (ValueError, zstandard.ZstdError) as error:
-            raise DecodeError(str(error)) from None
         try:
             if msgtype in self._names:
                 return self._embedded.deserialize_cdr(data, msgtype)

@@ -24,12 +24,9 @@ exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, or a l
 the optimal one in the dataset, 130 interrupted
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +46,7 @@ from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner import sources
 from llm_astar_lab.runner.config import BenchmarkConfig, choose_folder
+from llm_astar_lab.runner.engine import SearchSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -130,8 +128,8 @@ def keep_maps(
     if args.resume and (folder.path / MAPS_FILE).exists():
         kept += [item for item in load_kept_maps(folder.path / MAPS_FILE) if item.id not in ids]
     folder.write_text(MAPS_FILE, format_kept_maps(kept))
-    if config.settings.instruction is not None:
-        folder.write_places(config.settings.instruction.places)
+    if (instruction := config.settings.request.instruction) is not None:
+        folder.write_places(instruction.places)
 
 
 def open_dataset(args: argparse.Namespace) -> named.Dataset:
@@ -172,9 +170,10 @@ def benchmark_config(
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         sources.check_grid_options(problem, args.source)
-    settings = common.search_settings(args, open_places(args.places_file or '', file))
-    settings = replace(settings, zones=zones_text(args.zones))
-    for flag, is_given in (('--instruction', settings.instruction), ('--zones', settings.zones)):
+    request = common.search_request(args, open_places(args.places_file or '', file))
+    settings = SearchSettings(request, zones=zones_text(args.zones))
+    instruction = settings.request.instruction
+    for flag, is_given in (('--instruction', instruction), ('--zones', settings.zones)):
         if is_given and scales != [1]:
             raise ValueError(f'{flag} is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]

@@ -24,8 +24,6 @@ exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regressi
 of the base is missing or has too few samples to be judged, 130 interrupted
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 

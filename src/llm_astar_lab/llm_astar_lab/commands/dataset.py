@@ -11,8 +11,6 @@ examples:
 exit codes: 0 done, 2 bad usage or input
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable
 from dataclasses import replace

@@ -17,8 +17,6 @@ examples:
 exit codes: 0 drawn, 1 no path, 2 bad usage or input
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 

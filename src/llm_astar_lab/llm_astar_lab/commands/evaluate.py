@@ -22,8 +22,6 @@ exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left
 did not answer, 130 interrupted
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Sequence
@@ -46,6 +44,7 @@ from llm_astar_lab.evaluation.tasks import Evaluation
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder
+from llm_astar_lab.runner.engine import SearchSettings
 from llm_astar_lab.runner.sources import GRID_BASELINES
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
@@ -183,11 +182,10 @@ def make_config(
     """
     values = parameters.defaults(RULES, cli=True) | rules
     places = open_places(args.places_file or '', None)
-    settings = common.search_settings(
-        args, places, costmap=parameters.costmap_config(rules), tolerance=values['tolerance'],
-        start_tolerance=values['start_tolerance'],
-        paper_corners='corner_cutting' not in rules and not args.params_file,
-    )  # fmt: skip
+    tolerances = {name: values[name] for name in ('tolerance', 'start_tolerance')}
+    request = common.search_request(args, places, **tolerances)
+    is_paper = 'corner_cutting' not in rules and not args.params_file
+    settings = SearchSettings(request, parameters.costmap_config(rules), is_paper)
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
@@ -199,6 +197,7 @@ def run_parameters(args: argparse.Namespace, config: Evaluation) -> dict[str, An
     settings = config.settings
     return common.deciding_parameters(args, 'requests', 'plan_window') | {
         'rules': None if settings.costmap is None else asdict(settings.costmap),
-        'tolerance': settings.tolerance, 'start_tolerance': settings.start_tolerance,
+        'tolerance': settings.request.tolerance,
+        'start_tolerance': settings.request.start_tolerance,
         'paper_corners': settings.paper_corners, 'topics': list(asdict(config.selection).values()),
     }  # fmt: skip

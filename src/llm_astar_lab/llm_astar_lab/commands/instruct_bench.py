@@ -40,8 +40,6 @@ exit codes: 0 ok, 1 --show found no path, 2 bad usage or input, 3 a model left i
 unanswered, 130 interrupted
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 from collections.abc import Iterator, Sequence

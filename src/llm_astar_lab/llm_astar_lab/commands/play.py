@@ -23,8 +23,6 @@ read no other file.
 exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
 """
 
-from __future__ import annotations
-
 import argparse
 import threading
 import webbrowser

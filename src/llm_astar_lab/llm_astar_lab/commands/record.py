@@ -13,8 +13,6 @@ reports, exchanges with the language model, tf, odometry and diagnostics. What h
 is waited for. For the use of the bag see `llm-astar evaluate --help`.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from functools import partial

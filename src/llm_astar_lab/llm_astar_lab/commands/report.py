@@ -7,8 +7,6 @@ With --latex, only write its tables; with --readme, only replace the results sec
 README.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from pathlib import Path

@@ -3,8 +3,6 @@
 
 """The options and the last steps that `bench` and `evaluate` share."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys
@@ -12,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import printable
+from llm_astar_msgs_adapter.errors import printable, raising
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
@@ -23,6 +21,7 @@ from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, SOURCE, defaults
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
@@ -35,7 +34,7 @@ from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner import config, engine
-from llm_astar_lab.runner.engine import SearchSettings, Task
+from llm_astar_lab.runner.engine import Task
 from llm_astar_lab.runner.sources import GRID_BASELINES, SourceOptions, SourceSpec
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -78,10 +77,8 @@ def parsed_by(parse: Callable[[str], Parsed]) -> Callable[[str], Parsed]:
     """Return a parser of an option's value whose ValueErrors argparse shows."""
 
     def parsed(text: str) -> Parsed:
-        try:
+        with raising(argparse.ArgumentTypeError, '', ValueError):
             return parse(text)
-        except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error)) from None
 
     return parsed
 
@@ -125,10 +122,13 @@ def add_defaulted_flags(group: Any, parameters: Iterable[Parameter], names: Sequ
     group.set_defaults(**defaults(items))
 
 
-def search_settings(args: argparse.Namespace, places: Places, **others: Any) -> SearchSettings:  # noqa: ANN401 - fields of SearchSettings
-    """Return how every sample is planned, by the options and `others`. Raises ValueError."""
-    values = args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
-    return SearchSettings(*values, instruction=instruction_of(args, places), **others)
+def search_request(args: argparse.Namespace, places: Places, **others: Any) -> PlanRequest:  # noqa: ANN401 - its fields
+    """Return what the requests of all samples share, by the options. Raises ValueError."""
+    return PlanRequest(
+        (0, 0), (0, 0), heuristic=args.heuristic, weight=args.weight,
+        time_limit=args.max_planning_time, max_suboptimality=args.max_suboptimality,
+        instruction=instruction_of(args, places), **others,
+    )  # fmt: skip
 
 
 def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:

@@ -8,13 +8,10 @@ connected free cells whose straight line is blocked. The paper chose its maps by
 is kept if its barriers make the paths long enough (`MapRules`).
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -25,11 +22,11 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.problem_maps import draw_pairs
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.any_angle import LineOfSightChecker
+from llm_astar_planner.search.arrays import Bools
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.paper import astar
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchStatus
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
@@ -168,7 +165,7 @@ def draw_samples(
     return pairs
 
 
-def draw_free_cell(draw: random.Random, blocked: NDArray[np.bool_]) -> Point:
+def draw_free_cell(draw: random.Random, blocked: Bools) -> Point:
     """Draw a free cell (x, y)."""
     height, width = blocked.shape
     while True:
@@ -177,7 +174,6 @@ def draw_free_cell(draw: random.Random, blocked: NDArray[np.bool_]) -> Point:
             return x, y
 
 
-Blocked = NDArray[np.bool_]
 # Cells a side of a drawn map.
 DEFAULT_SIDE = 121
 # Cells between start and goal, as the crow flies.
@@ -191,16 +187,11 @@ RACK_DEPTH, AISLE, RACK_LENGTH = 2, 3, 20
 CORRIDOR, DOOR, MIN_ROOM, DIVIDED_BY_CORRIDOR = 3, 2, 8, 60
 
 
-class Area(NamedTuple):
-    """A rectangle of cells, the last row and column not included."""
-
-    top: int
-    left: int
-    bottom: int
-    right: int
+# A rectangle of cells: top, left, bottom and right, the last row and column not included.
+Area = tuple[int, int, int, int]
 
 
-def rooms(side: int, generator: np.random.Generator, room: int = 16) -> Blocked:
+def rooms(side: int, generator: np.random.Generator, room: int = 16) -> Bools:
     """Return square rooms with thin walls, and a door in four of five walls."""
     blocked = np.zeros((side, side), dtype=np.bool_)
     blocked[::room] = blocked[:, ::room] = True
@@ -214,7 +205,7 @@ def rooms(side: int, generator: np.random.Generator, room: int = 16) -> Blocked:
     return blocked
 
 
-def maze(side: int, generator: np.random.Generator) -> Blocked:
+def maze(side: int, generator: np.random.Generator) -> Bools:
     """Return a maze without loops, its ways and walls one cell wide."""
     count = (side - 1) // 2
     cells = np.arange(count * count).reshape(count, count)
@@ -230,7 +221,7 @@ def maze(side: int, generator: np.random.Generator) -> Blocked:
     return blocked
 
 
-def aisles(side: int, generator: np.random.Generator) -> Blocked:
+def aisles(side: int, generator: np.random.Generator) -> Bools:
     """Return rows of racks with aisles between them, cross aisles, and pallets left in the way.
 
     The cross aisles are at other places in each row of racks.
@@ -246,17 +237,17 @@ def aisles(side: int, generator: np.random.Generator) -> Blocked:
     return blocked
 
 
-def floor(side: int, generator: np.random.Generator) -> Blocked:
+def floor(side: int, generator: np.random.Generator) -> Bools:
     """Return a floor plan: corridors, and rooms that doors connect with them and one another."""
     blocked = np.zeros((side, side), dtype=np.bool_)
     blocked[[0, -1]] = blocked[:, [0, -1]] = True
-    areas = [Area(1, 1, side - 1, side - 1)]
+    areas = [(1, 1, side - 1, side - 1)]
     while areas:
         areas += divide(blocked, areas.pop(), generator)
     return blocked
 
 
-def divide(blocked: Blocked, area: Area, generator: np.random.Generator) -> list[Area]:
+def divide(blocked: Bools, area: Area, generator: np.random.Generator) -> list[Area]:
     """Divide the longer side of an area by a wall with a door, or by a corridor between two.
 
     Draws into `blocked` and returns the parts; none where the area is a room. No wall ends at the
@@ -264,10 +255,10 @@ def divide(blocked: Blocked, area: Area, generator: np.random.Generator) -> list
     """
     top, left, bottom, right = area
     if bottom - top > right - left:
-        parts = divide(blocked.T, Area(left, top, right, bottom), generator)
-        return [Area(part.left, part.top, part.right, part.bottom) for part in parts]
+        parts = divide(blocked.T, (left, top, right, bottom), generator)
+        return [(y, x, to_y, to_x) for x, y, to_x, to_y in parts]
     width = CORRIDOR + 2 if right - left >= DIVIDED_BY_CORRIDOR else 1
-    may_end: Blocked = np.logical_and(blocked[top - 1], blocked[bottom])
+    may_end: Bools = np.logical_and(blocked[top - 1], blocked[bottom])
     columns = range(left + MIN_ROOM, right - MIN_ROOM - width + 1)
     at = [x for x in columns if may_end[[x, x + width - 1]].all()]
     if not at:
@@ -278,7 +269,7 @@ def divide(blocked: Blocked, area: Area, generator: np.random.Generator) -> list
         doors = 1 + (bottom - top) // DIVIDED_BY_CORRIDOR
         for door in generator.integers(top, bottom - DOOR + 1, doors):
             blocked[door : door + DOOR, wall] = False
-    return [Area(top, left, bottom, x), Area(top, x + width, bottom, right)]
+    return [(top, left, bottom, x), (top, x + width, bottom, right)]
 
 
 FAMILIES = {'rooms': rooms, 'mazes': maze, 'aisles': aisles, 'floors': floor}
@@ -287,13 +278,12 @@ FAMILIES = {'rooms': rooms, 'mazes': maze, 'aisles': aisles, 'floors': floor}
 def generate_family(
     family: str, seed: int, maps: int, pairs: int, side: int = DEFAULT_SIDE
 ) -> Iterator[GridProblem]:
-    """Yield `maps` maps of a family with ids from 0; the first n of a seed are always the same.
+    """Draw `maps` maps of a family with ids from 0; the first n of a seed are always the same.
 
     Start and goal are connected, at least MIN_DISTANCE apart, and the straight line between them
     is blocked, as in the paper's dataset. Raises GenerationError where no map has enough pairs.
     """
-    for map_id in range(maps):
-        yield draw_problem(family, seed, map_id, pairs, side)
+    return (draw_problem(family, seed, map_id, pairs, side) for map_id in range(maps))
 
 
 def draw_problem(family: str, seed: int, map_id: int, pairs: int, side: int) -> GridProblem:
@@ -312,7 +302,7 @@ def draw_problem(family: str, seed: int, map_id: int, pairs: int, side: int) -> 
     raise GenerationError(f'{family}: map {map_id}: {what}; ask for fewer')
 
 
-def hard_pairs(blocked: Blocked, drawn: tuple[Sample, ...]) -> list[Sample]:
+def hard_pairs(blocked: Bools, drawn: tuple[Sample, ...]) -> list[Sample]:
     """Return the pairs, each once, that are apart and whose straight line is blocked."""
     samples = [s for s in dict.fromkeys(drawn) if math.dist(s.start, s.goal) >= MIN_DISTANCE]
     if not samples:

@@ -8,8 +8,6 @@ https://movingai.com/benchmarks/grids.html unpack as `dao-map/x.map` and `dao-sc
 which may lie side by side, in folders named by their set, or in one.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

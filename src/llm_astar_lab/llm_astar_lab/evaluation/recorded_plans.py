@@ -7,8 +7,6 @@ While a bag is read, a request waits for the stack's plan and report. They belon
 the call they answer, by their stamp, or because the path ends at the request's goal.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ Messages are read one by one. Only the current map, the newest poses and transfo
 requests that wait for their recorded plan are kept.
 """
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -391,7 +389,7 @@ def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: 
         for message in bag.messages([name for name, role in roles.items() if role == 'exchange']):
             exchange = exchange_from_values(fields.values_of_report(message.value))
             if exchange is not None:
-                writer.write(exchange)
+                writer.write(exchange.to_json())
                 count += 1
     return count
 

@@ -3,8 +3,6 @@
 
 """Benchmark tasks from bags: each request is a sample on the map of its time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -90,11 +88,12 @@ class Evaluation:
                     bag.problems.leave_out(problem, f'{bag.path}: requests left out')
                     continue
                 self._keep(sample)
-                settings = self.settings
+                asked = self.settings.request
                 if request.tolerance > 0.0:
-                    settings = replace(settings, tolerance=request.tolerance)
-                if settings.instruction is None:
-                    settings = replace(settings, instruction=request.asked(self.places))
+                    asked = replace(asked, tolerance=request.tolerance)
+                if asked.instruction is None:
+                    asked = replace(asked, instruction=request.asked(self.places))
+                settings = replace(self.settings, request=asked)
                 for task in make_tasks([(sample, 1)], variants, self.sources, settings, done):
                     yield replace(task, recorded=request.columns, is_sample=is_sample)
 

@@ -9,8 +9,6 @@ them; the tests hold them against a reading of their own. Kinds of checks and fo
 described in `suite`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

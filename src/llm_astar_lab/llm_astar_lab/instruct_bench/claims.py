@@ -7,8 +7,6 @@ Right readings, as a perfect model would give them, are handed to it, and wrong 
 right one with its verb, place, side, order, number, negation or scope changed.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 
 """The maps of a suite: found, loaded, and their places read; and what its checks refer to."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising, short_repr
 from llm_astar_msgs_adapter.maps import places as place_files
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
@@ -115,8 +113,8 @@ class MapFinder:
 
         Raises SuiteError, which names the suite, the map and the field.
         """
-        where = f'{self.suite}: map {short_repr(name)}'
-        try:
+        where = f'{self.suite}: map {short_repr(name)}: '
+        with raising(SuiteError, where, LlmAstarError, OSError):
             as_text(name, 'its name')
             fields = as_mapping(value, 'entry')
             file = self.map_file(name, fields)
@@ -125,8 +123,6 @@ class MapFinder:
                 return SuiteMap(name, load_map(file), places)
             barrier_map = self.barrier_map(name, fields)
             return SuiteMap(name, barrier_map.to_grid(), places, barrier_map)
-        except (LlmAstarError, OSError) as error:
-            raise SuiteError(f'{where}: {error}') from None
 
     def map_file(self, name: str, fields: Mapping[str, Any]) -> Path | None:
         """Return the map_server yaml of a map, None where it has none."""

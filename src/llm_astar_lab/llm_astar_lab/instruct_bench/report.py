@@ -3,8 +3,6 @@
 
 """The figures of a run over a suite: as tables, Markdown, JSON and CSV rows."""
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

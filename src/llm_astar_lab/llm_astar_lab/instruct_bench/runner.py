@@ -3,8 +3,6 @@
 
 """Runs the instructions of a suite: understood by a source, planned, checked, and judged."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace

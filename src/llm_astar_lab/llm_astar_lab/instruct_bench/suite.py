@@ -76,15 +76,13 @@ from a region is a region to avoid with that margin. The order counts among visi
 of unknown parts and the questions of unsure clauses do not count.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.errors import raising, short_repr
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_planner.instructions import fields
 from llm_astar_planner.instructions import regions as forms
@@ -181,10 +179,8 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
     for index, item in enumerate(listed):
         name = item.get('id') if isinstance(item, dict) else None
         which = f'instruction {short_repr(name) if isinstance(name, str) else f"at {index}"}'
-        try:
+        with raising(SuiteError, f'{path}: {which}: ', SuiteError, SpecificationError):
             instruction = read_instruction(fields.as_mapping(item, 'entry'), maps)
-        except (SuiteError, SpecificationError) as error:
-            raise SuiteError(f'{path}: {which}: {error}') from None
         if instruction.id in found:
             raise SuiteError(f'{path}: {which}: id: is used twice')
         found[instruction.id] = instruction
@@ -244,11 +240,9 @@ def read_point(values: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cel
 
 def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specification:
     """Read a specification whose places are all on the map. Raises SuiteError."""
-    try:
+    with raising(SuiteError, f'{where}: ', SuiteError, SpecificationError):
         specification = from_json(value)
         normal_form(specification, suite_map)
-    except (SuiteError, SpecificationError) as error:
-        raise SuiteError(f'{where}: {error}') from None
     return specification
 
 

@@ -3,8 +3,6 @@
 
 """Follows a running planner: its map, its paths with their reports, and its state."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -3,8 +3,6 @@
 
 """Draws a plan of a running graph: its map, its path, and the cells that were expanded for it."""
 
-from __future__ import annotations
-
 import argparse
 from collections import deque
 from contextlib import suppress

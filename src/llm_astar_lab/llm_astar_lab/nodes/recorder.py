@@ -3,8 +3,6 @@
 
 """Records topics of the live graph into a bag, as serialized messages."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import os

@@ -3,8 +3,6 @@
 
 """Animations of searches that expand side by side at the same pace, as a GIF."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Sequence

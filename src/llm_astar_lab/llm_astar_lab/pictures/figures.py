@@ -3,8 +3,6 @@
 
 """Pictures of plans: obstacles, waypoints, expanded cells and path on one map."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@
 These are what the verification measured; pictures and the page draw them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass

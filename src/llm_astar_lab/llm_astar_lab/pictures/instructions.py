@@ -6,8 +6,6 @@
 The regions and the parts of the path are those that the verification measured.
 """
 
-from __future__ import annotations
-
 from textwrap import fill
 from typing import Any
 

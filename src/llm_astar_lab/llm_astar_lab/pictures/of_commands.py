@@ -3,8 +3,6 @@
 
 """What `llm-astar plan --png` and `places --png` draw."""
 
-from __future__ import annotations
-
 from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Places

@@ -3,8 +3,6 @@
 
 """Draws named places, and texts so that none hides another, a mark or, if it can be, the path."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np

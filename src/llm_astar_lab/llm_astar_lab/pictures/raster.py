@@ -3,8 +3,6 @@
 
 """Maps as images: what each cell shows, which part of a map is drawn, and at which size."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,16 +10,12 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.lazy import ndimage
+from llm_astar_planner.search.arrays import Bools, Float64s, Int64s, Uint8s
 from llm_astar_planner.search.expansion_order import ExpansionOrder
 from matplotlib.axes import Axes
 from matplotlib.transforms import Affine2D
-from numpy.typing import NDArray
 
 from llm_astar_lab.pictures import style
-
-Float64s = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Bytes = NDArray[np.uint8]
 
 # What a cell shows. Where cells share a pixel, the one with the highest number is seen.
 OPEN, UNKNOWN, EXPANDED, INFLATED, OBSTACLE = range(5)
@@ -53,7 +47,7 @@ class Window(NamedTuple):
         """Rows."""
         return self.top - self.bottom
 
-    def cut(self, codes: Bytes) -> Bytes:
+    def cut(self, codes: Uint8s) -> Uint8s:
         """Return this part of an array [height, width]."""
         return codes[self.bottom : self.top, self.left : self.right]
 
@@ -67,7 +61,7 @@ def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
 
 def cell_codes(
     grid_map: GridMap, expanded: Bools | None = None, inflated: Bools | None = None
-) -> Bytes:
+) -> Uint8s:
     """Return what each cell shows: uint8 [height, width].
 
     `expanded` and `inflated`, the cells that the robot's body closes, are bool [height, width];
@@ -90,7 +84,7 @@ def expanded_cells(order: ExpansionOrder, shape: tuple[int, ...], expansions: in
     return expanded
 
 
-def choose_window(codes: Bytes, points: Float64s) -> Window:
+def choose_window(codes: Uint8s, points: Float64s) -> Window:
     """Return the part of a map worth drawing: around expanded cells and points [n, 2].
 
     It is the part that is known, where what happens takes most of that.
@@ -117,7 +111,7 @@ def no_strip(part: Window, known: Window) -> Window:
     )
 
 
-def surroundings(places: Float64s | NDArray[np.int64], codes: Bytes, margin: int) -> Window:
+def surroundings(places: Float64s | Int64s, codes: Uint8s, margin: int) -> Window:
     """Return the part of a map within `margin` cells of the box of `places` [n, 2]."""
     height, width = codes.shape
     if not len(places):
@@ -127,7 +121,7 @@ def surroundings(places: Float64s | NDArray[np.int64], codes: Bytes, margin: int
     return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
 
 
-def widen_expanded(codes: Bytes, size: int) -> Bytes:
+def widen_expanded(codes: Uint8s, size: int) -> Uint8s:
     """Return codes whose expanded cells are `size` cells wide, so that single ones can be seen."""
     if size < 2:
         return codes
@@ -135,18 +129,18 @@ def widen_expanded(codes: Bytes, size: int) -> Bytes:
     return np.where(wide & (codes < EXPANDED), np.uint8(EXPANDED), codes)
 
 
-def resize(codes: Bytes, width: int, height: int) -> Bytes:
+def resize(codes: Uint8s, width: int, height: int) -> Uint8s:
     """Return codes at another size; no obstacle is lost where cells share a pixel."""
     return resize_rows(resize_rows(codes, height).T, width).T
 
 
-def resize_rows(codes: Bytes, rows: int) -> Bytes:
+def resize_rows(codes: Uint8s, rows: int) -> Uint8s:
     """Return codes with another number of rows: of several the highest codes, or repeated."""
     count = len(codes)
     firsts = np.arange(rows) * count // rows
     if rows >= count:
         return codes[firsts]
-    resized: Bytes = np.maximum.reduceat(codes, firsts, axis=0)
+    resized: Uint8s = np.maximum.reduceat(codes, firsts, axis=0)
     return resized
 
 
@@ -164,7 +158,7 @@ def bounds_of(window: Window, to_axes: Affine2D) -> Float64s:
     return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
-def draw_codes(axes: Axes, codes: Bytes, window: Window, to_axes: Affine2D) -> None:
+def draw_codes(axes: Axes, codes: Uint8s, window: Window, to_axes: Affine2D) -> None:
     """Draw what the cells of a part of a map show, turned as the map is."""
     axes.imshow(
         PALETTE[codes], origin='lower', interpolation='nearest',

@@ -3,8 +3,6 @@
 
 """Runs the searches of a plan again to learn in which order they expanded the cells."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import replace
 from itertools import pairwise

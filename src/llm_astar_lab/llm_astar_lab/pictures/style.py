@@ -8,8 +8,6 @@ who see few colours; every mark also has its own shape; and printed in grey the 
 order of brightness: free, unknown, expanded, inflated, obstacle.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

@@ -3,8 +3,6 @@
 
 """What the page gets, as JSON values."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Iterable
 from pathlib import Path

@@ -3,8 +3,6 @@
 
 """What a running graph shows to the page: its newest map, plan and state."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from collections.abc import AsyncIterator, Iterable
@@ -17,12 +15,10 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.planning.types import Why
-from numpy.typing import NDArray
+from llm_astar_planner.search.arrays import Float64s
 
 from llm_astar_lab.play.encoding import causes_json, grid_json, rules_json
 from llm_astar_lab.play.maps import MAX_CELLS, PlayError
-
-Float64s = NDArray[np.float64]
 
 # Seconds between two looks at what is new, and between two signs of life.
 PERIOD_S = 0.1

@@ -3,8 +3,6 @@
 
 """The maps that the page offers: the shipped ones and those of the user."""
 
-from __future__ import annotations
-
 from base64 import b64decode
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 
 """Plans for the page, one a core at a time: the chosen plan, and some to compare with."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import threading
@@ -14,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.cli.planning_options import route_instruction, sample_key_of, settled
 from llm_astar_planner.instructions.chain import make_interpreter
@@ -24,12 +21,11 @@ from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import Plan, PlanRequest
-from llm_astar_planner.search.arrays import StopFlag, no_stop
+from llm_astar_planner.search.arrays import Int32s, StopFlag, no_stop
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import WaypointSource
-from numpy.typing import NDArray
 
 from llm_astar_lab.pictures.retrace import retrace
 from llm_astar_lab.play.maps import PlayError
@@ -57,7 +53,7 @@ class PlayedPlan(NamedTuple):
     role: str
     title: str
     plan: Plan
-    order: NDArray[np.int32] | None
+    order: Int32s | None
 
 
 class PlanningService:

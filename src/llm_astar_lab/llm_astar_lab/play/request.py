@@ -3,15 +3,14 @@
 
 """What the page asks for, checked field by field, and the command that asks for the same."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.errors import raising, short_repr
 from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import Places, features_of, places_from_geojson
@@ -117,12 +116,10 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
 def read_settings(body: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters that the page sets, by name. Raises PlayError."""
     given: dict[str, Any] = {}
-    try:
-        for name in SETTINGS:
-            if body.get(name) is not None:
+    for name in SETTINGS:
+        if body.get(name) is not None:
+            with raising(partial(PlayError, field=name), '', ParameterError):
                 given[name] = PARAMETERS[name].read(body[name])
-    except ParameterError as error:
-        raise PlayError(str(error), name) from None
     if 'instruction' in given:
         given['instruction'] = clean_instruction(given['instruction'])
     return given
@@ -175,7 +172,7 @@ def read_drawn(text: str | None, places: Places) -> tuple[Places, tuple[Zone, ..
 
     A drawn place replaces one of its name. Raises PlayError.
     """
-    try:
+    with raising(partial(PlayError, field='drawn'), '', ValueError):
         parts: tuple[list[Any], list[Any]] = ([], [])
         for feature in features_of(parse_json(text), 'drawn') if text else ():
             parts[not OF_ZONES.isdisjoint(part_of(feature, 'properties'))].append(feature)
@@ -184,8 +181,6 @@ def read_drawn(text: str | None, places: Places) -> tuple[Places, tuple[Zone, ..
         kept = [place for place in places if drawn.get(place.name) is None]
         merged = Places([*kept, *drawn]) if len(drawn) else places
         return merged, zones_from_geojson(zones, 0.0)[0] if parts[1] else ()
-    except ValueError as error:
-        raise PlayError(str(error), 'drawn') from None
 
 
 def command_of(request: PlayRequest) -> str | None:

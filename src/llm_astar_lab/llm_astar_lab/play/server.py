@@ -6,8 +6,6 @@
 Pages of its own may ask: browsers say in the headers of a request whose it is.
 """
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import errno

@@ -6,8 +6,6 @@
 What was found is told as text, Markdown, JSON and tables.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@
 And its text for a terminal, and the section of a README.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re
@@ -66,11 +64,6 @@ def said_of(run: RunSummary) -> dict[str, Any]:
         'grown': sentences.growth_sentence(run.growths),
         'left_out': metadata.get('left_out') or [], 'notes': metadata.get('notes') or [],
     }  # fmt: skip
-
-
-def markdown_report(run: RunSummary) -> str:
-    """Return the report in Markdown."""
-    return markdown_page('report/report.md.j2', **said_of(run))
 
 
 def html_report(run: RunSummary, samples: Mapping[str, Any] = NO_SAMPLES) -> str:
@@ -157,7 +150,7 @@ def write_report(
         **{name: metadata[name] for name in ('left_out', 'notes', 'replays') if name in metadata},
     }
     folder.write_json('summary.json', summary)
-    folder.write_text('report.md', markdown_report(run))
+    folder.write_text('report.md', markdown_page('report/report.md.j2', **said_of(run)))
     samples = browser_data(shown, maps, costmap_of(metadata), folder.read_places())
     folder.write_text('report.html', html_report(run, samples))
     return run

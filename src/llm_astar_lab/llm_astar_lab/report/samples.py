@@ -3,14 +3,12 @@
 
 """The samples of a run that a page shows: maps, variants and rows, bounded in size."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
@@ -36,11 +34,8 @@ MAX_KEPT = 32_000_000
 MAX_PIXELS = 1000
 
 
-class ShownSamples(NamedTuple):
-    """The rows of the samples that a page may show, of `total` samples that have a stored map."""
-
-    rows: Sequence[Row]
-    total: int
+# The rows of the samples that a page may show, of so many samples that have a stored map.
+ShownSamples = tuple[Sequence[Row], int]
 
 
 def shown_samples(rows: Iterable[Row] | StoredRows, maps: Iterable[ProblemMap]) -> ShownSamples:
@@ -58,7 +53,7 @@ def shown_samples(rows: Iterable[Row] | StoredRows, maps: Iterable[ProblemMap]) 
     kept = samples[::every]
     chosen = set(zip(found['map'][kept].tolist(), found['pair'][kept].tolist()))
     of_chosen = (row for row in stored.rows('scale = 1') if (row.map, row.pair) in chosen)
-    return ShownSamples(list(of_chosen), len(samples))
+    return list(of_chosen), len(samples)
 
 
 def browser_data(
@@ -72,9 +67,10 @@ def browser_data(
     Grids are drawn with the walls of `costmap`, by default MovingAI's; `places` are on every map.
     Of more than fit into BUDGET every second, third and so on is left out; `total` counts all.
     """
-    found = by_variant(shown.rows)
+    rows, total = shown
+    found = by_variant(rows)
     variants = {variant: found[variant] for variant in sorted(found, key=lambda v: v.report_order)}
-    samples = sorted({(row.map, row.pair) for row in shown.rows})
+    samples = sorted({(row.map, row.pair) for row in rows})
     wanted, every = {map_id for map_id, _ in samples}, 1
     drawn = {item.id: map_data(item, costmap, places) for item in maps if item.id in wanted}
     while True:
@@ -84,7 +80,7 @@ def browser_data(
             'maps': {number: values for number, values in drawn.items() if number in of_chosen},
             'cases': [variant_label(variant) for variant in variants],
             **samples_data([*variants.values()], chosen),
-            'total': shown.total,
+            'total': total,
         }
         size = len(json.dumps(data, separators=(',', ':')))
         if size <= BUDGET or len(chosen) < 2:

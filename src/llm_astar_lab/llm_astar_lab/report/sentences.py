@@ -6,8 +6,6 @@
 The sentences themselves are in `sentences.j2`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 

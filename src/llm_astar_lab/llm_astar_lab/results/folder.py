@@ -7,8 +7,6 @@ Rows are appended to `results.csv` as samples finish, failures included, so an i
 keeps every finished row. `--resume` continues after the last complete one.
 """
 
-from __future__ import annotations
-
 import csv
 import fcntl
 import hashlib

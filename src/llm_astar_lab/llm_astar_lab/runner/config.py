@@ -3,8 +3,6 @@
 
 """What one run covers, and how it is started, resumed, shown and written to its folder."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -8,8 +8,6 @@ its answer is given to every method, so a run costs one request per sample, prom
 Any concurrent.futures executor can run them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -24,7 +22,6 @@ from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.zone_layer import with_zones
-from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, PlanRequest, ResultCode
@@ -46,11 +43,8 @@ from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.sources import SourceSpec
 
 ALL_METHODS = (*METHODS, WAYPOINTS_ONLY)
-# The settings that are fields of a request.
-OF_REQUEST = (
-    'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
-    'instruction',
-)  # fmt: skip
+# What a run asks where it says nothing else.
+REQUEST = PlanRequest((0, 0), (0, 0), time_limit=60.0)
 # Variants, each with the index of its source.
 Variants = tuple[tuple[Variant, int], ...]
 # Bounds of the planner cache. A cell of a planner takes about 40 bytes with its landmarks.
@@ -60,22 +54,16 @@ MAX_CACHED_PLANNERS = 16
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """The search parameters that all variants of a run share; see PlanRequest and CostmapConfig.
+    """What all variants of a run share: of the `request` all but ends, method and source.
 
     Without `costmap` the kind of map decides: the paper's rules on barrier maps, MovingAI's on
     grids. With `paper_corners` paths may cut corners on maps whose barriers are known, whatever
     `costmap` says. `zones` is the text of a GeoJSON file, '' for none.
     """
 
-    heuristic: str = 'euclidean'
-    weight: float = 2.0
-    time_limit: float = 60.0
-    max_suboptimality: float | None = None
+    request: PlanRequest = REQUEST
     costmap: CostmapConfig | None = None
-    tolerance: float = 0.0
-    start_tolerance: float = 0.0
     paper_corners: bool = False
-    instruction: RouteInstruction | None = None
     zones: str = ''
 
     def costmap_for(self, problem: ProblemMap) -> CostmapConfig:
@@ -203,7 +191,7 @@ def run_task(task: Task) -> list[Row]:
     sample, key = scaled.samples[0], SampleKey(*task.sample.key, task.scale)
     ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     known = key if task.is_sample else None
-    query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, known)
+    query = WaypointQuery(planner.costmap, *ends, task.settings.request.time_limit, known)
     recorded = {} if task.recorded is None else task.recorded(planner)
     replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
     found = []
@@ -245,8 +233,8 @@ def make_request(
     ends: tuple[Cell, Cell], method: str, source: WaypointSource | None, settings: SearchSettings
 ) -> PlanRequest:
     """Return the request for a sample with the settings of the run."""
-    values = {name: getattr(settings, name) for name in OF_REQUEST}
-    return PlanRequest(*ends, method, source, **values)
+    start, goal = ends
+    return replace(settings.request, start=start, goal=goal, method=method, source=source)
 
 
 def waypoints_only_columns(

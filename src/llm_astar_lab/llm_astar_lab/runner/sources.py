@@ -3,8 +3,6 @@
 
 """The waypoint sources of a run, and which samples of a dataset its transcripts hold."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

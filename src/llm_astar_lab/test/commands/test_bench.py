@@ -37,9 +37,9 @@ def record(path, exchanges, model='parrot'):
     """Write a transcript of (map, pair, response)."""
     writer = TranscriptWriter(path)
     for map_id, pair, text in exchanges:
-        writer.write(
-            Exchange(map_id, pair, 1, model, 'few_shot', (), text, 7, 5, 0.1, SourceStatus.OK)
-        )
+        ok = SourceStatus.OK
+        exchange = Exchange(map_id, pair, 1, model, 'few_shot', (), text, 7, 5, 0.1, ok)
+        writer.write(exchange.to_json())
 
 
 @pytest.fixture(scope='module')

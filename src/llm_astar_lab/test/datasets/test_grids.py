@@ -21,6 +21,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.problem_maps import draw_pairs, load_grid_problem, load_kept_maps
 from llm_astar_planner.cli import main as cli
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.parameter import problem_of
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from PIL import Image
@@ -285,7 +286,7 @@ def test_map_node_publishes_a_map_server_map_too(tmp_path):
     assert (grid_map.resolution, grid_map.frame_id, grid_map.origin.x) == (0.5, 'floor', -1.0)
     assert grid_map.cells.tolist() == [[0, 0], [0, 100]]
     (tmp_path / 'x.pgm').unlink()
-    problem = map_node.map_problem(values)
+    problem = problem_of(map_node.load_grid, values)
     assert 'x.yaml: image: ' in problem
     assert '\n' not in problem
 

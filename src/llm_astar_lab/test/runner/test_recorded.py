@@ -25,7 +25,9 @@ def record(path, keys, model='parrot', text=TEXT, status=SourceStatus.OK):
     writer = TranscriptWriter(path)
     for number, pair, *scale in keys:
         at = scale[0] if scale else 1
-        writer.write(Exchange(number, pair, at, model, 'few_shot', (), text, 7, 5, 0.1, status))
+        writer.write(
+            Exchange(number, pair, at, model, 'few_shot', (), text, 7, 5, 0.1, status).to_json()
+        )
     return path
 
 
@@ -101,7 +103,7 @@ def test_exchanges_of_another_dataset_and_a_changed_transcript_are_told(dataset,
     out, transcript = tmp_path / 'out', tmp_path / 'a.jsonl'
     exchange = Exchange(0, 1, 1, 'parrot', 'few_shot', (), TEXT, 7, 5, 0.1, SourceStatus.OK)
     foreign = replace(exchange, provenance=Provenance(dataset_digest='f' * 64))
-    TranscriptWriter(transcript).write(foreign)
+    TranscriptWriter(transcript).write(foreign.to_json())
     assert bench(dataset, out, '--transcript', transcript) == 0
     told = '1 exchanges of the file were recorded on another dataset'
     assert told in capsys.readouterr().err

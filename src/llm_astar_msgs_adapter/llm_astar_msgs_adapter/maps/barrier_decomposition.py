@@ -7,8 +7,6 @@ Exact on grids made from barrier maps: the barriers found block the same cells. 
 on other grids. Prompts and the embedded waypoint model describe maps by these barriers.
 """
 
-from __future__ import annotations
-
 import heapq
 from typing import NamedTuple
 

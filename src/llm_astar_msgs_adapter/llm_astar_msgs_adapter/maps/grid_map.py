@@ -155,14 +155,10 @@ class GridMap:
         """Where the cells are: equal for maps whose cells are at the same places."""
         return self.cells.shape, self.resolution, self.origin, self.frame_id
 
-    def is_laid_out_as(self, other: GridMap) -> bool:
-        """Tell whether each cell is at the same place on both maps."""
-        return self.layout == other.layout
-
     def is_equal_to(self, other: GridMap) -> bool:
         """Tell whether both maps have the same cells and rules: faster than digests."""
         return (
-            self.is_laid_out_as(other)
+            self.layout == other.layout
             and np.array_equal(self.cells, other.cells)
             and np.array_equal(self.forbidden, other.forbidden)
         )

@@ -14,8 +14,6 @@ A pixel's shade is the mean of its colours, 0 for black to 1 for white. Its occu
 The bottom row of the image is row 0 of the map.
 """
 
-from __future__ import annotations
-
 import sys
 import warnings
 from collections.abc import Iterator
@@ -27,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising, short_repr, shortened
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
@@ -84,10 +82,8 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
         raise MapServerError(f'{path}: image: a file name is expected, not {short_repr(image)}')
     shades = Shades(mode, negate=bool(negate), occupied=occupied, free=free)
     cells = read_image(path.parent / image, path, shades)
-    try:
+    with raising(MapServerError, f'{path}: ', GridMapError):
         return GridMap(cells[::-1], resolution, pose, frame_id)
-    except GridMapError as error:
-        raise MapServerError(f'{path}: {error}') from None
 
 
 def to_grid_map(source: MapLike) -> GridMap:

@@ -6,8 +6,6 @@
 Coordinates are those of the files: x to the right, y down, row 0 is the first line.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -10,8 +10,6 @@ commas, as QGIS writes them. Of a nav2_route graph the nodes with a name become 
 and all edges are skipped.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -27,7 +25,7 @@ from numpy.typing import NDArray
 from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, expect, raising, short_repr
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.grid_map import FAR, GridMap
 
@@ -293,10 +291,9 @@ def parse_geometry(
     count = check_coordinates(coordinates, DEPTHS[kind], f'{where}: coordinates')
     if count > MAX_VERTICES:
         raise PlacesError(f'{where}: coordinates: {count} points are over {MAX_VERTICES}')
-    try:
+    damage = ValueError, TypeError, IndexError, shapely.errors.ShapelyError
+    with raising(PlacesError, f'{where}: coordinates: ', *damage):
         found: BaseGeometry = shapely.force_2d(shape({'type': kind, 'coordinates': coordinates}))
-    except (ValueError, TypeError, IndexError, shapely.errors.ShapelyError) as error:
-        raise PlacesError(f'{where}: coordinates: {error}') from None
     if not found.is_valid:
         reason = shapely.is_valid_reason(found)
         raise PlacesError(f'{where}: coordinates: {reason}; the outline must not cross itself')

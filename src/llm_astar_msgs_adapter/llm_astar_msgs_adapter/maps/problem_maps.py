@@ -3,8 +3,6 @@
 
 """Loads maps with start-goal pairs: barrier maps, MovingAI's `.map.scen`, map_server's yaml."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

@@ -6,8 +6,6 @@
 Nothing here imports ROS: a message is any object with the fields of its type.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 from typing import Any

@@ -3,8 +3,6 @@
 
 """Markers for RViz and Foxglove: plans with their expanded cells, named places, and zones."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 
 """The fields of plan reports and of exchanges with a waypoint source, as plain values."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar

@@ -6,8 +6,6 @@
 Nothing here imports tf2: a transform is any object with the fields of geometry_msgs/Transform.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

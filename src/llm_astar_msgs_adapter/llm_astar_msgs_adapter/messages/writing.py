@@ -3,8 +3,6 @@
 
 """Plain values as live ROS messages: maps, paths, poses, reports; `fields` reads them back."""
 
-from __future__ import annotations
-
 import array
 import json
 import math

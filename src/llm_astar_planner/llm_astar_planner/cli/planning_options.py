@@ -96,7 +96,7 @@ def settled(
 
     An answer is remembered for these places.
     """
-    from llm_astar_planner.instructions.confirmations import Confirmations  # noqa: PLC0415
+    from llm_astar_planner.instructions.current import Confirmations  # noqa: PLC0415
 
     confirmations = Confirmations(state_file('confirmations.json'))
     if confirm is None:

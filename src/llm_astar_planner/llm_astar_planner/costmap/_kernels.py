@@ -3,8 +3,6 @@
 
 """Compiled loops over the cells of maps: inflation, changes, costs, and what polygons cover."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 
 """The rules that turn an occupancy grid into a costmap."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

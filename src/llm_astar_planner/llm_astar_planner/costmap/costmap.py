@@ -207,7 +207,7 @@ class Costmap:
     def _take_over(self, previous: Costmap) -> None:
         """Take over the layers that the previous costmap has computed, updated in windows."""
         before, now, layers = previous.grid_map, self.grid_map, vars(previous)
-        is_alike = before.is_laid_out_as(now)
+        is_alike = before.layout == now.layout
         if '_inflated' not in layers or not is_alike or previous.config != self.config:
             return
         # One cell more than the inflation reaches: legal moves depend on the neighbours.

@@ -7,8 +7,6 @@ The rules of masks are those of nav2_costmap_2d's KeepoutFilter and SpeedFilter.
 becomes a cost, since a robot that drives at p percent of its speed takes 100 / p times as long.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from enum import IntEnum

@@ -8,8 +8,6 @@ or ends. From one half of a lane to the other, whose headings are opposite, the 
 straight across are made, so that a lane may be crossed at any angle.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -23,7 +23,7 @@ from itertools import pairwise
 from typing import Any
 
 import shapely
-from llm_astar_msgs_adapter.errors import LlmAstarError, expect, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, expect, raising, short_repr
 from llm_astar_msgs_adapter.files import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import FAR
 from llm_astar_msgs_adapter.maps.places import (
@@ -220,14 +220,10 @@ def zones_from_text(text: str, now: float = 0.0) -> tuple[tuple[Zone, ...], str]
     """
     if len(text) > MAX_BYTES:
         raise ZonesError(f'{SOURCE}: over {MAX_BYTES // 1_000_000} MB of text; add fewer at once')
-    try:
+    with raising(ZonesError, f'{SOURCE}: not JSON: ', ValueError):
         collection = parse_json(text)
-    except ValueError as error:
-        raise ZonesError(f'{SOURCE}: not JSON: {error}') from None
-    try:
+    with raising(ZonesError, '', PlacesError):
         return zones_from_geojson(collection, now)
-    except PlacesError as error:
-        raise ZonesError(str(error)) from None
 
 
 def zones_from_geojson(
@@ -301,10 +297,8 @@ def zone_from_feature(feature: object, where: str, now: float) -> Zone:
         'heading': number_of(properties, 'heading', math.nan, where),
         'width': number_of(properties, 'width', 0.0, where),
     }
-    try:
+    with raising(ZonesError, f'{where}: ', ZonesError):
         return Zone(**fields)
-    except ZonesError as error:
-        raise ZonesError(f'{where}: {error}') from None
 
 
 def number_of(

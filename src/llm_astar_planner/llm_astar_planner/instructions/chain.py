@@ -46,8 +46,8 @@ Key = tuple[str, str]
 MAX_WAITING = 8
 MAX_CALLBACKS = 32
 DROPPED = 'dropped, since newer questions came'
-Callback = Callable[[Interpretation], None]
-Waiting = tuple[Interpretation, Places, list[Callback]]
+OnAnswer = Callable[[Interpretation], None]
+Waiting = tuple[Interpretation, Places, list[OnAnswer]]
 
 
 class CachedInterpreter:
@@ -239,7 +239,7 @@ class BackgroundInterpreter:
         ).start()
 
     def interpret_now(
-        self, text: str, places: Places, on_answer: Callback | None = None
+        self, text: str, places: Places, on_answer: OnAnswer | None = None
     ) -> Interpretation:
         """Return what is understood now; PENDING where the slow interpreter is asked as well.
 
@@ -273,11 +273,11 @@ class BackgroundInterpreter:
             self._changed.notify_all()
         self._tell_dropped(dropped)
 
-    def _drop_oldest(self) -> list[tuple[Interpretation, Callback]]:
+    def _drop_oldest(self) -> list[tuple[Interpretation, OnAnswer]]:
         _, (reading, _, callbacks) = self._waiting.popitem(last=False)
         return [(reading, callback) for callback in callbacks]
 
-    def _tell_dropped(self, dropped: list[tuple[Interpretation, Callback]]) -> None:
+    def _tell_dropped(self, dropped: list[tuple[Interpretation, OnAnswer]]) -> None:
         for reading, callback in dropped:
             pending = replace(reading, status=Understanding.PENDING, detail=DROPPED)
             self._tell(callback, pending)
@@ -294,7 +294,7 @@ class BackgroundInterpreter:
             for callback in callbacks:
                 self._tell(callback, fullest([reading, answer]))
 
-    def _tell(self, callback: Callback, interpretation: Interpretation) -> None:
+    def _tell(self, callback: OnAnswer, interpretation: Interpretation) -> None:
         try:
             callback(interpretation)
         except Exception:  # noqa: BLE001 - a callback must not end the worker

@@ -109,17 +109,11 @@ def error_text(question: Question, error: Exception) -> str:
     return json.dumps({'question': question.text[:MAX_ECHO], 'id': name, 'error': str(error)})
 
 
-@dataclass(frozen=True)
-class QuestionAnswer:
-    """The answer to the question with an `id`: what was understood, or the `error`."""
+def parse_answer(data: str) -> tuple[str, Interpretation | str]:
+    """Read an answer: the id of its question, and what was understood, or the error.
 
-    id: str
-    interpretation: Interpretation | None = None
-    error: str = ''
-
-
-def parse_answer(data: str) -> QuestionAnswer:
-    """Read an answer. Raises QuestionError or SpecificationError where it is malformed."""
+    Raises QuestionError or SpecificationError where it is malformed.
+    """
     if len(data) > MAX_QUESTION:
         raise QuestionError(f'answer: {len(data)} characters are more than {MAX_QUESTION}')
     fields = parse_object(data)
@@ -127,8 +121,8 @@ def parse_answer(data: str) -> QuestionAnswer:
     if not isinstance(name, str):
         raise QuestionError('id: is not a text')
     if isinstance(error, str) and error:
-        return QuestionAnswer(name, error=error[:MAX_DETAIL])
-    return QuestionAnswer(name, interpretation_from_json(fields))
+        return name, error[:MAX_DETAIL]
+    return name, interpretation_from_json(fields)
 
 
 def interpretation_from_json(value: object) -> Interpretation:

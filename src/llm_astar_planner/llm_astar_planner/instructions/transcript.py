@@ -41,22 +41,6 @@ class Exchange:
     output_tokens: int = 0
 
 
-@dataclass(frozen=True)
-class TranscriptLine:
-    """A line of a transcript: the exchange, and what was made of it."""
-
-    exchange: Exchange
-    interpretation: Interpretation
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the JSON object of the line."""
-        return {
-            **vars(self.exchange),
-            'interpretation': self.interpretation.to_json(),
-            'time': datetime.now(timezone.utc).isoformat(timespec='seconds'),
-        }
-
-
 class InstructionRecorder:
     """Appends exchanges to a transcript. Thread-safe; a write that fails is logged."""
 
@@ -66,8 +50,10 @@ class InstructionRecorder:
 
     def write(self, exchange: Exchange, interpretation: Interpretation) -> None:
         """Append one exchange and what was made of it."""
+        time = datetime.now(timezone.utc).isoformat(timespec='seconds')
+        made = {'interpretation': interpretation.to_json(), 'time': time}
         try:
-            self._writer.write(TranscriptLine(exchange, interpretation))
+            self._writer.write(vars(exchange) | made)
         except (OSError, ValueError) as error:
             _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
 

@@ -3,8 +3,6 @@
 
 """llm_client_node: returns waypoints between a start and a goal on the latest map."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -295,7 +293,3 @@ def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
 def main(args: Sequence[str] | None = None) -> int:
     """Run llm_client_node."""
     return run_node(LlmClientNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())

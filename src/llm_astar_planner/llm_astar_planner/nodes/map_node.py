@@ -3,19 +3,14 @@
 
 """map_node: publishes a barrier map or a map_server map as an occupancy grid, latched."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import (
-    BarrierMapError,
-    find_barrier_map,
-    load_barrier_maps,
-)
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.maps.map_server import MapServerError, load_map
+from llm_astar_msgs_adapter.maps.barrier_map import find_barrier_map, load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
@@ -24,6 +19,7 @@ from rclpy.node import Node
 from llm_astar_planner.nodes.common.entities import LATCHED
 from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.spin import run_node
+from llm_astar_planner.parameter import problem_of
 from llm_astar_planner.resources import find_file
 
 NAME = 'map_node'
@@ -36,7 +32,7 @@ class MapNode(Node):
         """Load and publish the map. Raises ParameterError where it cannot be loaded."""
         super().__init__(NAME, **OVERRIDES, **node_options)
         self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)
-        self._settings = Parameters(self, NAME, map_problem)
+        self._settings = Parameters(self, NAME, partial(problem_of, load_grid))
         self.add_post_set_parameters_callback(lambda _: self._publish())
         self.create_service(GetMap, '~/map', self._on_get_map)
         self._publish()
@@ -73,19 +69,6 @@ def is_yaml(path: str | Path) -> bool:
     return Path(path).suffix.lower() in ('.yaml', '.yml')
 
 
-def map_problem(values: dict[str, Any]) -> str | None:
-    """Say why no map can be loaded; None where one can."""
-    try:
-        load_grid(values)
-    except (BarrierMapError, GridMapError, MapServerError, FileNotFoundError) as error:
-        return str(error)
-    return None
-
-
 def main(args: Sequence[str] | None = None) -> int:
     """Run map_node."""
     return run_node(MapNode, args)
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())

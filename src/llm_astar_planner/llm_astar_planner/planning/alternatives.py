@@ -11,8 +11,6 @@ is the cheapest path of no class found before: of each class at least one crossi
 and which one is searched through best-first, with automata that count crossings.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from collections.abc import Iterator, Mapping
@@ -21,12 +19,11 @@ from itertools import count
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.planning.types import Alternative, PlanRequest, Point
-from llm_astar_planner.search.arrays import StopFlag
+from llm_astar_planner.search.arrays import Bools, Int32s, StopFlag
 from llm_astar_planner.search.automata import Automaton
 from llm_astar_planner.search.product import ProductProblem, ProductTooLargeError, product_search
 from llm_astar_planner.search.result import SearchStatus
@@ -59,13 +56,13 @@ class Ray(NamedTuple):
     centre: Point
     perimeter: float
 
-    def sides(self, shape: tuple[int, ...]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def sides(self, shape: tuple[int, ...]) -> tuple[Bools, Bools]:
         """Return the cells left and right of it, bool [height, width] each."""
         left, right = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
         left[self.y + 1 :, self.x], right[self.y :, self.x + 1] = True, True
         return left, right
 
-    def crossings(self, path: NDArray[np.int32]) -> int:
+    def crossings(self, path: Int32s) -> int:
         """Return how often a path [n, 2] crosses it to the right, less to the left."""
         (x, y), step = path.T, np.diff(path[:, 0])
         to_right = (x[:-1] == self.x) & (step == 1) & (y[:-1] > self.y)
@@ -168,7 +165,7 @@ class WaysSearch:
         return Alternative(result.path, metres, result.cost, result.suboptimality_bound, [])
 
 
-def crosses_itself(path: NDArray[np.int32]) -> bool:
+def crosses_itself(path: Int32s) -> bool:
     """Tell whether a path [n, 2] comes to a place where it was before."""
     # Cells, and the middles of moves, in which two diagonal ones may meet.
     places = np.concatenate((2 * path, path[:-1] + path[1:]))

@@ -7,8 +7,6 @@ A `Planner` compiles what a request takes before the time of the request begins.
 all requests in the background, and commands say meanwhile how far it is.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

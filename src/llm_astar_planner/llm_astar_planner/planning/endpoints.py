@@ -9,8 +9,6 @@ robot reaches without crossing a lethal cell, preferably one that is connected t
 path begins there and the robot has to get there by itself.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import dataclass

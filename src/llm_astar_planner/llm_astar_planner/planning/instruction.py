@@ -3,8 +3,6 @@
 
 """Plans with an instruction: the search keeps to it, and the path is held against it."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Sequence

@@ -8,8 +8,6 @@ Most are described in `parameters.yaml`.
 ROS parameter files are read without ROS and checked against the table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -17,7 +15,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import nearest_name, short_repr
+from llm_astar_msgs_adapter.errors import nearest_name, raising, short_repr
 from llm_astar_msgs_adapter.files import read_yaml
 
 from llm_astar_planner.costmap import config as costmap
@@ -166,12 +164,10 @@ def read_parameter_files(
         sections = read_sections(path)
         if not any(name in (*nodes, *WILDCARDS) for name, _ in sections):
             raise ParameterError(f'{path}: has no ros__parameters for {" or ".join(nodes)}')
-        try:
+        with raising(ParameterError, f'{path}: ', ParameterError, PluginError):
             check_sections(sections, {node: node for node in NODES})
             for node in nodes:
                 found[node].update(_collected(node, sections))
-        except (ParameterError, PluginError) as error:
-            raise ParameterError(f'{path}: {error}') from None
     return found
 
 

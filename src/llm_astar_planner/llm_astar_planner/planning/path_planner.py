@@ -365,11 +365,7 @@ class PathPlanner:
         None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
         # Kernels that only these plans take.
-        from llm_astar_planner.search.any_angle import (  # noqa: PLC0415
-            AnyAnglePath,
-            pullable_parts,
-            string_pull,
-        )
+        from llm_astar_planner.search.any_angle import AnyAnglePath, pullable_parts, string_pull  # noqa: PLC0415
 
         try:
             parts = [

@@ -3,8 +3,6 @@
 
 """The last check before a path leaves. It shares no code with the searches or the inflation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

@@ -359,7 +359,7 @@ def reuse_problem(
     It can be kept if both maps have their cells at the same places and its path, the any-angle
     one too, is still valid, also for the `footprint`.
     """
-    if not grid_map.is_laid_out_as(planner.grid_map):
+    if grid_map.layout != planner.grid_map.layout:
         return 'the map has another size, resolution, origin or frame'
     problem = planner.checker.path_problem(plan.path, plan.start, plan.goal)
     if problem is None and plan.any_angle is not None:

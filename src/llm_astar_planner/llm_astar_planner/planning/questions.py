@@ -7,8 +7,6 @@ The problem that a question names is solved exactly, and so is the one that was 
 compares both, in the language of the question. Regions are read by the grammar of instructions.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator
@@ -18,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
@@ -193,10 +191,8 @@ class Questions:
         cells = grid_map.cells.copy()
         for clause in self.clauses(asked):
             if isinstance(clause, Avoid):
-                try:
+                with raising(QuestionError, '', RegionError):
                     cells[Ground(route).avoided(clause.region).touched] = FREE
-                except RegionError as error:
-                    raise QuestionError(str(error)) from None
         return self.plan(Planner(replace(grid_map, cells=cells), self.planner.config))
 
     def length(self, own: Plan, words: dict[str, Any]) -> dict[str, Any]:

@@ -3,8 +3,6 @@
 
 """Rounds the kinks of a path: at each one an arc that touches both straight lines (a fillet)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -529,13 +529,9 @@ def clause_line(clause: Mapping[str, Any]) -> str:
 
 def clause_facts(clause: Mapping[str, Any]) -> str:
     """Return what was measured of a clause and what it costs: ' (0.0 m inside), costs 4.2 m'."""
-    return (f' ({clause["detail"]})' if clause['detail'] else '') + clause_price(clause)
-
-
-def clause_price(clause: Mapping[str, Any]) -> str:
-    """Return what a clause costs: ', costs 4.2 m'; '' where that was not measured."""
-    price = clause.get('price')
-    return '' if price is None else f', costs {price:.1f} m'
+    detail, price = clause['detail'], clause.get('price')
+    facts = f' ({detail})' if detail else ''
+    return facts if price is None else f'{facts}, costs {price:.1f} m'
 
 
 def interpretation_line(interpretation: Mapping[str, Any]) -> str:

@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
-from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import changed_windows
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -34,12 +33,11 @@ from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning._kernels import causes as kernels
 from llm_astar_planner.planning.endpoints import moved_start, nearest_reached, window_around
 from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, Point, Why
-from llm_astar_planner.search.arrays import DoubleBuffer, no_stop
+from llm_astar_planner.search.arrays import Bools, DoubleBuffer, Int32s, Uint8s, no_stop
 from llm_astar_planner.search.astar import exact_astar, jump_search
 from llm_astar_planner.search.grid_graph import STEPS, GridGraph, path_length
 from llm_astar_planner.search.result import Cell
 
-Mask = NDArray[np.bool_]
 Items = frozenset[int]
 Window = tuple[slice, slice]
 WHOLE: Window = slice(None), slice(None)
@@ -72,14 +70,14 @@ class Layers:
     `groups` is int32 [height + 2, width + 2], framed by walls, `cells` the map's part of it.
     """
 
-    def __init__(self, walls: Mask) -> None:
+    def __init__(self, walls: Bools) -> None:
         """Start with walls, bool [height, width], and nothing else closed."""
         self.groups = np.pad(~walls, 1).astype(np.int32)
         self.cells = self.groups[1:-1, 1:-1]
         self.sets: list[Items | None] = [None, NOTHING]
         self._numbers: dict[Items, int] = {NOTHING: 1}
 
-    def close(self, cause: int, closed: Mask, window: Window = WHOLE) -> None:
+    def close(self, cause: int, closed: Bools, window: Window = WHOLE) -> None:
         """Let a cause close cells of a window of the map."""
         part = self.cells[window]
         inside = part[closed]
@@ -92,7 +90,7 @@ class Layers:
                     self.sets.append(before | {cause})
         part[closed] = table[inside]
 
-    def is_open(self, removed: Items) -> Mask:
+    def is_open(self, removed: Items) -> Bools:
         """Return which groups are open without some causes: bool [groups]."""
         return np.array([items is not None and items <= removed for items in self.sets])
 
@@ -104,17 +102,17 @@ class Flood(NamedTuple):
     """
 
     target: int
-    seen: NDArray[np.uint8]
-    edges: NDArray[np.int32]
+    seen: Uint8s
+    edges: Int32s
     rules: tuple[int, ...] = ()
 
 
 class Goals(NamedTuple):
     """A question to the kernels, on flat cells of the map with its frame."""
 
-    steps: NDArray[np.int32]
+    steps: Int32s
     start: int
-    targets: Mask
+    targets: Bools
 
     @classmethod
     def of(cls, costmap: Costmap, start: Cell, goal: Cell, tolerance: float) -> Goals:
@@ -151,7 +149,7 @@ class Goals(NamedTuple):
 class Causes:
     """All that closes cells of a costmap, by number; `names` are pairs of a kind and a name."""
 
-    def __init__(self, costmap: Costmap, clauses: Sequence[tuple[str, Mask]] = ()) -> None:
+    def __init__(self, costmap: Costmap, clauses: Sequence[tuple[str, Bools]] = ()) -> None:
         """Take a costmap, and which of its cells each clause of an instruction closes."""
         grid_map, config = costmap.grid_map, costmap.config
         composed, threshold = grid_map.composed, config.obstacle_threshold
@@ -177,18 +175,18 @@ class Causes:
         for name, closed in clauses:
             self.add(CLAUSE, name, closed)
         # These are lethal, so they too keep the robot away by its radius.
-        self.zones: dict[int, tuple[Window, Mask]] = {}
+        self.zones: dict[int, tuple[Window, Bools]] = {}
         for kind, name, window, closed in () if composed is None else composed.closed():
             self.zones[self.add(kind, name, closed, window)] = window, closed
         if not config.allow_unknown:
             self.add(UNKNOWN, '', self.base.cells < 0)
         # Each forbids moves in a window.
-        self.rules: dict[int, tuple[Window, NDArray[np.uint8]]] = {}
+        self.rules: dict[int, tuple[Window, Uint8s]] = {}
         for kind, name, window, moves in () if composed is None else composed.rules():
             self.rules[self.add(kind, name)] = window, moves
 
     def add(
-        self, kind: str, name: str = '', closed: Mask | None = None, window: Window = WHOLE
+        self, kind: str, name: str = '', closed: Bools | None = None, window: Window = WHOLE
     ) -> int:
         """Add what closes cells of a window, a zone or mask also around it; return its number."""
         number = len(self.names)
@@ -215,7 +213,7 @@ class Causes:
             return self.drive(goals, removed)
         return goals.flood(self.layers_of(removed), removed, before)
 
-    def forbidden(self, removed: Items) -> NDArray[np.uint8]:
+    def forbidden(self, removed: Items) -> Uint8s:
         """Return the moves that rules of the road forbid without some of them, empty for none."""
         forbidden = np.zeros(self.lethal.shape if self.rules else (0, 0), dtype=np.uint8)
         for item in self.rules.keys() - removed:
@@ -223,7 +221,7 @@ class Causes:
             forbidden[window] |= moves
         return forbidden
 
-    def graph(self, blocked: Mask, removed: Items) -> GridGraph:
+    def graph(self, blocked: Bools, removed: Items) -> GridGraph:
         """Return the graph of the moves that are left without some causes."""
         grid = GridGraph(blocked, corner_cutting=self.config.corner_cutting)
         return grid.with_rules(self.forbidden(removed))
@@ -290,7 +288,7 @@ class Causes:
             removed = fewer if self.flood(goals, fewer).target >= 0 else removed
         return removed
 
-    def room(self, removed: Items) -> NDArray[np.int32]:
+    def room(self, removed: Items) -> Int32s:
         """Return how far each open cell is from what stays lethal, squared, in cells.
 
         Int32 [height, width] with the frame, 0 where it is closed; at most what a robot needs.
@@ -305,13 +303,13 @@ class Causes:
         groups = (
             part for one in (layers, self.layers[0]) for part in (one.cells, one.is_open(removed))
         )
-        room: NDArray[np.int32] = kernels.room_of(lethal, reach, *groups)
+        room: Int32s = kernels.room_of(lethal, reach, *groups)
         return room
 
 
 def grown(
-    window: Window, lethal: Mask, grid_map: GridMap, config: CostmapConfig
-) -> tuple[Window, Mask]:
+    window: Window, lethal: Bools, grid_map: GridMap, config: CostmapConfig
+) -> tuple[Window, Bools]:
     """Return the cells that lethal cells of a window close to the robot, and their window."""
     reach = math.isqrt(squared_cells(config.robot_radius, grid_map.resolution))
     around = tuple(slice(max(part.start - reach, 0), part.stop + reach) for part in window)
@@ -340,7 +338,7 @@ class Explainer:
                 self.start = stop
         self.goal, is_via = stops[self.reached], self.reached < len(request.via)
         self.name = f'via {self.reached + 1}' if is_via else 'goal'
-        self.causes = Causes(costmap, closing_clauses(costmap, request, self.start))
+        self.causes = Causes(costmap, clause_masks(costmap, request, self.start))
         self.goals = Goals.of(costmap, self.start, self.goal, tolerance)
         self.here = self.causes.flood(self.goals, NOTHING)
 
@@ -383,14 +381,14 @@ class Explainer:
             entries.append(entry | ends)
         return entries, round(path_length(cells) * causes.resolution, 3)
 
-    def path(self, blocked: Mask, goal: Cell, removed: Items) -> NDArray[np.int32]:
+    def path(self, blocked: Bools, goal: Cell, removed: Items) -> Int32s:
         """Return the shortest path on cells and by moves that would be open."""
         grid = self.causes.graph(blocked, removed)
         if not (grid.corner_cutting or grid.has_rules):
             return jump_search(grid, self.start, goal, stop=no_stop()).path
         return exact_astar(grid, self.start, goal, want_expanded=False).path
 
-    def widest_path(self, removed: Items) -> tuple[NDArray[np.int32], dict[str, Any]]:
+    def widest_path(self, removed: Items) -> tuple[Int32s, dict[str, Any]]:
         """Return the shortest of the widest ways, which robots pass it, and where it is narrow."""
         room, (steps, _, targets) = self.causes.room(removed), self.goals
         layers, ends = self.causes.layers[0], np.flatnonzero(targets)
@@ -480,7 +478,7 @@ def below(metres: float) -> float:
     return whole / 1000.0 if whole > 0 else metres * (1.0 - ROUNDING)
 
 
-def closing_clauses(costmap: Costmap, request: PlanRequest, start: Cell) -> list[tuple[str, Mask]]:
+def clause_masks(costmap: Costmap, request: PlanRequest, start: Cell) -> list[tuple[str, Bools]]:
     """Return the sentence of each clause that is required, and which cells it closes."""
     instruction = request.instruction
     if instruction is None or instruction.policy != REQUIRE:

@@ -10,8 +10,6 @@ of the shortest any-angle path, `noisy` and `reversed` degrade the oracle's answ
 draws free cells. Every source gives the same answer to the same query.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from llm_astar_msgs_adapter.errors import raising
+
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.source import (
@@ -122,11 +124,9 @@ class SourceSettings:
         # Only who asks a model needs this.
         from llm_astar_planner.waypoints.llm.credentials import Endpoint  # noqa: PLC0415
 
-        try:
+        with raising(SettingsError, '', ValueError):
             Endpoint(self.base_url, self.api_key_env, self.api_key_names)
             template = self.template
-        except ValueError as error:
-            raise SettingsError(str(error)) from None
         if self.retrieved_examples and template.thinks:
             words = f'these hold no thoughts, which the prompt {template.name} asks for'
             raise SettingsError(f'retrieved_examples: {words}; use few_shot or zero_shot')

@@ -28,7 +28,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
 
 from llm_astar_planner.caches import cached
@@ -198,15 +198,14 @@ def packaged_weights() -> Weights:
 
 def read_weights(data: bytes, name: str = 'weights') -> Weights:
     """Read a file that the training has written. Raises WeightsError."""
-    try:
+    # Whatever a damaged archive leads to.
+    with raising(WeightsError, f'{name}: is no file of exported weights: ', Exception):
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
                 raise ValueError(f'it would fill over {MAX_BYTES} bytes')
         with np.load(io.BytesIO(data), allow_pickle=False) as held:
             header = json.loads(held['header'].tobytes())
             arrays = {key: held[key].astype(np.float32) for key in held if key != 'header'}
-    except Exception as error:  # noqa: BLE001 - whatever a damaged archive leads to
-        raise WeightsError(f'{name}: is no file of exported weights: {error}') from None
     if header.pop('format', None) != FORMAT:
         raise WeightsError(f'{name}: format: is not {FORMAT}; export the weights again')
     return Weights(arrays, header, hashlib.sha256(data).hexdigest()[:12])

@@ -186,7 +186,7 @@ class RecordingSource:
         reply = self.inner.waypoints(query)
         if reply.status not in _NOT_ASKED:
             try:
-                self.writer.write(self._exchange(query, reply))
+                self.writer.write(self._exchange(query, reply).to_json())
             except (OSError, ValueError) as error:
                 _LOG.warning('%s: cannot be written: %s', self.writer.path, error)
         return reply

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import printable, short_repr
+from llm_astar_msgs_adapter.errors import printable, raising, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
 from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
@@ -213,10 +213,8 @@ def plugin_factory(
         return PluginSource(name, source)
 
     def make_or_say_why(context: Any) -> WaypointSource:  # noqa: ANN401 - a SourceContext
-        try:
+        with raising(PluginError, f'source {name}: ', PluginError):
             return call(lambda: make(context))
-        except PluginError as error:
-            raise PluginError(f'source {name}: {error}') from None
 
     return make_or_say_why
 

@@ -9,8 +9,6 @@ in it are the map's lattice coordinates. Where a big map was described on a coar
 is its step in cells.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import logging
@@ -241,12 +239,12 @@ class TranscriptWriter:
         except OSError as error:
             raise TranscriptError(f'{self.path}: {error.strerror or error}') from None
 
-    def write(self, exchange: Any) -> None:  # noqa: ANN401 - what has to_json()
-        """Append one exchange, whole or not at all: the object of its `to_json`.
+    def write(self, record: Mapping[str, Any]) -> None:
+        """Append the JSON object of one exchange, whole or not at all.
 
         Raises OSError where the disk refuses it, ValueError for a number that JSON does not have.
         """
-        line = json.dumps(exchange.to_json(), allow_nan=False).encode() + b'\n'
+        line = json.dumps(record, allow_nan=False).encode() + b'\n'
         # The file is opened for each write: answers are rare, and a source that is replaced
         # leaves no open file behind. An unbuffered write is one system call, so lines of
         # several processes do not mix.

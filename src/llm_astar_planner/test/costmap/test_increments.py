@@ -114,7 +114,7 @@ def test_after_many_updates_every_layer_equals_one_made_from_nothing(rules):
     costmap.prepare()
     taken_over = again = 0
     held, identities = [], {}
-    for number in range(1000 // len(RULES) + 1):
+    for number in range(500 // len(RULES) + 1):
         before = costmap
         # Sometimes somebody keeps a costmap for longer, or a part of one of its arrays.
         held = held if random.random() < 0.4 else []
@@ -134,7 +134,7 @@ def test_after_many_updates_every_layer_equals_one_made_from_nothing(rules):
         for _, pairs in held:
             for array, copy in pairs:
                 np.testing.assert_array_equal(array, copy)
-    assert taken_over > 90
+    assert taken_over > 45
     assert again  # its arrays were those of the map before the last
 
 

@@ -5,8 +5,12 @@ import json
 import pytest
 from instructions.grammar.hospital import HOSPITAL
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
-from llm_astar_planner.instructions.confirmations import Confirmations, ConfirmationsError
-from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
+from llm_astar_planner.instructions.current import (
+    Confirmations,
+    ConfirmationsError,
+    CurrentInstruction,
+    InstructionReader,
+)
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.specification import from_json

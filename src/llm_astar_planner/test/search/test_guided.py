@@ -45,7 +45,7 @@ def waypoints_of(kind, grid, start, goal, random):
     return anywhere
 
 
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(
     query=queries(),
     kind=st.sampled_from(KINDS),

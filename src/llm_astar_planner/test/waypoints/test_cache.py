@@ -117,7 +117,7 @@ def test_running_queries_are_bounded(monkeypatch):
     monkeypatch.setattr(endpoint_source, 'MAX_PENDING', 2)
     inner = Scripted(opened=False)
     source = CachedSource(inner)
-    hasty = [replace(QUERY, goal=(20 + i, 20), time_limit=0.01) for i in range(3)]
+    hasty = [replace(QUERY, goal=(20 + i, 20), time_limit=0.3) for i in range(3)]
     statuses = [source.waypoints(query).status for query in hasty]
     assert statuses == [SourceStatus.TIMEOUT, SourceStatus.TIMEOUT, SourceStatus.REFUSED]
     inner.gate.set()

@@ -36,7 +36,7 @@ CELLS = ((2.0, 2.0), (14.0, 4.0), (7.0, 7.0))
 def write(path, *exchanges):
     writer = TranscriptWriter(path)
     for exchange in exchanges:
-        writer.write(exchange)
+        writer.write(exchange.to_json())
     return path
 
 

@@ -60,7 +60,7 @@ def test_written_and_read_back(tmp_path):
     live = replace(EXCHANGE, map='0123456789ab', pair='1,2->3,4', unit=4, response='\u00e4\ud800')
     for exchange in (EXCHANGE, live):
         writer = TranscriptWriter(path)
-        writer.write(exchange)
+        writer.write(exchange.to_json())
     assert read_transcript(path) == [EXCHANGE, live]
     assert list(json.loads(path.read_text().splitlines()[0])) == FIELDS
 
@@ -71,7 +71,7 @@ def test_what_is_known_of_a_reply_is_written_and_read_back(tmp_path):
         'stop', 'fp_1', 'ab' * 32, 'cd' * 32, 0.0, 20261001, '2026-11-22T19:00:00+00:00'
     )
     exchange = replace(EXCHANGE, provenance=known)
-    TranscriptWriter(path).write(exchange)
+    TranscriptWriter(path).write(exchange.to_json())
     assert read_transcript(path) == [exchange]
     record = json.loads(path.read_text())
     assert record['seed'] == 20261001
@@ -100,7 +100,7 @@ def test_a_cut_off_last_line_is_left_out_with_a_warning(tmp_path, caplog):
     assert 'line 2: cut off' in caplog.text
     cut = path.read_bytes().rpartition(b'\n')[2]
     writer = TranscriptWriter(path)
-    writer.write(EXCHANGE)
+    writer.write(EXCHANGE.to_json())
     assert read_transcript(path) == [EXCHANGE, EXCHANGE]
     assert path.with_name('transcript.jsonl.cut').read_bytes() == cut + b'\n'
 
@@ -110,7 +110,7 @@ def test_a_last_line_without_its_end_counts(tmp_path):
     path.write_text(json.dumps(EXCHANGE.to_json()))
     assert read_transcript(path) == [EXCHANGE]
     writer = TranscriptWriter(path)
-    writer.write(EXCHANGE)
+    writer.write(EXCHANGE.to_json())
     assert len(read_transcript(path)) == 2
 
 
@@ -186,15 +186,15 @@ def test_a_file_that_is_not_a_transcript_is_named(tmp_path):
 def test_a_full_disk_damages_no_earlier_exchange(tmp_path):
     path = tmp_path / 'transcript.jsonl'
     writer = TranscriptWriter(path)
-    writer.write(EXCHANGE)
+    writer.write(EXCHANGE.to_json())
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 50, limits[1]))
     try:
         with pytest.raises(OSError, match='No space left'):
-            writer.write(EXCHANGE)
+            writer.write(EXCHANGE.to_json())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    writer.write(EXCHANGE)
+    writer.write(EXCHANGE.to_json())
     assert read_transcript(path) == [EXCHANGE, EXCHANGE]
 
 
@@ -203,7 +203,8 @@ def test_lines_from_many_threads_stay_whole(tmp_path):
     writer = TranscriptWriter(path)
     big = replace(EXCHANGE, response='x' * 20000)
     threads = [
-        threading.Thread(target=lambda: [writer.write(big) for _ in range(20)]) for _ in range(4)
+        threading.Thread(target=lambda: [writer.write(big.to_json()) for _ in range(20)])
+        for _ in range(4)
     ]
     for thread in threads:
         thread.start()

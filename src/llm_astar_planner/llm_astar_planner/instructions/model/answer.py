@@ -71,11 +71,6 @@ class Sentence:
         found = {one.value for one in self.lexemes if one.kind in ('SIDE', 'MOST')}
         return [side for side in regions.SIDES if side in found]
 
-    @property
-    def has_strange_words(self) -> bool:
-        """Whether a word is not known, or may mean several places: maybe a name."""
-        return any(one.kind == 'UNKNOWN' or len(one.names) > 1 for one in self.lexemes)
-
     def has(self, *kinds: str) -> bool:
         """Return whether a word of one of some kinds is in it."""
         return any(lexeme.kind in kinds for lexeme in self.lexemes)
@@ -137,7 +132,9 @@ def answer_schema(sentence: Sentence, places: Places) -> dict[str, Any]:
 
 def offered_names(sentence: Sentence, places: Places) -> list[str]:
     """Return the names that an answer may hold: those mentioned, or all if a word is unclear."""
-    mentioned, unclear = set(sentence.names), sentence.has_strange_words
+    mentioned = set(sentence.names)
+    # A word that is not known may be a name, or one may mean several places.
+    unclear = any(one.kind == 'UNKNOWN' or len(one.names) > 1 for one in sentence.lexemes)
     names = [place.name for place in places if unclear or place.name in mentioned]
     return [*names, UNKNOWN_PLACE] if unclear else names
 

@@ -8,8 +8,6 @@ The protocol is that of ROS's package bond, of which only the message is needed:
 LifecycleNode, whose behaviour and constants these are.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 import uuid

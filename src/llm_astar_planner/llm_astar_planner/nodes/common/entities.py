@@ -3,8 +3,6 @@
 
 """The publishers, subscriptions and services of one part of a node, and calls of services."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -3,8 +3,6 @@
 
 """Receives maps and map updates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -3,8 +3,6 @@
 
 """A node's parameters, declared from the table: typed, described, ranged and checked when set."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 from itertools import pairwise

@@ -10,8 +10,6 @@ another size: by 1.8 MB a map, of 600 x 600 cells in the mean. Arrays of their o
 system clears their pages each time.
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -3,8 +3,6 @@
 
 """The topics on which a node is asked what an instruction means, and who answers them."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -20,7 +18,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import String
 
 from llm_astar_planner.instructions import messages
-from llm_astar_planner.instructions.chain import BackgroundInterpreter, make_interpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter, OnAnswer, make_interpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
@@ -32,7 +30,6 @@ from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS, Entities
 # Questions a second, of which so many may come at once: a flood must leave time to plan.
 RATE, BURST = 50.0, 20
 
-OnAnswer = Callable[[Interpretation], None]
 # Given a question with a clean text, returns what is understood now. If that is PENDING, the
 # callback gets the rest, on any thread. May raise LlmAstarError.
 Interpret = Callable[[messages.Question, OnAnswer], Interpretation]

@@ -3,8 +3,6 @@
 
 """Run a node from `main` to a clean exit."""
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import gc

@@ -3,27 +3,23 @@
 
 """Transforms poses into the map's frame, with tf2 if it is installed."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
-from numpy.typing import NDArray
 from rclpy.exceptions import InvalidHandle
 from rclpy.time import Time
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
-from llm_astar_planner.search.arrays import POLL_PERIOD_S
+from llm_astar_planner.search.arrays import POLL_PERIOD_S, Float64s
 
 try:
     import tf2_ros
@@ -81,7 +77,7 @@ class Frames:
 
     def matrix(
         self, frame: str, frame_id: str, name: str, stamp: Time = NEWEST, may_wait: MayWait = never
-    ) -> NDArray[np.float64]:
+    ) -> Float64s:
         """Return the transform [4, 4] of a frame into `frame_id`, waiting as `locate` does.
 
         Raises FrameError, with `name` for what is in that frame, if there is none, GridMapError if
@@ -100,7 +96,7 @@ class Frames:
 
     def _look_up(
         self, target: str, source: str, stamp: Time, may_wait: MayWait, what: str
-    ) -> NDArray[np.float64]:
+    ) -> Float64s:
         if self._buffer is None:
             raise FrameError(f'{what}, and tf2_ros is not installed')
         # tf2's own wait cannot be cancelled, and never ends while simulated time is paused.

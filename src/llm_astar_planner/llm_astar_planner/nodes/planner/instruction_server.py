@@ -3,8 +3,6 @@
 
 """The instruction of the planner: set, understood, previewed, and carried by each request."""
 
-from __future__ import annotations
-
 import threading
 import time
 import uuid
@@ -23,8 +21,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
-from llm_astar_planner.instructions.confirmations import Confirmations, ConfirmationsError
-from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
+from llm_astar_planner.instructions.current import (
+    Confirmations,
+    ConfirmationsError,
+    CurrentInstruction,
+    InstructionReader,
+)
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
@@ -33,7 +35,6 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.messages import (
     MAX_QUESTION_WITH_PLACES,
     Question,
-    QuestionAnswer,
     parse_answer,
 )
 from llm_astar_planner.instructions.progress import Progress
@@ -214,7 +215,7 @@ class InstructionClient:
         self.name = client
         self._logger = entities.node.get_logger()
         self._arrived = threading.Condition()
-        self._answers: dict[str, QuestionAnswer | None] = {}
+        self._answers: dict[str, Interpretation | str | None] = {}
         self._is_closed = False
         self._publisher = entities.publisher(String, f'{client}/interpret', RELIABLE)
         group = MutuallyExclusiveCallbackGroup()
@@ -249,8 +250,10 @@ class InstructionClient:
                     lambda: self._is_closed or self._answers[id_] is not None, POLL_SECONDS
                 )
                 answer = self._answers[id_]
+            if isinstance(answer, Interpretation):
+                return answer
             if answer is not None:
-                return answer.interpretation or pending(text, f'{self.name}: {answer.error}')
+                return pending(text, f'{self.name}: {answer}')
             if not self.ready:
                 return pending(text, f'{self.name} went away while it was asked')
         return pending(text, f'{self.name} did not answer')
@@ -258,20 +261,20 @@ class InstructionClient:
     def on_answer(self, message: String) -> None:
         """Take an answer, if it is one to a question of this node."""
         try:
-            answer = parse_answer(message.data)
+            id_, answer = parse_answer(message.data)
         except LlmAstarError as error:
             self._logger.warning(f'{self.name}/interpretation: {error}', throttle_duration_sec=1.0)
             return
         with self._arrived:
-            if answer.id in self._answers:
-                self._answers[answer.id] = answer
+            if id_ in self._answers:
+                self._answers[id_] = answer
                 self._arrived.notify_all()
 
     def drop_oldest(self) -> None:
         """End the waiting for all but the newest questions."""
         with self._arrived:
             for id_ in list(self._answers)[:-MOST_WAITING]:
-                self._answers[id_] = QuestionAnswer(id_, error='was changed while it was asked')
+                self._answers[id_] = 'was changed while it was asked'
             self._arrived.notify_all()
 
     def close(self) -> None:
@@ -283,5 +286,4 @@ class InstructionClient:
 
 def pending(text: str, detail: str) -> Interpretation:
     """Return the interpretation of a text that nobody has answered yet."""
-    nothing = not_understood(text, detail)
-    return Interpretation(text, nothing.specification, '', Understanding.PENDING, detail)
+    return not_understood(text, detail, status=Understanding.PENDING)

@@ -3,8 +3,6 @@
 
 """Keeps the newest map, makes planners for it, and says which map a plan waits for."""
 
-from __future__ import annotations
-
 import math
 import statistics
 import threading

@@ -3,8 +3,6 @@
 
 """Owns the last published path; checks it when the map changes and replans a broken one."""
 
-from __future__ import annotations
-
 import threading
 import traceback
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 
 """Nav2's `is_path_valid`: whether a path can still be followed, on the newest map."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@
 
 """The named places of the map: their file, their markers, and which goal each means."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections.abc import Hashable

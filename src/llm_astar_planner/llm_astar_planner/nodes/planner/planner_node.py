@@ -3,8 +3,6 @@
 
 """planner_node: plans on the newest map, for services, actions and RViz's buttons."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -189,7 +187,3 @@ class PlannerNode(LifecycleNodeMixin, Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Run planner_node."""
     return run_node(PlannerNode, args, lambda: MultiThreadedExecutor(THREADS), PlannerNode.others)
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())

@@ -6,8 +6,6 @@
 Importing them takes a second, so planner_node does it after its first services are there.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
@@ -174,16 +172,12 @@ class PlannerServer:
     def subscribe(self) -> None:
         """Subscribe."""
         # One at a time: the newest pose must not be preempted by the one before.
-        group, node = MutuallyExclusiveCallbackGroup(), self._node
-        for kind, topic, callback in (
-            (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
-            (PoseStamped, goals.GOAL_POSE, self.on_goal_pose),
-        ):
-            self._entities.subscription(kind, topic, callback, RELIABLE, group)
+        group, node, entities = MutuallyExclusiveCallbackGroup(), self._node, self._entities
+        initial, goal = self.on_initial_pose, self.on_goal_pose
+        entities.subscription(PoseWithCovarianceStamped, 'initialpose', initial, RELIABLE, group)
+        entities.subscription(PoseStamped, goals.GOAL_POSE, goal, RELIABLE, group)
         node.add_post_set_parameters_callback(self.on_parameters)
-        self._entities.on_close(
-            lambda: node.remove_post_set_parameters_callback(self.on_parameters)
-        )
+        entities.on_close(lambda: node.remove_post_set_parameters_callback(self.on_parameters))
 
     def subscribe_to_maps(self, node: Node) -> None:
         """Take maps and zones on a thread of their own, that of a node beside this one.

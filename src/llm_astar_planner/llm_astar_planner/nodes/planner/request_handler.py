@@ -3,8 +3,6 @@
 
 """Answers goals: from poses to a PlanRequest, its plans, and what is published of them."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -12,7 +10,7 @@ import traceback
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -98,14 +96,6 @@ class Job:
         return max(LEAST_SECONDS, self.begin + self.limit - finish - time.monotonic())
 
 
-class Converted(NamedTuple):
-    """A request to the planner, and the poses of its start and goals in the map's frame."""
-
-    request: PlanRequest
-    start: Pose2D
-    goals: tuple[Pose2D, ...]
-
-
 @dataclass(eq=False)
 class RequestConverter:
     """Converts goals under the node's parameters; `source` is asked for waypoints."""
@@ -128,19 +118,17 @@ class RequestConverter:
         may_wait: MayWait = never,
         *,
         want_expanded: bool,
-    ) -> Converted:
-        """Return the request to the planner; a transform is awaited while `may_wait()`.
+    ) -> tuple[PlanRequest, Pose2D, list[Pose2D]]:
+        """Return the request, and the poses of its start and goals in the map's frame.
 
-        It has the seconds that `time_left` returns after that. Raises RequestError, and what
-        `may_wait` raises.
+        A transform is awaited while `may_wait()`; the request has the seconds that `time_left`
+        returns after that. Raises RequestError, and what `may_wait` raises.
         """
         if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
         last, more = len(goal.goals), len(goal.viapoints)
-        for name, count, most in (
-            ('goals', last, MAX_VIA + 1),
-            ('viapoints', more, MAX_VIAPOINTS),
-        ):
+        limits = ('goals', last, MAX_VIA + 1), ('viapoints', more, MAX_VIAPOINTS)
+        for name, count, most in limits:
             if count > most:
                 message = f'{name}: {count}, over the {most} allowed'
                 raise RequestError(ResultCode.INVALID_PLANNER, message)
@@ -175,7 +163,7 @@ class RequestConverter:
         request = PlanRequest(
             cells[0], cells[last], via=cells[1:last], viapoints=cells[last + 1 :], **fields
         )
-        return Converted(request, start, tuple(goals))
+        return request, start, goals
 
     def robot_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the robot's pose, else the fallback start of a goal."""

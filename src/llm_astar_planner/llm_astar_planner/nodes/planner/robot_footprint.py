@@ -3,8 +3,6 @@
 
 """The robot's polygon as the node knows it: its parameter, or the topic that Nav2 publishes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

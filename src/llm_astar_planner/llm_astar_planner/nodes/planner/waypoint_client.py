@@ -3,8 +3,6 @@
 
 """The planner's waypoint source: llm_client_node, queried over its service."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 
 """The zones and filter masks of planner_node, and every map with them."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading
@@ -17,7 +15,7 @@ from typing import Any
 
 from diagnostic_msgs.srv import AddDiagnostics
 from geometry_msgs.msg import PoseStamped
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message
 from llm_astar_msgs_adapter.messages.markers import zones_to_markers
@@ -318,10 +316,8 @@ class MaskSubscription:
         self._subscriptions: dict[bool, Entities] = {}
         self._masks: dict[bool, layers.FilterMask] = {}
         if CostmapFilterInfo is not None and self.topic:
-            try:
+            with raising(ParameterError, 'filter_info_topic: ', InvalidTopicNameException):
                 name = self.parent.resolve_topic_name(self.topic)
-            except InvalidTopicNameException as error:
-                raise ParameterError(f'filter_info_topic: {error}') from None
             entities = Entities(self.side)
             entities.subscription(
                 CostmapFilterInfo, name, self.on_info, LATCHED_BY_MANY, self._group

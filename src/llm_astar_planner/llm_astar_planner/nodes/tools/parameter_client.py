@@ -3,8 +3,6 @@
 
 """Reads and sets the parameters of running nodes, of this package or of others."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Iterator, Sequence

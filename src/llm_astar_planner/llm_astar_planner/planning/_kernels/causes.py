@@ -6,8 +6,6 @@
 Grids are flat here and have a frame of one closed cell around the map.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from llm_astar_planner.search.arrays import Bools, Int32s, Uint8s

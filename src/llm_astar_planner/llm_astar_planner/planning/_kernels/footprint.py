@@ -7,8 +7,6 @@ Coordinates are those of the grid: cell centres are whole numbers and cells reac
 each side. A cell is lethal from `threshold` up, and where it is unknown if `unknown_blocks`.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

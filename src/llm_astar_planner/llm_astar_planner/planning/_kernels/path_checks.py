@@ -11,8 +11,6 @@ measured where they are needed, row by row around a cell: nothing is prepared fo
 a lethal cell. It begins with zeros; threads may share it, since all write the same.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

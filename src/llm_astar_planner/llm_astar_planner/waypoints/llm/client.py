@@ -8,8 +8,6 @@ every byte, and name look-ups have none, so the request runs as a task that is c
 time is up.
 """
 
-from __future__ import annotations
-
 import asyncio
 import functools
 import logging
@@ -44,14 +42,9 @@ tls_context = functools.cache(httpx.create_ssl_context)
 _IS_OURS: ContextVar[bool] = ContextVar('_IS_OURS', default=False)
 
 
-def keep_silent() -> None:
-    """Keep the loggers of httpx and httpcore from reporting our requests: they quote headers."""
-    parts = ('connection', 'http11', 'http2', 'proxy', 'socks')
-    for name in ('httpx', *(f'httpcore.{part}' for part in parts)):
-        logging.getLogger(name).addFilter(lambda _: not _IS_OURS.get())
-
-
-keep_silent()
+# Keeps the loggers of httpx and httpcore from reporting our requests: they quote headers.
+for _part in ('x', 'core.connection', 'core.http11', 'core.http2', 'core.proxy', 'core.socks'):
+    logging.getLogger(f'http{_part}').addFilter(lambda _: not _IS_OURS.get())
 
 
 class ChatClient:

@@ -9,8 +9,6 @@ base64, or broken over lines. Nothing can be done about a server that encrypts i
 has the key anyway.
 """
 
-from __future__ import annotations
-
 import base64
 import fnmatch
 import html
@@ -19,26 +17,15 @@ import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_yaml
 
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.source import KEY_NAMES, SourceStatus
 
-# Well-known variables of services: each key is sent to its own host only.
-KEY_HOSTS = {
-    'OPENAI_API_KEY': 'api.openai.com',
-    'ANTHROPIC_API_KEY': 'api.anthropic.com',
-    'OPENROUTER_API_KEY': 'openrouter.ai',
-    'GROQ_API_KEY': 'api.groq.com',
-    'MISTRAL_API_KEY': 'api.mistral.ai',
-    'DEEPSEEK_API_KEY': 'api.deepseek.com',
-    'TOGETHER_API_KEY': 'api.together.xyz',
-    'GEMINI_API_KEY': 'generativelanguage.googleapis.com',
-    'GOOGLE_API_KEY': 'generativelanguage.googleapis.com',
-    'XAI_API_KEY': 'api.x.ai',
-}
 _VARIABLE = re.compile('[A-Z_][A-Z0-9_]{0,63}')
 _PATTERN = re.compile(r'[A-Z_*][A-Z0-9_*]{0,63}')
 OPENAI_HOST = 'api.openai.com'
@@ -62,6 +49,10 @@ _NO_LETTER = re.compile('[^0-9a-z]+')
 
 class EndpointError(LlmAstarError, ValueError):
     """An endpoint's URL, or the name of its key's variable, cannot be used."""
+
+
+# Well-known variables of services: each key is sent to its own host only.
+KEY_HOSTS = read_yaml(Path(__file__).with_name('key_hosts.yaml'), EndpointError)
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,6 @@
 
 """What limits and protects requests to an endpoint: failures, retries, breaker, call budget."""
 
-from __future__ import annotations
-
 import math
 import random
 import threading

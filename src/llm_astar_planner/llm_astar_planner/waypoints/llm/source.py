@@ -3,8 +3,6 @@
 
 """The source that asks a language model behind an OpenAI-compatible endpoint, with a cache."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

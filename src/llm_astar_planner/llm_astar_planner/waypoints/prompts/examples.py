@@ -3,8 +3,6 @@
 
 """Prompts as they are sent: with the most similar solved samples, and about a reply."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterator, Sequence
@@ -13,7 +11,7 @@ from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
 
 from llm_astar_planner.costmap.costmap import Costmap
@@ -98,11 +96,9 @@ def load_example_library(name: str, at_least: int) -> ExampleLibrary:
     One sample is solved at once, so that the search is compiled before the time of a query runs.
     Raises ExamplesError for a file that cannot be used or has fewer samples than `at_least`.
     """
-    try:
+    with raising(ExamplesError, 'examples_file: ', OSError, ValueError):
         path = find_file(name or SAMPLES_FILE, 'maps')
         maps = [item for item in load_barrier_maps(path) if item.samples]
-    except (OSError, ValueError) as error:
-        raise ExamplesError(f'examples_file: {error}') from None
     problem = problem_of_maps(maps, at_least)
     if problem:
         raise ExamplesError(f'examples_file: {path}: {problem}')

@@ -7,8 +7,6 @@ Nothing is evaluated: numbers are recognised as text, everything else is skipped
 of points is the answer, because models draft, quote and think before they conclude.
 """
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

@@ -9,8 +9,6 @@ user and assistant, `completion` is one text that a model without chat continues
 For structured output, a prompt also says which JSON is expected; the schema is sent along.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, raising
 from llm_astar_msgs_adapter.files import read_text
 
 from llm_astar_planner.search.result import Cell
@@ -35,12 +33,6 @@ _JSON_REQUEST = (
     'Write the whole reply as one JSON object: {thought}"path": [{{"x": 5, "y": 5}}, ...]}}, '
     'with the points of the generated path in order, and nothing around it.'
 )
-ASK_FOR_A_LIST = (
-    'That holds no list of points. Reply with the route alone, '
-    'in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
-)
-# How questions began by which earlier versions asked a model to correct its route.
-_DOES_NOT_WORK = 'This route does not work:'
 
 
 class TemplateError(LlmAstarError, ValueError):
@@ -180,10 +172,8 @@ def load_template(prompt: str) -> Template:
     """
     is_path = prompt not in TEMPLATES and ('/' in prompt or prompt.endswith('.txt'))
     path = Path(prompt).expanduser() if is_path else template_path(prompt)
-    try:
+    with raising(TemplateError, 'prompt: ', TemplateError):
         text = read_text(path, TemplateError, limit=MAX_TEMPLATE_BYTES)
-    except TemplateError as error:
-        raise TemplateError(f'prompt: {error}') from None
     missing = [name for name in _NEEDED if name not in text]
     if missing:
         raise TemplateError(f'prompt: {path}: does not use {", ".join(missing)}')

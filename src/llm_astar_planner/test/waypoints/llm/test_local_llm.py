@@ -25,11 +25,12 @@ def server():
             yield running
 
 
-def ask(server, query=QUERY, **settings):
+def ask(server, query=QUERY, prompt='zero_shot', **settings):
     source = make_source(
         SourceSettings(
             source='endpoint',
             base_url=server.base_url,
+            prompt=prompt,
             max_output_tokens=32,
             **{
                 'timeout_s': 60.0,
@@ -98,7 +99,7 @@ def test_the_client_returns_at_the_deadline_of_a_slow_real_server(server, monkey
 @needs_llm
 def test_the_error_of_a_real_context_that_is_too_short_is_recognised():
     with LocalLlm(context=256) as small:
-        source, reply = ask(small, api_key_env='')
+        source, reply = ask(small, prompt='few_shot', api_key_env='')
     assert reply.status is SourceStatus.ERROR
     assert 'context' in reply.detail
     assert client_of(source).budget.calls.total == 1

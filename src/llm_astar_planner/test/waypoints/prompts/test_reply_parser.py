@@ -164,7 +164,7 @@ def test_fuzz_for_long():
     assert fuzz(100_000, seed=1) > 2000
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.one_of(st.sampled_from(PIECES), st.text(max_size=8)), max_size=80))
 def test_any_text_parses(pieces):
     points = parse_reply(''.join(pieces))
