@@ -15,33 +15,33 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 36_710, 304
+ALL_LINES, ALL_MODULES = 36_570, 304
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
-    ADAPTER: {'': 124, 'maps': 1_100, 'messages': 560},
+    ADAPTER: {'': 123, 'maps': 1_090, 'messages': 550},
     PLANNER: {
-        '': 500,
-        'search': 5_450,
-        'costmap': 970,
-        'planning': 4_010,
-        'waypoints': 2_490,
-        'instructions': 7_380,
-        'nodes': 3_970,
+        '': 490,
+        'search': 5_460,
+        'costmap': 960,
+        'planning': 3_990,
+        'waypoints': 2_450,
+        'instructions': 7_460,
+        'nodes': 3_910,
         'cli': 1_540,
     },
     LAB: {
         '': 20,
         'bags': 780,
-        'evaluation': 530,
-        'datasets': 420,
-        'runner': 560,
+        'evaluation': 520,
+        'datasets': 410,
+        'runner': 550,
         'results': 620,
         'analysis': 580,
-        'report': 820,
-        'instruct_bench': 1_080,
-        'pictures': 920,
-        'play': 880,
-        'commands': 1_020,
+        'report': 810,
+        'instruct_bench': 1_070,
+        'pictures': 910,
+        'play': 870,
+        'commands': 1_010,
         'nodes': 490,
     },
 }
