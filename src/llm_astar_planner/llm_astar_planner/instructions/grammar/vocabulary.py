@@ -42,7 +42,10 @@ class KindSets(SimpleNamespace):
 
 KINDS = KindSets(**{name: frozenset(text.split()) for name, text in read_table('kinds').items()})
 # Words in a text as it was said.
-SAID = {name: re.compile(pattern) for name, pattern in read_table('patterns').items()}
+SAID = {
+    name: re.compile('|'.join(one) if isinstance(one, list) else one)
+    for name, one in read_table('patterns').items()
+}
 
 
 def expand(phrase: str) -> Iterator[tuple[str, ...]]:

@@ -20,7 +20,7 @@ from llm_astar_planner.instructions.reader.translation import Translation
 
 LONGEST = 64
 # The least weight of a claim, set with locked sentences in sight, see docs/reader.md.
-CERTAIN = 0.65
+CERTAIN = 0.85
 # The least weight of what the grammar may claim, set in the same way.
 LIKELY = -4.0
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.

@@ -5,7 +5,7 @@
 
 Each was kept because on locked sentences it refused more of the wrong readings than of the right
 ones, `twisted` because sentences of `test/language/mutations.py` were claimed falsely without it.
-Rules for negations, conditions on places, wishes, ends and unknown words were not kept.
+Rules for conditions on places, wishes, ends and unknown words were not kept.
 """
 
 import re
@@ -169,7 +169,8 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         )
         if is_name or named:
             return f'"{token}" may be a name'
-    return ''
+    is_said = any(noun.name == WALL for token in around for noun in called.exactly([token]))
+    return '' if is_said or 'WALLS' not in meaning else 'no wall is named'
 
 
 def may_be_noun(token: str, one: Lifted, *, has_article: bool) -> bool:

@@ -61,7 +61,10 @@ AFTER_RIGHT = frozenset(
      'past', 'there', 'through', 'up'}
 )  # fmt: skip
 # Words in names that tell nothing.
-VAGUE = frozenset({'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala'})
+VAGUE = frozenset(
+    {'room', 'area', 'zone', 'place', 'station', 'hall', 'main', 'raum', 'sala', 'patient',
+     'patients', 'patienten', 'pacientes', 'people', 'personal', 'personnel', 'staff', 'visitors'}
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The networks in numpy: four readers write the meaning of a sentence, a checker weighs one.
+"""The networks in numpy: two readers write the meaning of a sentence, a checker weighs one.
 
-Each reads a sentence by a bidirectional GRU of its own. Another GRU of a reader writes tokens
-that the language of meanings allows, of slots that the sentence has. The checker reads a meaning
-in the light of the sentence, and the sentence in that of the meaning. Their weights are
-`reader.npz`, which `training/llm_astar_reader` makes.
+Each reads a sentence by an encoder of its own, MiniLM's layers (`encoder`) or a bidirectional
+GRU. A GRU of the reader writes tokens that the language of meanings allows, of slots that the
+sentence has. The checker looks at what the first reader has read: it reads a meaning in the light
+of the sentence, and the sentence in that of the meaning. Their weights are `reader.npz`, which
+`training/llm_astar_reader` makes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -33,13 +33,14 @@ class Translation:
         self.slots, self.places = slots, places
 
     def meaning(self, clauses: Sequence[Json]) -> list[str]:
-        """Return the tokens of clauses, each once. Raises Unreadable where slots cannot say it."""
+        """Return the tokens of clauses, each but visits once. Raises Unreadable if slots lack."""
         found = [
             (*([meaning.WISH] if clause.get('strength') == 'should' else []), *tokens)
             for clause in clauses
             for tokens in self.clause(clause)
         ]
-        return [token for tokens in dict.fromkeys(found) for token in tokens] or [meaning.NOTHING]
+        kept = [one for n, one in enumerate(found) if 'V' in one or one not in found[:n]]
+        return [token for tokens in kept for token in tokens] or [meaning.NOTHING]
 
     def clause(self, clause: Json) -> list[list[str]]:
         """Return the tokens of one clause, or of two that mean the same. Raises Unreadable."""
