@@ -19,7 +19,7 @@ AVOID = {
     'avoid the 1 m around the point 5, 6',
     'avoid a circle of 2 m around (12, 5)': 'avoid the 2 m around the point 12, 5',
     'do not go within 50 cm of x=3 y=4': 'avoid the 0.5 m around the point 3, 4',
-    'stay within a metre of the lift': 'stay in the 1 m along the lift',
+    'stay within a metre of the walls': 'stay in the 1 m along the walls',
     'avoid all bathrooms': 'avoid all bathroom places',
     'avoid the blue rooms': 'avoid all blue places',
     'avoid the emergency doors': 'avoid the fire door',
