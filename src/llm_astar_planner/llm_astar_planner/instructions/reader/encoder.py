@@ -4,8 +4,9 @@
 """The pretrained encoder in numpy: the first layers of MiniLM, which have learnt to read orders.
 
 MiniLM (Wang et al., NeurIPS 2020, arXiv 2002.10957) knows English from reading much of it, so a
-word that no sentence of the training had is not new to it. Layers are as in BERT. It reads pieces
-of words; a slot of a lifted sentence is one piece.
+word that no sentence of the training had is not new to it. Its weights began as those of
+all-MiniLM-L6-v2 (sentence-transformers, Apache-2.0). Layers are as in BERT. It reads pieces of
+words; a slot of a lifted sentence is one piece.
 """
 
 from collections.abc import Mapping, Sequence
@@ -53,21 +54,22 @@ def encoded(
     """Return the states [n, length, size] of sentences in pieces, all of one length."""
     index = np.array([[known[piece] for piece in sentence] for sentence in shown])
     states = table['word.weight'][index] @ table['wide.weight'].T + table['pos'][: index.shape[1]]
-    states = normal(states, table, 'eln')
+    # All pieces in one table: a product with a few rows takes as long as one with many.
+    states = normal(states.reshape(index.size, -1), table, 'eln')
     for n in range(sum(name.endswith('.q.weight') for name in table)):
-        states = layer(states, table, f'layers.{n}.')
-    return states
+        states = layer(states, len(shown), table, f'layers.{n}.')
+    return states.reshape(*index.shape, -1)
 
 
-def layer(states: Array, table: Mapping[str, Array], name: str) -> Array:
-    """Return the states after one more layer."""
+def layer(states: Array, count: int, table: Mapping[str, Array], name: str) -> Array:
+    """Return the states [pieces of all, size] of so many sentences after one more layer."""
 
     def linear(inputs: Array, part: str) -> Array:
         return np.asarray(inputs @ table[f'{name}{part}.weight'].T + table[f'{name}{part}.bias'])
 
     def head(part: str) -> Array:
         found = linear(states, part)
-        return found.reshape(*found.shape[:2], HEADS, -1).swapaxes(1, 2)
+        return found.reshape(count, -1, HEADS, found.shape[1] // HEADS).swapaxes(1, 2)
 
     query, key, value = head('q'), head('k'), head('v')
     scores = query @ key.swapaxes(2, 3) / np.sqrt(np.float32(query.shape[-1]))
