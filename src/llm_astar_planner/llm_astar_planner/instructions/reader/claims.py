@@ -133,11 +133,13 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     kinds_of = {
         token: {found[0][0] for found in words.phrases.exactly([token])} for token in around
     }
+    needs_places = BEYOND.isdisjoint(meaning)
     for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
         named = called.exactly([token])
         is_wall = any(noun.name == WALL for noun in named)
         is_map = 'HF' in meaning and SAID['whole_map'].fullmatch(token)
-        if not token.isalpha() or is_map or (is_wall and 'WALLS' in meaning):
+        is_any = needs_places and SAID['a_place'].fullmatch(token)
+        if not token.isalpha() or is_map or is_any or (is_wall and 'WALLS' in meaning):
             continue
         kinds, leads = kinds_of[token], kinds_of[before] & KINDS.before_names
         is_beside = before[:2] in REGIONS
@@ -155,14 +157,10 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         follows = before in articles or bool(leads) or is_beside or earlier[:2] in REGIONS
         is_name = (
             (after[:2] in REGIONS and (is_noun or not is_known))
-            or (
-                is_beside
-                and (is_noun or is_letter(token))
-                and not SAID['a_place'].fullmatch(token)
-            )
+            or (is_beside and (is_noun or is_letter(token)))
             or (
                 follows
-                and (is_beside or is_told or not BEYOND.isdisjoint(meaning))
+                and (is_beside or is_told or not needs_places)
                 and not (is_seen or kinds)
                 and may_be_noun(token, one, has_article=before in articles)
             )
