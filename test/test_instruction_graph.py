@@ -31,7 +31,7 @@ PLACES = {
 }
 ALIASES = {'dock': ['loading bay']}
 # Past what the grammar reads, but the names stand in it.
-FREE_WORDING = 'visit the dock without getting on the nerves of the lab'
+FREE_WORDING = 'visit the dock and treat the lab as if it were lava'
 REPLY = '{"clauses": [{"do": "visit", "where": "dock"}, {"do": "avoid", "where": "lab"}]}'
 
 

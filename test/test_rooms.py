@@ -25,7 +25,7 @@ LIMITS = {
         'costmap': 960,
         'planning': 3_990,
         'waypoints': 2_450,
-        'instructions': 7_460,
+        'instructions': 7_470,
         'nodes': 3_910,
         'cli': 1_540,
     },

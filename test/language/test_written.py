@@ -53,6 +53,7 @@ def test_with_the_reader_at_most_one_claim_in_a_hundred_is_false(name):
         if verdict.is_false or verdict.is_wrong:
             say(f'{verdict.relation}: {one.text!r} -> {verdict.reading.words()}')
     ours = [v for v in verdicts if v.reading.interpretation.understood_by == 'reader']
-    # A sample may have one of them.
-    assert sum(v.is_false for v in ours) <= max(1, 0.01 * sum(v.claimed for v in verdicts))
+    # A sample may have two of them.
+    least = 0 if EVERY == 1 else 2
+    assert sum(v.is_false for v in ours) <= max(least, 0.01 * sum(v.claimed for v in verdicts))
     assert sum(v.relation == SAME for v in verdicts) >= 0.3 * len(verdicts)

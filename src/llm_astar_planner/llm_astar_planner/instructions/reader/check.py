@@ -36,7 +36,7 @@ class Views:
         """Read it."""
         self.sentences, self.names = zip(*numberings(one))
         self.read = [network.reading(name, self.sentences) for name in network.READERS]
-        self._weights: dict[Clauses, float] = {}
+        self._opinions: dict[Clauses, tuple[list[float], float]] = {}
 
     def readings(self) -> list[Clauses]:
         """Return what the readers read; () where that is nothing."""
@@ -47,21 +47,25 @@ class Views:
         ]
 
     def weight(self, clauses: Clauses) -> float:
-        """Return one number by which meanings are compared; the networks are asked once of each.
+        """Return one number by which meanings are compared: what doubts it most says."""
+        likely, agreed = self.opinions(clauses)
+        return min(likely) + TRUST * agreed
 
-        It is the least log probability that a reader gives it with the checker's log odds, both
-        on average over the numberings.
+    def opinions(self, clauses: Clauses) -> tuple[list[float], float]:
+        """Return the log probability that each reader gives a meaning, and the checker's log odds.
+
+        Both on average over the numberings; the networks are asked once of each meaning.
         """
-        if clauses not in self._weights:
+        if clauses not in self._opinions:
             tokens = list(meaning.flat(clauses))
             said = [
                 meaning.told_in_turn(sentence, renamed(tokens, names))
                 for sentence, names in zip(self.sentences, self.names)
             ]
-            likely = min(float(read.log_probabilities(said).mean()) for read in self.read)
+            likely = [float(read.log_probabilities(said).mean()) for read in self.read]
             agreed = float(network.agreement(self.read[0], said).mean())
-            self._weights[clauses] = likely + TRUST * agreed
-        return self._weights[clauses]
+            self._opinions[clauses] = likely, agreed
+        return self._opinions[clauses]
 
 
 def renamed(tokens: Sequence[str], names: Names) -> list[str]:
@@ -97,10 +101,11 @@ def doubt_about(text: str, places: Places, clauses: Sequence[Mapping[str, Any]])
 
 
 def is_likely(text: str, places: Places, clauses: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the networks find clauses in JSON likely of a clean text, or cannot say."""
+    """Whether any reader finds clauses in JSON likely of a clean text, or they cannot say."""
     try:
         one, views = viewed(text, places)
-        return views.weight(meant(one, places, clauses)) >= LIKELY
+        likely, agreed = views.opinions(meant(one, places, clauses))
+        return max(likely) + TRUST * agreed >= LIKELY
     except meaning.Unreadable:
         return True
 
