@@ -16,7 +16,7 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.grammar.words import phrase_words
 from llm_astar_planner.instructions.reader.lifting import lifted
-from llm_astar_planner.instructions.reader.meaning import Unreadable
+from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Unreadable
 from llm_astar_planner.instructions.reader.translation import Translation
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'test'))
@@ -32,8 +32,18 @@ def people() -> list[Sample]:
     found: list[Sample] = []
     for sentence in written.sentences(written.TRAINING):
         places = written.worlds()[sentence.map].places
-        found += lifted_pairs(sentence.text, places, [one.clauses for one in sentence.truths]) * 2
+        pairs = lifted_pairs(sentence.text, places, [one.clauses for one in sentence.truths])
+        found += [pair for pair in pairs if not is_misnamed(*pair)] * 2
     return found + corpus_pairs()
+
+
+def is_misnamed(tokens: Sequence[str], meanings: Sequence[Sequence[str]]) -> bool:
+    """Whether a group is in the sentence, and its meaning names a place that is not.
+
+    Mostly the group that the words stand for and the one that is meant differ by a place.
+    """
+    has_group = any(token[:2] in ('@G', '@Y') for token in tokens)
+    return has_group and any(UNKNOWN in meaning for meaning in meanings)
 
 
 def misread() -> dict[tuple[str, ...], list[list[str]]]:
