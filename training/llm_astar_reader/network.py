@@ -25,7 +25,7 @@ BEGIN = len(TOKENS)
 # Share of the words that are known by their parts alone, so that new ones are nothing new.
 UNKNOWN_WORDS = 0.08
 # The score of what is not there.
-HIDDEN = -1e4
+MASKED = -1e4
 
 
 class Words(nn.Module):
@@ -71,23 +71,23 @@ class Reader(Words):
     def __init__(self, word: int = 64, size: int = 112, decoder: int = 160) -> None:
         """Begin with random weights."""
         super().__init__(word, size)
-        add_writer(self, 2 * size, decoder)
+        add_decoder(self, 2 * size, decoder)
 
     def forward(
         self, sentences: Sentences, previous: torch.Tensor, _: object = None
     ) -> torch.Tensor:
         """Return logits [n, steps, tokens] for sentences of one length and the tokens before."""
         states = self.encoded(sentences)
-        return written(self, states, torch.ones(states.shape[:2], dtype=torch.bool), previous)
+        return decoded(self, states, torch.ones(states.shape[:2], dtype=torch.bool), previous)
 
 
 class Pretrained(Encoder):
     """Writes the meaning of a sentence that MiniLM has read, and checks meanings of it."""
 
     def __init__(self, decoder: int = 256) -> None:
-        """Begin with random weights; `begun` takes those of MiniLM."""
+        """Begin with random weights; `with_minilm` takes those of MiniLM."""
         super().__init__()
-        add_writer(self, self.size, decoder)
+        add_decoder(self, self.size, decoder)
         self.checker = Checker(self.size)
 
     def forward(
@@ -95,12 +95,12 @@ class Pretrained(Encoder):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return logits [n, steps, tokens] of the next tokens, and [n, k] of k meanings each."""
         states, mask = self.encoded(sentences)
-        return written(self, states, mask, previous), self.checker(
+        return decoded(self, states, mask, previous), self.checker(
             states, mask, [spelt(one, self.known) for one in sentences], meanings
         )
 
 
-def add_writer(network: nn.Module, size: int, decoder: int) -> None:
+def add_decoder(network: nn.Module, size: int, decoder: int) -> None:
     """Give a network of states [n, length, size] the parts that write a meaning."""
     network.start = nn.Linear(size, decoder)
     network.tokens = nn.Embedding(len(TOKENS) + 1, 48)
@@ -111,7 +111,7 @@ def add_writer(network: nn.Module, size: int, decoder: int) -> None:
     network.rest = nn.Dropout(0.2)
 
 
-def written(
+def decoded(
     network: Any, states: torch.Tensor, mask: torch.Tensor, previous: torch.Tensor
 ) -> torch.Tensor:
     """Return logits [n, steps, tokens] for states [n, length, size] and the tokens before."""
@@ -119,7 +119,7 @@ def written(
     first = torch.tanh(network.start((states * shown).sum(1) / shown.sum(1)))
     steps, _ = network.decoder(network.rest(network.tokens(previous)), first[None].contiguous())
     scores = network.query(steps) @ states.transpose(1, 2)
-    context = torch.softmax(scores.masked_fill(~mask[:, None], HIDDEN), -1) @ states
+    context = torch.softmax(scores.masked_fill(~mask[:, None], MASKED), -1) @ states
     mixed = torch.tanh(network.mix(torch.cat((steps, context), -1)))
     return network.out(network.rest(mixed))
 
@@ -167,8 +167,8 @@ class Checker(nn.Module):
         )
         said = (torch.arange(index.shape[1])[None] < lengths[:, None]).to(code.device)
         scores = self.query(steps) @ code.transpose(1, 2)
-        read = torch.softmax(scores.masked_fill(~there[:, None], HIDDEN), -1) @ code
-        told = torch.softmax(scores.masked_fill(~said[:, :, None], HIDDEN), 1)
+        read = torch.softmax(scores.masked_fill(~there[:, None], MASKED), -1) @ code
+        told = torch.softmax(scores.masked_fill(~said[:, :, None], MASKED), 1)
         told = told.transpose(1, 2) @ steps
         sides = [
             pooled(torch.tanh(side(self.drop(torch.cat((mine, other, mine * other), -1)))), seen)

@@ -35,7 +35,7 @@ PACKAGE = 'all_minilm_l6_v2'
 LAYERS, WIDTH = 4, 256
 MOST_PIECES = 100
 # Share of the pieces that are hidden, so that new ones are nothing new.
-HIDDEN = 0.06
+HIDDEN_SHARE = 0.06
 # The words from which a slot begins, by its letter.
 SLOTS = {
     'R': 'room place', 'O': 'thing object', 'G': 'rooms places', 'Y': 'room', 'L': 'metres',
@@ -116,7 +116,7 @@ class Encoder(nn.Module):
     """Reads the pieces of lifted sentences."""
 
     def __init__(self, layers: int = LAYERS, width: int = WIDTH, drop: float = 0.18) -> None:
-        """Make one of random weights; `begun` gives it those of MiniLM."""
+        """Make one of random weights; `with_minilm` gives it those of MiniLM."""
         super().__init__()
         self.known = known_pieces()
         self.size, inner = 384, 1536
@@ -129,7 +129,7 @@ class Encoder(nn.Module):
         is_word = [piece[0] not in (SIGN, '<') for piece in self.known]
         self.register_buffer('is_word', torch.tensor(is_word), persistent=False)
 
-    def begun(self) -> Encoder:
+    def with_minilm(self) -> Encoder:
         """Return it with the weights of MiniLM; its table of pieces in two of lower rank."""
         weights, numbers = minilm()
         table = weights['embeddings.word_embeddings.weight']
@@ -152,14 +152,14 @@ class Encoder(nn.Module):
             self.word.weight.copy_(left[:, :width] * root)
             self.wide.weight.copy_((root[:, None] * right[:width]).T)
             self.pos.copy_(places + kind + full.mean(0))
-        self.take(self.eln, weights, 'embeddings.LayerNorm')
+        self.load_part(self.eln, weights, 'embeddings.LayerNorm')
         for n, layer in enumerate(self.layers):
             for name, part in PARTS.items():
-                self.take(getattr(layer, name), weights, f'encoder.layer.{n}.{part}')
+                self.load_part(getattr(layer, name), weights, f'encoder.layer.{n}.{part}')
         return self
 
     @staticmethod
-    def take(part: nn.Module, weights: Mapping[str, torch.Tensor], name: str) -> None:
+    def load_part(part: nn.Module, weights: Mapping[str, torch.Tensor], name: str) -> None:
         """Give a part the weights of a name."""
         part.load_state_dict({key: weights[f'{name}.{key}'] for key in ('weight', 'bias')})
 
@@ -172,7 +172,7 @@ class Encoder(nn.Module):
         index = index.to(self.pos.device)
         mask = (torch.arange(longest)[None] < lengths[:, None]).to(index.device)
         if self.training:
-            drawn = torch.rand(index.shape, device=index.device) < HIDDEN
+            drawn = torch.rand(index.shape, device=index.device) < HIDDEN_SHARE
             index = index.masked_fill(drawn & self.is_word[index], self.known[UNKNOWN])
         table = self.wide(rounded(self.word(index).flatten(0, 1)).unflatten(0, index.shape))
         states = self.drop(self.eln(table + self.pos[:longest]))

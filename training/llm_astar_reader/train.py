@@ -30,11 +30,11 @@ from llm_astar_reader.samples import Sample, batches
 
 PAD = -100
 # The greatest rate of learning, also that of layers that were trained before.
-RATE, GENTLE, WARM = 2e-3, 5e-4, 0.02
+RATE, PRETRAINED_RATE, WARM = 2e-3, 5e-4, 0.02
 # What is wrong of the checker counts less than what is wrong of the reader.
-CHECKED = 0.3
+CHECKER_SHARE = 0.3
 # What the parameters of layers that were trained before begin with, and those of the checker.
-BEFORE, CHECKER = ('word.', 'wide.', 'pos', 'eln.', 'layers.'), 'checker.'
+PRETRAINED_PARTS, CHECKER = ('word.', 'wide.', 'pos', 'eln.', 'layers.'), 'checker.'
 DEVICE = 'cuda' if torch.cuda.is_available() else 'cpu'
 # Of each network: how it is made, its seed, the share of people's sentences, wrong meanings.
 NETWORKS: dict[str, tuple[Callable[[], nn.Module], int, float, int]] = {
@@ -61,17 +61,17 @@ def loss_of(network: nn.Module, batch: Sequence[Sample]) -> torch.Tensor:
     sentences, meanings = zip(*batch)
     before, wanted = (part.to(DEVICE) for part in targets([some[0] for some in meanings]))
     if isinstance(network, Reader):
-        return told(network(sentences, before), wanted)
+        return token_loss(network(sentences, before), wanted)
     logits, checked = network(sentences, before, meanings)
     right = torch.zeros_like(checked)
     right[:, 0] = 1.0
     # Which of several meanings it is, and whether one by itself is right.
     which = functional.cross_entropy(checked, right.argmax(1))
     alone = functional.binary_cross_entropy_with_logits(checked, right)
-    return told(logits, wanted) + CHECKED * (which + alone)
+    return token_loss(logits, wanted) + CHECKER_SHARE * (which + alone)
 
 
-def told(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+def token_loss(logits: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
     """Return the loss of the tokens that are written."""
     return functional.cross_entropy(logits.flatten(0, 1), wanted.flatten(), ignore_index=PAD)
 
@@ -82,9 +82,9 @@ def train(name: str, minutes: float, out: Path, threads: int = 1) -> None:
     kind, seed, share, wrongs = NETWORKS[name]
     path = out / f'{name}.pt'
     torch.manual_seed(seed)
-    network = begun(kind()).to(DEVICE)
+    network = initialised(kind()).to(DEVICE)
     groups = [
-        {'params': [value], 'rate': GENTLE if key.startswith(BEFORE) else RATE}
+        {'params': [value], 'rate': PRETRAINED_RATE if key.startswith(PRETRAINED_PARTS) else RATE}
         for key, value in network.named_parameters()
     ]
     optimizer = torch.optim.AdamW(groups, lr=RATE, betas=(0.9, 0.98), weight_decay=0.02)
@@ -131,9 +131,9 @@ def rate(done: float) -> float:
     return min(1.0, done / WARM + 0.05) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * done)))
 
 
-def begun(network: nn.Module) -> nn.Module:
+def initialised(network: nn.Module) -> nn.Module:
     """Return a network with the weights that it has before it is trained."""
-    return network.begun() if isinstance(network, Pretrained) else network
+    return network.with_minilm() if isinstance(network, Pretrained) else network
 
 
 def export(out: Path) -> None:

@@ -30,8 +30,8 @@ from llm_astar_planner.instructions.reader.network import known_words
 REGIONS = ('@R', '@O', '@G', '@Y')
 # Clauses that begin with a condition on a place.
 CONDITIONAL = {'B', 'N', 'T'}
-# Meanings that need no place of the sentence: what is named may have been one.
-BEYOND = {'HF', 'WALLS', 'START', 'GOAL'}
+# What a meaning may be about that is no place of the map: what is named may have been one.
+PLACELESS = {'HF', 'WALLS', 'START', 'GOAL'}
 ENDS = ('.', ';', ':', '!', '?')
 FIRST = ('first', 'erst', 'premier', 'primero')
 # Ends of English words that are no names where no article is before them: 'booked', 'no barging'.
@@ -53,7 +53,7 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
         unused(one, tokens)
         or leftover(one)
         or twisted(one, tokens)
-        or returning(one, clauses)
+        or visited_again(one, clauses)
         or unnamed(one, tokens)
         or alone(one)
     )
@@ -111,7 +111,7 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     return f'"{found[0]}" may ask for something else' if found else ''
 
 
-def returning(one: Lifted, clauses: Sequence[Parts]) -> str:
+def visited_again(one: Lifted, clauses: Sequence[Parts]) -> str:
     """Return a place to visit that is said again after another one, '' for none."""
     visited = {token for part in clauses for token in flat([part]) if is_visit(part)}
     said = [slot_name(token) for token in one.tokens if token[0] == SIGN]
@@ -133,12 +133,12 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     kinds_of = {
         token: {found[0][0] for found in words.phrases.exactly([token])} for token in around
     }
-    needs_places = BEYOND.isdisjoint(meaning)
+    needs_places = PLACELESS.isdisjoint(meaning)
     for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
         named = called.exactly([token])
         is_wall = any(noun.name == WALL for noun in named)
         is_map = 'HF' in meaning and SAID['whole_map'].fullmatch(token)
-        is_any = needs_places and SAID['a_place'].fullmatch(token)
+        is_any = needs_places and SAID['any_place'].fullmatch(token)
         if not token.isalpha() or is_map or is_any or (is_wall and 'WALLS' in meaning):
             continue
         kinds, leads = kinds_of[token], kinds_of[before] & KINDS.before_names

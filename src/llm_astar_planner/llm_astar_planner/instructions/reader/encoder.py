@@ -20,6 +20,8 @@ BEGIN, END, UNKNOWN = '<begin>', '<end>', '<unknown>'
 # What a piece begins with that goes on with a word.
 INNER = '##'
 HEADS, EPSILON = 12, 1e-12
+# The most pieces of one word.
+MOST_OF_A_WORD = 8
 # Weights of four bits have a scale for each of so many.
 GROUP = 64
 
@@ -38,14 +40,9 @@ def pieces(word: str, known: Mapping[str, int]) -> list[str]:
 
 
 def spelt(tokens: Sequence[str], known: Mapping[str, int]) -> list[str]:
-    """Return the pieces of a lifted sentence, at most 8 of a word."""
-    inner = [piece for token in tokens for piece in cut(token, known)]
+    """Return the pieces of a lifted sentence; a slot is one."""
+    inner = [piece for token in tokens for piece in pieces(token, known)[:MOST_OF_A_WORD]]
     return [BEGIN, *inner, END]
-
-
-def cut(token: str, known: Mapping[str, int]) -> list[str]:
-    """Return the first 8 pieces of a token; a slot is one."""
-    return [token] if token in known else pieces(token, known)[:8]
 
 
 def encoded(
@@ -64,22 +61,29 @@ def encoded(
 def layer(states: Array, count: int, table: Mapping[str, Array], name: str) -> Array:
     """Return the states [pieces of all, size] of so many sentences after one more layer."""
 
-    def linear(inputs: Array, part: str) -> Array:
-        return np.asarray(inputs @ table[f'{name}{part}.weight'].T + table[f'{name}{part}.bias'])
-
     def head(part: str) -> Array:
-        found = linear(states, part)
+        found = linear(states, table, name + part)
         return found.reshape(count, -1, HEADS, found.shape[1] // HEADS).swapaxes(1, 2)
 
     query, key, value = head('q'), head('k'), head('v')
     scores = query @ key.swapaxes(2, 3) / np.sqrt(np.float32(query.shape[-1]))
-    scores = np.exp(scores - scores.max(axis=-1, keepdims=True))
-    mixed = (scores / scores.sum(axis=-1, keepdims=True) @ value).swapaxes(1, 2)
-    states = normal(states + linear(mixed.reshape(states.shape), 'ao'), table, f'{name}aln')
-    inner = linear(states, 'fi')
+    mixed = (softmax(scores) @ value).swapaxes(1, 2).reshape(states.shape)
+    states = normal(states + linear(mixed, table, f'{name}ao'), table, f'{name}aln')
+    inner = linear(states, table, f'{name}fi')
     # GELU by its usual approximation.
     inner *= 0.5 + 0.5 * np.tanh(0.7978845608 * (inner + 0.044715 * inner * inner * inner))
-    return normal(states + linear(inner, 'fo'), table, f'{name}oln')
+    return normal(states + linear(inner, table, f'{name}fo'), table, f'{name}oln')
+
+
+def linear(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
+    """Return a linear layer of inputs."""
+    return np.asarray(inputs @ table[f'{name}.weight'].T + table[f'{name}.bias'])
+
+
+def softmax(values: Array) -> Array:
+    """Return shares along the last axis."""
+    found = np.exp(values - values.max(axis=-1, keepdims=True))
+    return np.asarray(found / found.sum(axis=-1, keepdims=True))
 
 
 def normal(states: Array, table: Mapping[str, Array], name: str) -> Array:

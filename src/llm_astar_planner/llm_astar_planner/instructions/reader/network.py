@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.reader import encoder
+from llm_astar_planner.instructions.reader.encoder import linear, softmax
 from llm_astar_planner.instructions.reader.lifting import SIGN, slot_name
 from llm_astar_planner.instructions.reader.meaning import END, KINDS, TOKENS, after
 
@@ -112,17 +113,6 @@ def both_ways(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
 def sigmoid(values: Array) -> Array:
     """Return the logistic function."""
     return np.asarray(0.5 + 0.5 * np.tanh(0.5 * values))
-
-
-def linear(inputs: Array, table: Mapping[str, Array], name: str) -> Array:
-    """Return a linear layer of inputs."""
-    return np.asarray(inputs @ table[f'{name}.weight'].T + table[f'{name}.bias'])
-
-
-def softmax(values: Array) -> Array:
-    """Return shares along the last axis."""
-    found = np.exp(values - values.max(axis=-1, keepdims=True))
-    return np.asarray(found / found.sum(axis=-1, keepdims=True))
 
 
 @lru_cache(maxsize=8192)

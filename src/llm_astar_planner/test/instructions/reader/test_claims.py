@@ -3,7 +3,7 @@
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.check import doubt_about
-from llm_astar_planner.instructions.reader.claims import returning, twisted, unnamed, unused
+from llm_astar_planner.instructions.reader.claims import twisted, unnamed, unused, visited_again
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import Writer, ordered
 
@@ -172,7 +172,7 @@ def test_a_noun_of_a_reason_is_no_name_but_where_the_meaning_names_no_place():
 )
 def test_a_place_said_again_after_another_may_be_a_second_visit(text, meaning, is_doubted):
     one = lifted(text, HOSPITAL)
-    assert bool(returning(one, ordered(meaning.split()))) == is_doubted
+    assert bool(visited_again(one, ordered(meaning.split()))) == is_doubted
 
 
 def test_walls_are_no_name_where_the_reading_means_them():
