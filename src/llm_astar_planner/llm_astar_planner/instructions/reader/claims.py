@@ -55,6 +55,7 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
         or twisted(one, tokens)
         or visited_again(one, clauses)
         or unnamed(one, tokens)
+        or no_wall(one, tokens)
         or alone(one)
     )
 
@@ -167,7 +168,13 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
         )
         if is_name or named:
             return f'"{token}" may be a name'
-    is_said = any(noun.name == WALL for token in around for noun in called.exactly([token]))
+    return ''
+
+
+def no_wall(one: Lifted, meaning: Collection[str]) -> str:
+    """Return that a meaning is about walls of which no word speaks, '' else: '2 m from me'."""
+    called = nouns().everywhere
+    is_said = any(noun.name == WALL for token in one.tokens for noun in called.exactly([token]))
     return '' if is_said or 'WALLS' not in meaning else 'no wall is named'
 
 

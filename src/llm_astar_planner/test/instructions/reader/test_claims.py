@@ -3,7 +3,13 @@
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.check import doubt_about
-from llm_astar_planner.instructions.reader.claims import twisted, unnamed, unused, visited_again
+from llm_astar_planner.instructions.reader.claims import (
+    no_wall,
+    twisted,
+    unnamed,
+    unused,
+    visited_again,
+)
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import Writer, ordered
 
@@ -179,4 +185,5 @@ def test_walls_are_no_name_where_the_reading_means_them():
     one = lifted('keep 2 m from the walls', HOSPITAL)
     assert unnamed(one, ('K', 'WALLS', 'L1')) == ''
     assert 'walls' in unnamed(one, ())
-    assert 'wall' in unnamed(lifted('keep 2 m from me', HOSPITAL), ('K', 'WALLS', 'L1'))
+    assert no_wall(one, ('K', 'WALLS', 'L1')) == ''
+    assert 'wall' in no_wall(lifted('keep 2 m from me', HOSPITAL), ('K', 'WALLS', 'L1'))
