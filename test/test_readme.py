@@ -1,13 +1,16 @@
 """Every command in README.md and docs/*.md runs, in order, as its reader would run it.
 
-Each page is one shell, in a folder with what a clone has and with the files of PROVIDED. A command
-fails if it prints a traceback or exits with another code than 0. What
+Each page is one shell, in a folder with what a clone has and with the files of PROVIDED; but for
+those of STARTED, a page calls `llm-astar` in this process, which imports once what each start
+would import again. A command fails if it prints a traceback or exits with another code than 0. What
 cannot run here is in CANNOT_RUN with the reason, and what takes long is shortened by SHORTER.
 
 `pytest -m slow test/test_readme.py` makes a new clone and its environment first, as the README
 says, and runs all pages there, nothing shortened; that takes about ten minutes and the network.
 """
 
+import contextlib
+import io
 import os
 import re
 import shlex
@@ -19,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from llm_astar_planner.cli.main import main
 from reader_files import write_movingai, write_transcript
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -87,7 +91,9 @@ SHORTER = {
     r'llm-astar dataset to-bag': '--map-ids 50-51',
     r'llm-astar dataset generate .*large': '--size 900 600',
 }
-SECONDS = 400
+# Together they start every command that has pages; plugins.md changes the shell itself.
+STARTED = {'README.md', 'bags.md', 'benchmark.md', 'plugins.md'}
+SECONDS = 900
 
 
 def identify(page):
@@ -200,6 +206,31 @@ def run_page(page, folder, programs, domain=1, slow=False):
     return [(command, *outcome(steps / str(number))) for number, command in enumerate(todo)]
 
 
+def call_page(page, folder):
+    """Run the commands of a page as run_page does, those of llm-astar in this process."""
+    write_files(folder)
+    todo = [one for one in commands(page) if not reason_not_to_run(one)]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return [(command, *call(shortened(command))) for command in todo]
+
+
+def call(script):
+    """Run one command in the working folder; return its exit code and what it printed."""
+    words = shlex.shlex(script.replace('\\\n', ' '), posix=True, punctuation_chars=True)
+    words.whitespace_split = True
+    name, *options = words
+    if name != 'llm-astar' or {'|', '||', '<<'} & {*options}:
+        done = subprocess.run(
+            ['/bin/bash', '-c', script], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        return done.returncode, done.stdout
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        return main(options), printed.getvalue()
+
+
 def outcome(step):
     """Return the exit code of a step, None if it did not end, and what it printed."""
     code, printed = Path(f'{step}.code'), Path(f'{step}.out')
@@ -221,13 +252,20 @@ def problem(command, code, printed):
 def run_pages(tmp_path_factory, programs, slow=False):
     """Run all pages, two at a time, each in a ROS domain of its own; return outcomes by page."""
 
-    def run(number):
-        folder = tmp_path_factory.mktemp(PAGES[number].stem)
-        domain = 1 + (os.getpid() + number) % 39
-        return run_page(PAGES[number], folder, programs, domain, slow)
+    def run(page):
+        folder = tmp_path_factory.mktemp(page.stem)
+        domain = 1 + (os.getpid() + PAGES.index(page)) % 39
+        return run_page(page, folder, programs, domain, slow)
 
-    with ThreadPoolExecutor(2) as pool:
-        return dict(zip([page.name for page in PAGES], pool.map(run, range(len(PAGES)))))
+    started = [page for page in PAGES if slow or page.name in STARTED]
+    with ThreadPoolExecutor(2 if slow else 1) as pool:
+        ran = pool.map(run, started)
+        called = {
+            page.name: call_page(page, tmp_path_factory.mktemp(page.stem))
+            for page in PAGES
+            if page not in started
+        }
+        return called | dict(zip([page.name for page in started], ran))
 
 
 @pytest.fixture(scope='module')
