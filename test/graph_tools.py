@@ -1,4 +1,4 @@
-"""Nodes as real processes, and callers in their graph, for the tests of the live graph."""
+"""Nodes, as real processes or in this one, and callers in their graph, for the live graph."""
 
 import contextlib
 import signal
@@ -10,6 +10,9 @@ import time
 import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_planner.nodes.common.spin import spin
+from llm_astar_planner.nodes.llm_client_node import LlmClientNode
+from llm_astar_planner.nodes.map_node import MapNode
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient
 from llm_astar_planner.resources import find_file
 from rcl_interfaces.srv import SetParameters
@@ -25,16 +28,32 @@ ALONE = '/alone'
 PATIENCE = 60.0
 
 
+NODES = {'map_node': MapNode, 'llm_client_node': LlmClientNode, 'planner_node': PlannerNode}
+
+
+def ros_arguments(arguments, namespace, files):
+    """Return the arguments of a node for ROS."""
+    remap = ['-r', f'__ns:={namespace}'] if namespace else []
+    parameters = [word for file in files for word in ('--params-file', file)]
+    return ['--ros-args', *parameters, *remap, *arguments]
+
+
+@contextlib.contextmanager
+def in_this_process(name, *arguments, namespace='', files=(DEMO, REPLAY)):
+    """Run a node beside the test: what `process` does, without a start of Python each."""
+    node = NODES[name](cli_args=ros_arguments(arguments, namespace, files))
+    with running(node):
+        yield node
+
+
 @contextlib.contextmanager
 def process(name, *arguments, namespace='', files=(DEMO, REPLAY)):
     """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
-    remap = ['-r', f'__ns:={namespace}'] if namespace else []
     command = [sys.executable, '-m', 'llm_astar_planner.nodes', name]
-    parameters = [word for file in files for word in ('--params-file', file)]
-    options = ['--ros-args', *parameters, *remap, *arguments]
     node = subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+        [*command, *ros_arguments(arguments, namespace, files)],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    )  # fmt: skip
     output = []
     reader = threading.Thread(target=lambda: output.extend(node.stdout), daemon=True)
     reader.start()

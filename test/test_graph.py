@@ -22,6 +22,7 @@ from graph_tools import (
     REPLAY,
     START,
     calling,
+    in_this_process,
     process,
     set_parameter,
     wait_for,
@@ -41,6 +42,8 @@ from nav_msgs.srv import GetMap, GetPlan
 from rcl_interfaces.srv import DescribeParameters
 
 LABEL = 'replay:hand-written example'
+# This process takes a client that was killed for present, until DDS misses it.
+KILLED = '/killed'
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -63,7 +66,7 @@ def nodes(_context):
         assert 'Traceback' not in ''.join(node.output)
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def caller(nodes):
     with calling() as caller:
         caller.wait_until_ready(client='llm_client_node')
@@ -293,8 +296,8 @@ def test_a_malformed_map_is_refused_and_the_last_good_one_stays():
 
 
 def test_a_caller_before_the_first_map_gets_the_reason():
-    with process('planner_node', namespace=ALONE) as planner, calling(ALONE) as caller:
-        wait_for(lambda: 'ready' in ''.join(planner.output), 'the planner')
+    with in_this_process('planner_node', namespace=ALONE), calling(ALONE) as caller:
+        caller.wait_for_planner(PATIENCE)
         path, report, _ = caller.call(START, GOAL)
         assert (report.code_name, path.poses) == ('TIMEOUT', [])
         assert 'no map' in report.message
@@ -302,11 +305,12 @@ def test_a_caller_before_the_first_map_gets_the_reason():
 
 def test_a_client_killed_mid_call_never_stops_the_plan():
     """The client falls silent while asked, a map arrives meanwhile, and then it is killed."""
+    patient = ['-p', 'source_timeout:=30.0', '-p', 'max_planning_time:=60.0']
     with (
-        process('llm_client_node', namespace=ALONE) as client,
-        process('planner_node', '-p', 'source_timeout:=3.0', namespace=ALONE),
-        calling(ALONE) as caller,
-        calling(ALONE) as other,
+        process('llm_client_node', namespace=KILLED) as client,
+        in_this_process('planner_node', *patient, namespace=KILLED),
+        calling(KILLED) as caller,
+        calling(KILLED) as other,
     ):
         publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
         old, new = free_map(30), free_map(31)
@@ -318,6 +322,7 @@ def test_a_client_killed_mid_call_never_stops_the_plan():
         wait_for(lambda: other.node.count_publishers(topic), topic)
         assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].source_status == 'MISSING'
         wait_for(lambda: len(events) == 2, 'the events of a request and its response')
+        assert set_parameter(caller, 'planner_node', 'source_timeout', 5.0).successful
         client.send_signal(signal.SIGSTOP)
         answers = []
         asking = threading.Thread(
@@ -342,8 +347,8 @@ def test_a_client_killed_mid_call_never_stops_the_plan():
 
 def test_a_graph_without_a_client_plans_and_says_so():
     with (
-        process('map_node', namespace=ALONE),
-        process('planner_node', namespace=ALONE),
+        in_this_process('map_node', namespace=ALONE),
+        in_this_process('planner_node', namespace=ALONE),
         calling(ALONE) as caller,
     ):
         caller.wait_until_ready()
@@ -435,9 +440,9 @@ def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
     assert main(['plan', *files, '--json']) == 0
     plan = json.loads(capsys.readouterr().out)
     with (
-        process('map_node', namespace=ALONE),
-        process('llm_client_node', namespace=ALONE),
-        process('planner_node', '--params-file', str(robot), namespace=ALONE),
+        in_this_process('map_node', namespace=ALONE),
+        in_this_process('llm_client_node', namespace=ALONE),
+        in_this_process('planner_node', '--params-file', str(robot), namespace=ALONE),
         calling(ALONE) as caller,
     ):
         caller.wait_until_ready(client='llm_client_node')
@@ -491,8 +496,8 @@ def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_
     live, direct = tmp_path / 'live', tmp_path / 'direct'
     selection = ['--limit', '6', '--map-ids', '0-3', '--methods', 'llm_astar']
     with (
-        process('llm_client_node', '-p', 'source:=oracle', namespace=ALONE),
-        process('planner_node', '-p', 'method:=weighted_astar', namespace=ALONE),
+        in_this_process('llm_client_node', '-p', 'source:=oracle', namespace=ALONE),
+        in_this_process('planner_node', '-p', 'method:=weighted_astar', namespace=ALONE),
         calling(ALONE) as caller,
     ):
         done = run_benchmark_node(*selection, '--out', str(live))

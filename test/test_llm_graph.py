@@ -10,7 +10,17 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, spinning, wait_for
+from graph_tools import (
+    ALONE,
+    GOAL,
+    START,
+    calling,
+    in_this_process,
+    process,
+    set_parameter,
+    spinning,
+    wait_for,
+)
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
@@ -55,11 +65,11 @@ def endpoint(base_url, **parameters):
     return [word for name, value in values.items() for word in ('-p', f'{name}:={value!r}')]
 
 
-def graph(client_arguments, *planner_arguments):
+def graph(client_arguments, *planner_arguments, kind=in_this_process):
     return (
-        process('map_node', namespace=ALONE),
-        process('llm_client_node', *client_arguments, namespace=ALONE),
-        process('planner_node', *planner_arguments, namespace=ALONE),
+        kind('map_node', namespace=ALONE),
+        kind('llm_client_node', *client_arguments, namespace=ALONE),
+        kind('planner_node', *planner_arguments, namespace=ALONE),
         calling(ALONE),
     )
 
@@ -261,9 +271,9 @@ def test_the_embedded_model_says_it_is_no_llm():
 def test_by_default_nobody_is_asked_on_a_map_where_waypoints_save_no_time():
     start, goal = Pose2D(10.05, 9.45), Pose2D(14.15, 2.15)
     processes = (
-        process('map_node', '-p', f'map_file:={HOUSE}', namespace=ALONE),
-        process('llm_client_node', '-p', 'source:=auto', namespace=ALONE),
-        process('planner_node', '-p', 'search_while_waiting:=false', namespace=ALONE),
+        in_this_process('map_node', '-p', f'map_file:={HOUSE}', namespace=ALONE),
+        in_this_process('llm_client_node', '-p', 'source:=auto', namespace=ALONE),
+        in_this_process('planner_node', '-p', 'search_while_waiting:=false', namespace=ALONE),
     )
     with processes[0], processes[1], processes[2], calling(ALONE) as caller:
         caller.wait_until_ready(client='llm_client_node')
@@ -282,7 +292,8 @@ def test_by_default_nobody_is_asked_on_a_map_where_waypoints_save_no_time():
 def test_one_process_has_planner_and_client_where_a_user_wants_that():
     options = ('-p', 'client_in_process:=true', '-p', 'search_while_waiting:=false')
     both = process('planner_node', *options, namespace=ALONE)
-    with process('map_node', namespace=ALONE), both as both, calling(ALONE) as caller:
+    map_node = in_this_process('map_node', namespace=ALONE)
+    with map_node, both as both, calling(ALONE) as caller:
         caller.wait_until_ready(client='llm_client_node')
         report = caller.call(START, GOAL)[1]
     assert (report.code, report.source_status) == (0, 'OK')
@@ -383,7 +394,7 @@ def test_a_key_appears_in_no_topic_parameter_log_or_file(chat_server, monkeypatc
         chat_server.completion(f'Your key is {KEY}. {GOOD}'),
     ]
     arguments = endpoint(chat_server.base_url, record=str(transcript), max_retries=0)
-    map_node, client, planner, caller = graph(arguments, '--log-level', 'debug')
+    map_node, client, planner, caller = graph(arguments, '--log-level', 'debug', kind=process)
     messages = []
     with map_node, client as client, planner as planner, caller as caller:
         listen(caller, messages)

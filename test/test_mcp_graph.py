@@ -5,7 +5,7 @@ import os
 import sys
 
 import pytest
-from graph_tools import calling, process, set_parameter
+from graph_tools import calling, in_this_process, set_parameter
 
 anyio = pytest.importorskip('anyio')
 pytest.importorskip('mcp.server.mcpserver', reason='the extra mcp is not installed')
@@ -42,8 +42,8 @@ def test_an_agent_asks_about_what_a_running_planner_has(tmp_path):
     route = {'start': [39, 18], 'goal': [7, 19]}
     try:
         with (
-            process('map_node', namespace=SPACE),
-            process('planner_node', *overrides, namespace=SPACE),
+            in_this_process('map_node', namespace=SPACE),
+            in_this_process('planner_node', *overrides, namespace=SPACE),
             calling(SPACE) as caller,
         ):
             caller.wait_until_ready()

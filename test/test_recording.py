@@ -1,4 +1,4 @@
-"""Recording the live graph: real processes, and the readers of other libraries."""
+"""Recording the live graph by the real command, and the readers of other libraries."""
 
 import contextlib
 import csv
@@ -12,7 +12,7 @@ import time
 import pytest
 import rclpy
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from graph_tools import DEMO, PATIENCE, calling, process, wait_for
+from graph_tools import DEMO, PATIENCE, calling, in_this_process, wait_for
 from llm_astar_lab.bags.types import bag_types
 from llm_astar_lab.nodes.recorder import import_message_class
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
@@ -87,9 +87,9 @@ def drive(_context, tmp_path_factory):
     folder = tmp_path_factory.mktemp('bags') / 'drive'
     with (
         recording(folder) as recorder,
-        process('map_node', namespace=ALONE),
-        process('llm_client_node', namespace=ALONE),
-        process('planner_node', namespace=ALONE),
+        in_this_process('map_node', namespace=ALONE),
+        in_this_process('llm_client_node', namespace=ALONE),
+        in_this_process('planner_node', namespace=ALONE),
         calling(ALONE) as caller,
     ):
         caller.wait_until_ready(client='llm_client_node')
