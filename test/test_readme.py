@@ -2,8 +2,8 @@
 
 Each page is one shell, in a folder with what a clone has and with the files of PROVIDED; but for
 those of STARTED, a page calls `llm-astar` in this process, which imports once what each start
-would import again. A command fails if it prints a traceback or exits with another code than 0. What
-cannot run here is in CANNOT_RUN with the reason, and what takes long is shortened by SHORTER.
+would import again. A command fails if it prints a traceback or exits with another code than 0.
+What cannot run here is in CANNOT_RUN with the reason; what takes long is shortened by SHORTER.
 
 `pytest -m slow test/test_readme.py` makes a new clone and its environment first, as the README
 says, and runs all pages there, nothing shortened; that takes about ten minutes and the network.
