@@ -57,7 +57,8 @@ train-reader: install ## Train the readers of instructions or go on: out/reader/
 	PYTHONPATH=training $(BIN)/python -m llm_astar_reader.train --out out/reader
 
 test: lint ## Install, lint, and run every test
-	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n 2 --dist loadfile \
+		--no-loadscope-reorder $(PYTEST_ARGS)
 
 # What a person runs while writing: no nodes, no browsers, nothing that takes seconds by itself.
 QUICK := src/llm_astar_msgs_adapter/test src/llm_astar_planner/test/search \
