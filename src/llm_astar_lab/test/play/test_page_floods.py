@@ -59,10 +59,23 @@ def test_half_open_connections_keep_nobody_out_and_are_closed(play_url, monkeypa
 
 
 def test_the_oldest_of_too_many_connections_make_way(play_url, monkeypatch):
+    monkeypatch.setattr(play_app, 'HEAD_S', 600.0)
     monkeypatch.setattr(play_app, 'MAX_CONNECTIONS', 8)
-    with half_open(play_url, 20) as held:
-        assert is_closed(held[0])
+    on_tick, looked = play_app.PlayServer.on_tick, threading.Event()
+
+    async def noticed(self, counter):
+        ends = await on_tick(self, counter)
+        looked.set()
+        return ends
+
+    with half_open(play_url, 8) as older:
+        # Its connection is accepted after theirs.
         assert ask(play_url)[0] == 200
+        monkeypatch.setattr(play_app.PlayServer, 'on_tick', noticed)
+        assert looked.wait(PATIENCE)
+        with half_open(play_url, 12):
+            assert all(map(is_closed, older))
+            assert ask(play_url)[0] == 200
 
 
 def test_a_connection_that_waits_for_its_next_request_is_closed_too(play_url, monkeypatch):

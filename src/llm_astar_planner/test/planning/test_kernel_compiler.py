@@ -111,6 +111,8 @@ def test_plans_go_on_where_the_searches_do_not_compile(steps, monkeypatch):
     said = []
     compiler = KernelCompiler(CostmapConfig(), REQUEST, said.append)
     assert compiler.wait()
+    for gate in steps.values():
+        gate.set()
     compiler.close()
     assert said[0] == 'the searches do not compile: OSError: no space left on device'
 
