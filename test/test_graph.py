@@ -342,6 +342,7 @@ def test_a_client_killed_mid_call_never_stops_the_plan():
         assert report.guided_by == 'none'
         assert report.source_status in ('TIMEOUT', 'UNREACHABLE')
         assert 'llm_client' in report.source_detail
+        assert set_parameter(caller, 'planner_node', 'source_timeout', 0.5).successful
         assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].map_digest == new.digest
 
 
