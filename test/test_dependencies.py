@@ -4,6 +4,7 @@ import ast
 import configparser
 import re
 import sys
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -43,6 +44,7 @@ def manifest(package, *kinds):
     return {one.text for kind in kinds for one in root.findall(kind)}
 
 
+@cache
 def imported(package):
     """Return the first names of what the modules and launch files of a package import."""
     names = set()
