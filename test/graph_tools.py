@@ -65,13 +65,13 @@ def process(name, *arguments, namespace='', files=(DEMO, REPLAY)):
             node.send_signal(signal.SIGCONT)
             node.send_signal(signal.SIGINT)
         try:
-            node.wait(20.0)
+            node.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             node.kill()
             node.wait()
             raise
         finally:
-            reader.join(10.0)
+            reader.join(PATIENCE)
             node.stdout.close()
 
 

@@ -378,7 +378,7 @@ def test_a_node_ends_cleanly(name, ending):
         wait_for(lambda: ready in ''.join(node.output), name)
         node.send_signal(ending)
         node.send_signal(ending)
-        assert node.wait(20.0) == 0
+        assert node.wait(PATIENCE) == 0
     assert 'Traceback' not in ''.join(node.output)
 
 

@@ -131,7 +131,7 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
     assert report.guided_by == ('endpoint:test-model' if used else 'none')
     # The second answer comes out of the cache.
     assert (again.waypoints, again.operation) == (report.waypoints, report.operation)
-    assert again.seconds_source < 1.0
+    assert again.seconds_source < report.seconds_source
     assert (refused.code, refused.guided_by, refused.source_status) == (0, 'none', 'AUTH')
 
 

@@ -24,6 +24,7 @@ from llm_astar_planner.resources import find_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import GetPlan
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
@@ -68,7 +69,7 @@ def recording(folder, *options, namespace=ALONE, ending=signal.SIGINT):
     finally:
         recorder.kill()
         recorder.wait()
-        reader.join(10.0)
+        reader.join(PATIENCE)
         recorder.stdout.close()
 
 
@@ -98,8 +99,12 @@ def drive(_context, tmp_path_factory):
         wait_for(lambda: recorder.printed(f'recording {EVENT}'), 'service events')
         # The recorder receives the latched map only after it has subscribed.
         time.sleep(1.0)
+        events = []
+        caller.listen(GetPlan.Event, EVENT, events.append, RELIABLE)
+        wait_for(lambda: caller.node.count_publishers(EVENT), 'service events')
         answers = [caller.call(*pair)[:2] for pair in PAIRS]
         # The last answer's event leaves the planner right after the answer.
+        wait_for(lambda: len(events) == 2 * len(PAIRS), 'the events of each call')
         time.sleep(0.5)
     assert recorder.returncode == 0, recorder.lines
     return folder, answers, recorder

@@ -75,7 +75,7 @@ def test_a_thread_that_python_does_not_know_ends_with_the_executor(monkeypatch):
     executor._executor.submit(int).result()
     (thread,) = executor._executor._threads
     end_threads(executor)
-    thread.join(5.0)
+    thread.join(60.0)
     assert not thread.is_alive()
     end_threads(None)
     rclpy.shutdown(context=context)

@@ -89,7 +89,7 @@ def watch(*arguments):
         if process.poll() is None:
             process.kill()
         process.wait()
-        reader.join(10.0)
+        reader.join(30.0)
         process.stdout.close()
         process.stderr.close()
 

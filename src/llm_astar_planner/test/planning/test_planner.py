@@ -3,7 +3,6 @@
 import math
 import threading
 import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -267,34 +266,39 @@ def test_no_plan_starts_a_thread(monkeypatch, method):
 def test_a_path_at_any_angle_that_does_not_fit_into_the_time_is_left_out(monkeypatch):
     request = PlanRequest(START, GOAL, 'exact_astar', any_angle=True)
     assert PLANNER.plan(request).warnings == ()
-    monkeypatch.setattr(any_angle, 'string_pull', slow_pull)
-    plan = PLANNER.plan(replace(request, time_limit=0.2))
+    monkeypatch.setattr(any_angle, 'string_pull', late_pull)
+    plan = PLANNER.plan(request)
     assert plan.code is ResultCode.NONE
     assert len(plan.path) > 0
     assert plan.any_angle is None
     assert plan.warnings == ('the path at any angle is left out: there was no time for it',)
 
 
-def slow_pull(grid, path, deadline):
-    time.sleep(0.3)
-    return string_pull(grid, path, deadline=deadline)
+def late_pull(grid, path, deadline):
+    assert deadline > time.monotonic()
+    return string_pull(grid, path, deadline=time.monotonic())
 
 
 def test_another_thread_cancels_a_search():
     planner = Planner(GridMap(np.zeros((3000, 3000), dtype=np.int8)))
     planner.prepare()  # once a map: it is the search that shall be cancelled
-    stop = no_stop()
-    plans = []
     request = PlanRequest((1, 1), (2998, 1200), 'dynamic_weighted_astar', time_limit=300.0)
-    thread = threading.Thread(target=lambda: plans.append(planner.plan(request, stop)))
-    thread.start()
-    time.sleep(0.2)
-    stop[0] = 1
-    thread.join(60.0)
-    assert not thread.is_alive()
-    assert plans[0].code is ResultCode.TIMEOUT
-    assert plans[0].expansions > 0
-    assert 'cancelled after' in plans[0].message
+
+    def cancelled_after(seconds):
+        stop, plans = no_stop(), []
+        thread = threading.Thread(target=lambda: plans.append(planner.plan(request, stop)))
+        thread.start()
+        time.sleep(seconds)
+        stop[0] = 1
+        thread.join(60.0)
+        assert not thread.is_alive()
+        assert plans[0].code is ResultCode.TIMEOUT
+        return plans[0]
+
+    # A busy machine may begin to search late.
+    plans = map(cancelled_after, (0.2, 0.8, 3.2))
+    plan = next(plan for plan in plans if plan.expansions)
+    assert 'cancelled after' in plan.message
 
 
 def test_a_request_without_a_time_limit_is_planned():

@@ -229,12 +229,16 @@ def test_a_search_ends_at_its_deadline(name):
     blocked = np.zeros((2000, 2000), dtype=bool)
     blocked[1:, 1000] = True
     graph, start, goal = GridGraph(blocked, corner_cutting=True), (800, 1900), (1200, 1900)
-    begin, targets = time.monotonic(), [(900, 1950), goal]
-    problem = SearchProblem(graph, start, goal, targets, deadline=begin + 0.1)
-    result = PAPER_METHODS[name](replace(problem, heuristic='chebyshev'))
-    assert result.status is SearchStatus.STOPPED
+    targets = [(900, 1950), goal]
+    problem = SearchProblem(graph, start, goal, targets, heuristic='chebyshev')
+    # A busy machine may begin to search late.
+    for seconds in (0.1, 0.4, 1.6):
+        result = PAPER_METHODS[name](replace(problem, deadline=time.monotonic() + seconds))
+        assert result.status is SearchStatus.STOPPED
+        if result.expansions:
+            break
     assert result.expansions > 0
-    past = search(name, blocked, start, start, [], deadline=begin)
+    past = search(name, blocked, start, start, [], deadline=time.monotonic())
     assert (past.status, past.expansions) == (SearchStatus.STOPPED, 0)
 
 

@@ -1,5 +1,6 @@
 """Search methods of other packages: the protocol, and what a plan makes of one that fails."""
 
+import re
 import threading
 import time
 from dataclasses import replace
@@ -148,10 +149,12 @@ def test_a_late_result_is_dropped_and_said(plan, caplog, monkeypatch):
             time.sleep(0.01)
         return exact_method(problem)
 
-    assert plan(late, time_limit=0.05).code is ResultCode.TIMEOUT
+    assert plan(late, time_limit=0.5).code is ResultCode.TIMEOUT
     for record in caplog.records:
-        assert f'plug-in {NAME}: came back 0.2' in record.getMessage()
-        assert 's after its time was over' in record.getMessage()
+        said = re.search(
+            rf'plug-in {NAME}: came back (\S+) s after its time was over', record.getMessage()
+        )
+        assert float(said[1]) >= 0.2
     assert caplog.records
     assert plan(exact_method).code is ResultCode.NONE
 

@@ -121,7 +121,7 @@ def test_running_queries_are_bounded(monkeypatch):
     statuses = [source.waypoints(query).status for query in hasty]
     assert statuses == [SourceStatus.TIMEOUT, SourceStatus.TIMEOUT, SourceStatus.REFUSED]
     inner.gate.set()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60.0
     while source.waypoints(hasty[1]).status is not SourceStatus.OK:
         assert time.monotonic() < deadline
         time.sleep(0.01)

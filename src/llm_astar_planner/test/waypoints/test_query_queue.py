@@ -9,7 +9,7 @@ import pytest
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
-LONG = 10.0
+LONG = 60.0
 
 
 class Gate:
