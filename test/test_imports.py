@@ -1,6 +1,7 @@
 """Imports go one way: from the laboratory, cli and nodes down to the search and the maps."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -60,14 +61,16 @@ LAB_ROOMS = {
 PLAIN_MESSAGES = {'fields', 'report', 'transforms'}
 
 
+@cache
 def imports(path):
+    names = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f'{path}: relative import'
-            yield node.module
-            yield from (f'{node.module}.{alias.name}' for alias in node.names)
+            names += [node.module, *(f'{node.module}.{alias.name}' for alias in node.names)]
+    return names
 
 
 def imported(path, *prefixes):
