@@ -11,9 +11,8 @@ sentence names nothing is left out, but for one where a word is not known. What 
 for is `Unknown`.
 """
 
-import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Places
@@ -27,13 +26,14 @@ from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar import interpreter
 from llm_astar_planner.instructions.grammar.interpreter import Reading
-from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.model.answer import numbers_of
 from llm_astar_planner.instructions.reader.check import doubt_about, is_likely
+from llm_astar_planner.instructions.reader.lifting import Slot, lifted
+from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Unreadable
+from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
@@ -46,12 +46,8 @@ class Part:
 
     at: float
     piece: Piece
-    clauses: list[Clause]
-
-    @property
-    def names(self) -> set[str]:
-        """The places that it may name."""
-        return {name for lexeme in self.piece.lexemes for name in lexeme.names}
+    translation: Translation
+    clauses: list[Clause] = field(default_factory=list)
 
     def where(self, clause: Clause) -> int:
         """Return where it names the first place of a clause, else its end."""
@@ -69,7 +65,11 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     if clauses and not doubt_about(text, places, in_json(clauses)):
         return within_limits(clauses), ''
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
-    parts = [Part(one.at, one.piece, []) for one in reading.parts if not one.is_read]
+    parts = [
+        Part(one.at, one.piece, Translation(slots_of(one.piece, text, places), places))
+        for one in reading.parts
+        if not one.is_read
+    ]
     said = interpreter.known_visits(reading.parts)
     left = (
         one
@@ -78,6 +78,11 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     )
     deal_out(left, parts, reading)
     return put_together(reading, parts, text)
+
+
+def slots_of(piece: Piece, text: str, places: Places) -> Mapping[str, Slot]:
+    """Return the slots of what a piece of a sentence names."""
+    return lifted(text[piece.start : piece.end], places).slots
 
 
 def in_json(clauses: Sequence[Clause]) -> list[dict[str, Any]]:
@@ -135,69 +140,11 @@ def parts_of(clause: Clause) -> list[Region]:
 
 def missing(clause: Clause, part: Part) -> str:
     """Return what a clause holds and a part of the sentence does not name, '' for nothing."""
-    for region in parts_of(clause):
-        if not names_region(region, part):
-            return region.phrase()
-    numbers = {KeepDistance: 'metres', Avoid: 'margin'}.get(type(clause))
-    wanted = getattr(clause, numbers) if numbers else 0.0
-    if wanted and wanted != CLEAR and not has_number(wanted, part.piece.lexemes):
-        return f'{wanted:g} m'
-    side = getattr(clause, 'side', '')
-    if side and side not in sides_of(part):
-        return str(side)
-    is_walls = isinstance(clause, KeepDistance) and clause.region is None
-    return 'the walls' if is_walls and 'wall' not in nouns_of(part) else ''
-
-
-def names_region(region: Region, part: Part) -> bool:
-    """Whether a part of the sentence names a simple region."""
-    lexemes = part.piece.lexemes
-    values = [(lexeme.kind, lexeme.value) for lexeme in lexemes]
-    is_named = True
-    match region:
-        case NamedPlace(name):
-            is_named = name in part.names
-        case regions.Tagged(tag):
-            is_named = tag in tags_of(part)
-        case regions.Disc(x, y, radius):
-            is_named = ('POINT', (x, y)) in values and (not radius or has_number(radius, lexemes))
-        case regions.Box():
-            is_named = all(has_number(s, lexemes) for s in region.sides if math.isfinite(s))
-        case regions.Half(side, of):
-            is_named = side in sides_of(part) and {of} - {''} <= part.names
-        case regions.Between(first, second):
-            is_named = {first, second} <= part.names
-        case regions.Along(place):
-            is_named = place in part.names or 'wall' in nouns_of(part)
-        case regions.End(end):
-            is_named = ('ENDPOINT', end) in values
-    return is_named
-
-
-def sides_of(part: Part) -> set[str]:
-    """Return the directions that a part names, and left for right: 'leave it on your left'."""
-    found = {str(one.value) for one in part.piece.lexemes if one.kind == 'SIDE'}
-    return found | set(regions.ROUTE_SIDES) if found & set(regions.ROUTE_SIDES) else found
-
-
-def tags_of(part: Part) -> set[str]:
-    """Return the kinds and tags that a part names."""
-    found = {str(lexeme.value) for lexeme in part.piece.lexemes if lexeme.kind == 'TAG'}
-    for group in (lexeme.value for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'):
-        tagged, named = group.all_places, {*group.places}
-        found |= {tag for tag in tagged.tags if {*tagged.with_tag(tag)} == named}
-    return found
-
-
-def nouns_of(part: Part) -> set[str]:
-    """Return the nouns of a part for several places."""
-    return {lexeme.value.noun for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'}
-
-
-def has_number(value: float, lexemes: Sequence[Lexeme]) -> bool:
-    """Return whether a number of some lexemes is this value."""
-    found = (number for lexeme in lexemes for number in numbers_of(lexeme))
-    return any(math.isclose(value, one, rel_tol=TOLERANCE, abs_tol=1e-9) for one in found)
+    try:
+        tokens = part.translation.meaning(in_json([clause]))
+    except Unreadable as error:
+        return str(error)
+    return clause.regions[0].phrase() if UNKNOWN in tokens else ''
 
 
 def not_refused(clause: Clause, part: Part) -> Clause:
