@@ -62,8 +62,10 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     known = reading.interpretation
     if known.is_read and is_likely(text, places, in_json(known.specification.clauses)):
         return known.specification, known.detail
-    if clauses and not doubt_about(text, places, in_json(clauses)):
-        return within_limits(clauses), ''
+    # A model does not say which of them are wishes.
+    for proposed in (clauses, [replace(clause, strength=SHOULD) for clause in clauses]):
+        if clauses and not doubt_about(text, places, in_json(proposed)):
+            return within_limits(proposed), ''
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
     parts = [
         Part(one.at, one.piece, Translation(slots_of(one.piece, text, places), places))

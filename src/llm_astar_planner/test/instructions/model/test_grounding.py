@@ -91,6 +91,8 @@ STANDING = [
      ['avoid the kitchen']),
     ('on no account bother the zoltans in the kitchen', [avoid('kitchen')],
      ['avoid the kitchen']),
+    ('if it suits you look in at the kitchen on the way', [visit('kitchen')],
+     ['if possible, visit the kitchen']),
     ('finish in the kitchen', [{'do': 'end_at', 'where': 'kitchen'}], ['end in the kitchen']),
     ('drive through the room at the top left', [visit('kitchen')], ['visit the kitchen']),
     ('drive between the lift and the vertical wall',
