@@ -1,9 +1,10 @@
 """Every command in README.md and docs/*.md runs, in order, as its reader would run it.
 
 Each page is one shell, in a folder with what a clone has and with the files of PROVIDED; but for
-those of STARTED, a page calls `llm-astar` in this process, which imports once what each start
-would import again. A command fails if it prints a traceback or exits with another code than 0.
-What cannot run here is in CANNOT_RUN with the reason; what takes long is shortened by SHORTER.
+those of STARTED, pages start each command of `llm-astar` once and else call it in this process,
+which imports once what each start would import again. A command fails if it prints a traceback or
+exits with another code than 0. What cannot run here is in CANNOT_RUN with the reason; what takes
+long is shortened by SHORTER.
 
 `pytest -m slow test/test_readme.py` makes a new clone and its environment first, as the README
 says, and runs all pages there, nothing shortened; that takes about ten minutes and the network.
@@ -91,8 +92,8 @@ SHORTER = {
     r'llm-astar dataset to-bag': '--map-ids 50-51',
     r'llm-astar dataset generate .*large': '--size 900 600',
 }
-# Together they start every command that has pages; plugins.md changes the shell itself.
-STARTED = {'README.md', 'bags.md', 'benchmark.md', 'plugins.md'}
+# What a reader begins with, and a page that changes the shell itself.
+STARTED = {'README.md', 'plugins.md'}
 SECONDS = 900
 
 
@@ -206,21 +207,25 @@ def run_page(page, folder, programs, domain=1, slow=False):
     return [(command, *outcome(steps / str(number))) for number, command in enumerate(todo)]
 
 
-def call_page(page, folder):
-    """Run the commands of a page as run_page does, those of llm-astar in this process."""
+def call_page(page, folder, begun):
+    """Run the commands of a page as run_page does, in this process those that had begun."""
     write_files(folder)
     todo = [one for one in commands(page) if not reason_not_to_run(one)]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        return [(command, *call(shortened(command))) for command in todo]
+        return [(command, *call(shortened(command), begun)) for command in todo]
 
 
-def call(script):
-    """Run one command in the working folder; return its exit code and what it printed."""
+def call(script, begun):
+    """Run one command in the working folder; return its exit code and what it printed.
+
+    One of llm-astar that is among those that had begun is called in this process.
+    """
     words = shlex.shlex(script.replace('\\\n', ' '), posix=True, punctuation_chars=True)
     words.whitespace_split = True
     name, *options = words
-    if name != 'llm-astar' or {'|', '||', '<<'} & {*options}:
+    if name != 'llm-astar' or {'|', '||', '<<'} & {*options} or options[0] not in begun:
+        begun.update(options[:1])
         done = subprocess.run(
             ['/bin/bash', '-c', script], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, text=True,
@@ -260,8 +265,9 @@ def run_pages(tmp_path_factory, programs, slow=False):
     started = [page for page in PAGES if slow or page.name in STARTED]
     with ThreadPoolExecutor(2 if slow else 1) as pool:
         ran = pool.map(run, started)
+        begun = set()
         called = {
-            page.name: call_page(page, tmp_path_factory.mktemp(page.stem))
+            page.name: call_page(page, tmp_path_factory.mktemp(page.stem), begun)
             for page in PAGES
             if page not in started
         }
