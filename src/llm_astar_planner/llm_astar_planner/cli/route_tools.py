@@ -28,7 +28,7 @@ from llm_astar_planner.instructions.interpretation import Interpretation
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.instructions.text import POLICIES, clean_instruction
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.questions import Questions

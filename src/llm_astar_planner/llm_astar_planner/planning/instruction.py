@@ -22,7 +22,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction, Unde
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.footprint_search import fit_footprint
 from llm_astar_planner.planning.path_planner import PathPlanner, resolve_endpoints
 from llm_astar_planner.planning.path_validator import footprint_problem

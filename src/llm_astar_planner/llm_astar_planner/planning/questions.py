@@ -35,7 +35,7 @@ from llm_astar_planner.instructions.polygons import RegionError
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, finite_or_none
 from llm_astar_planner.search.arrays import StopFlag
