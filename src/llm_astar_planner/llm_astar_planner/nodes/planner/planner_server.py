@@ -196,7 +196,7 @@ class PlannerServer:
             'active': self.handler.is_active,
             'map_digest': planner.grid_map.digest if planner else None,
             'map_age': None if age is None else round(age, 3),
-            'llm_client_ready': self._client is not None and self._client.ready,
+            'llm_client_ready': self._client is not None and self._client.service_is_ready(),
             'last_path': self.monitor.state,
             **self._footprint.values(),
             **self._maps.landmarks.values(),
