@@ -1,5 +1,5 @@
 # One tree for both worlds: where ROS 2 is sourced that one is used, and elsewhere the ROS wheels of
-# PyPI, Jazzy's or those of ROS_DISTRO=kilted, are installed into .venv beside the two packages.
+# PyPI, Jazzy's or those of ROS_DISTRO=kilted, are installed into .venv beside the three packages.
 
 ifndef PYTHON
 # In an active virtual environment, .venv too, the Python that it was made from: .venv has rclpy,
