@@ -157,8 +157,8 @@ class PathPlanner:
         return self.direct_plans(request, stop, anytime=anytime, explains=True)
 
     def more_plans(self, request: PlanRequest, stop: StopFlag, *, anytime: bool) -> Iterator[Plan]:
-        """Return the plans of a request that is not compiled yet, or asks for more than a path."""
-        raise NotImplementedError
+        """Return the plans of a request that asks for more than a path: here, of a path alone."""
+        return self.direct_plans(request, stop, anytime=anytime, explains=True)
 
     def explained(self, request: PlanRequest, plan: Plan, stop: StopFlag, deadline: float) -> Plan:
         """Return a plan that says why if it has no path, or leads as near as possible if it may.

@@ -96,8 +96,8 @@ class Planner(PathPlanner):
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.
 
-        Only the first one of its kind in a process takes time: up to half a minute where numba
-        has nothing in its cache. `stop` ends it as it ends a plan.
+        Only the first one of its kind in a process takes time, `compile.EXPECTED` where numba has
+        nothing in its cache. `stop` ends it as it ends a plan.
         """
         is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
         kind = self.config, request, is_graded, self.landmarks.current is not None
