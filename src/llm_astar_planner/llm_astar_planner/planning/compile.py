@@ -29,9 +29,9 @@ from llm_astar_planner.lazy import shapely
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_planner import COMPILED, PathPlanner, kind_of_plan
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.arrays import StopFlag, no_stop
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks

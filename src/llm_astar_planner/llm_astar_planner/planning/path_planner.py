@@ -36,7 +36,6 @@ from llm_astar_planner.planning.segment import (
     success_message,
 )
 from llm_astar_planner.planning.types import (
-    COMPILED,
     EXPLAINED,
     NOT_ASKED,
     PLANNED_ON,
@@ -46,14 +45,13 @@ from llm_astar_planner.planning.types import (
     PlanRequest,
     ResultCode,
     check_request,
-    kind_of_plan,
 )
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.arrays import Float64s, Int32s, StopFlag, no_stop
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.waypoints.async_query import name_of
 
@@ -77,6 +75,8 @@ FIT_SHARE = 0.4
 # how many times longer or more expensive a path with rounded kinks may be.
 TANGENTS, MOST_SMOOTHED = (1.0, 0.5, 0.25, 0.1), 1.02
 NOT_SHORTENED = 'the path at any angle is left out: the footprint would meet an obstacle'
+# The kinds of plans that this process has compiled.
+COMPILED: set[tuple[object, ...]] = set()
 
 
 class PathPlanner:
@@ -489,3 +489,18 @@ def no_path(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> Plannin
     names = ['the start', *via, 'the goal']
     expansions = sum(segment.result.expansions for segment in segments)
     return segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])
+
+
+def kind_of_plan(
+    config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
+) -> tuple[object, ...]:
+    """Return what decides which kernels a plan takes, for `planning.compile`.
+
+    `is_graded`: costs are not uniform on the map. `has_landmarks`: there are some.
+    """
+    is_guided, has_source = request.method == GUIDED, request.source is not None
+    return (
+        config.has_radius, is_graded, request.method if request.method in METHODS else EXACT,
+        has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
+        bool(request.via), request.footprint is None, request.instruction is None,
+    )  # fmt: skip

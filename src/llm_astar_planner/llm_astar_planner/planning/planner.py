@@ -12,16 +12,14 @@ from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_planner import COMPILED, PathPlanner, kind_of_plan
 from llm_astar_planner.planning.types import (
-    COMPILED,
     Endpoints,
     Plan,
     PlanningFailure,
     PlanRequest,
     ResultCode,
     finite_or_none,
-    kind_of_plan,
 )
 from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.kernel_cache import INTERPRETED

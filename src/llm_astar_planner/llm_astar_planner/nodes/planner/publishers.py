@@ -29,7 +29,8 @@ from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSl
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.path_validator import CollisionChecker, curve_cells
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanRequest, Point, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, PlanRequest, Point
 from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.arrays import Float64s
 
