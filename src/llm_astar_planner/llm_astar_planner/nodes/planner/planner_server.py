@@ -56,7 +56,7 @@ class PlannerServer:
         entities.on_close(side.destroy_node)
         self._instructions = InstructionServer(
             entities, side, settings, lambda: self._places.places, self.on_understood,
-            lambda text: self.handler.answer_question(text, self._places.places),
+            self.answer_question,
         )  # fmt: skip
         name = settings['llm_client']
         self._client = WaypointClient(entities, name, self.on_client_change) if name else None
@@ -66,10 +66,7 @@ class PlannerServer:
             node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner, compiler
         )
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
-        again = 'the footprint has changed'
-        self._footprint = RobotFootprint(
-            entities, settings, frames, lambda: self.monitor.check_again(again)
-        )
+        self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
         replans = goals.PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities, replans)
         cache = self._client.cache if self._client else None
@@ -150,6 +147,14 @@ class PlannerServer:
         """Replan the last path if new maps do, as something else is asked of it now."""
         if self._settings['replan_on_map']:
             self.monitor.check_again('the instruction has changed')
+
+    def on_footprint(self) -> None:
+        """Check the last path for a footprint that has changed."""
+        self.monitor.check_again('the footprint has changed')
+
+    def answer_question(self, text: str) -> str:
+        """Return the answer to a question about the last plan. Raises QuestionError."""
+        return self.handler.answer_question(text, self._places.places)
 
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""

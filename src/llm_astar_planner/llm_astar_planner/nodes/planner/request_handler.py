@@ -32,7 +32,13 @@ from llm_astar_planner.nodes.planner.goals import (
     refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
-from llm_astar_planner.nodes.planner.map_manager import NOT_WAITED, CostmapWait, MapManager, Waited
+from llm_astar_planner.nodes.planner.map_manager import (
+    NOT_WAITED,
+    CostmapWait,
+    MapManager,
+    PlanningMap,
+    Waited,
+)
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
@@ -320,17 +326,12 @@ class RequestHandler:
     def plan(self, job: Job, replan_reason: str) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         job.goes_on(max(job.limit, self.settings.current['first_path_time_limit']))
-        waited, maps = NOT_WAITED, self.maps
-        is_late = time.monotonic() > maps.arrivals.overdue_at
-        if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
-            # A replan follows a new map, and is no retry.
-            waited = self.wait_for_map(job, may_be_retry=not replan_reason)
+        # A replan follows a new map, and is no retry.
+        newest, waited = self.wait_for_map(job, may_be_retry=not replan_reason)
+        if waited is not NOT_WAITED:
             job = replace(job, begin=job.begin + waited.extra)
-        newest = maps.newest
-        if newest is None:
-            raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
-        wants, grid_map = self.publisher.wants_expanded, planner.grid_map
+        wants, grid_map = self.publisher.count_viewers() > 0, planner.grid_map
         request, start, goals = self.converter.to_request(
             job.goal, grid_map, job.search_seconds, job.may_wait, want_expanded=wants
         )
@@ -368,14 +369,23 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def wait_for_map(self, job: Job, *, may_be_retry: bool) -> Waited:
-        """Wait for the map to plan on; raise RequestError where none has come for too long."""
-        limit = self.settings.current['costmap_timeout']
-        if limit > 0.0 and (problems := self.maps.arrivals.warnings(limit)):
-            message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
-            raise RequestError(ResultCode.TIMEOUT, message)
-        is_retry = may_be_retry and self._waits.is_retry(job.goal)
-        return self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+    def wait_for_map(self, job: Job, *, may_be_retry: bool) -> tuple[PlanningMap, Waited]:
+        """Return the map to plan on, and how it was waited for; mostly it is there.
+
+        Raises RequestError where none has come for too long.
+        """
+        maps, waited = self.maps, NOT_WAITED
+        is_late = time.monotonic() > maps.arrivals.overdue_at
+        if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
+            limit = self.settings.current['costmap_timeout']
+            if limit > 0.0 and (problems := maps.arrivals.warnings(limit)):
+                message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
+                raise RequestError(ResultCode.TIMEOUT, message)
+            is_retry = may_be_retry and self._waits.is_retry(job.goal)
+            waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+        if maps.newest is None:
+            raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
+        return maps.newest, waited
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
