@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.costmap import ClosedCostmap
 from llm_astar_planner.instructions import enforcement
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause
-from llm_astar_planner.instructions.ground import Ground, Zone
+from llm_astar_planner.instructions.ground import Ground, RegionCells
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
@@ -164,7 +164,7 @@ class InstructedSearch:
         product = replace(problem.product, price=None)
         return self.solve(replace(problem, product=product)) is not None
 
-    def is_possible(self, demand: enforcement.Demand, zone: Zone) -> bool:
+    def is_possible(self, demand: enforcement.Demand, zone: RegionCells) -> bool:
         """Tell whether some path visits one region of a clause."""
         return self.can_keep(replace(demand, ask=Ask(visits=(zone,))))
 
@@ -210,7 +210,7 @@ class InstructedSearch:
         return cells * self.route.costmap.grid_map.resolution
 
     def solve(
-        self, problem: enforcement.Enforced, request: PlanRequest | None = None
+        self, problem: enforcement.InstructedProblem, request: PlanRequest | None = None
     ) -> SegmentPlanner | None:
         """Return a search that found a path, None if there is none. Raises PlanningFailure."""
         costmap = self.route.costmap

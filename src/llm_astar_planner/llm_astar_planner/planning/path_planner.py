@@ -148,7 +148,7 @@ class PathPlanner:
         """
         stop = no_stop() if stop is None else stop
         asks_more = request.viapoints or request.alternatives
-        asks_more = asks_more or request.instruction is not None or request.last_way is not None
+        asks_more = asks_more or request.instruction is not None or request.last_path is not None
         is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
         has_landmarks = self.landmarks.current is not None
         kind = kind_of_plan(self.config, request, is_graded, has_landmarks)

@@ -49,10 +49,10 @@ class Planner(PathPlanner):
         plans = self.direct_plans(request, stop, anytime=anytime)
         if request.instruction is not None:
             plans = self.instructed_plans(request, request.instruction, stop)
-        if request.last_way is not None:
+        if request.last_path is not None:
             from llm_astar_planner.planning.plan_reuse import kept_plans  # noqa: PLC0415
 
-            plans = kept_plans(self, request, request.last_way, plans, stop)
+            plans = kept_plans(self, request, request.last_path, plans, stop)
         return self.plans_with_reasons(request, plans, stop)
 
     def instructed_plans(
@@ -80,10 +80,10 @@ class Planner(PathPlanner):
         """Return a plan with the ways to choose from that are found until the deadline."""
         if request.via or request.footprint or request.instruction:
             return replace(plan, warnings=(*plan.warnings, NO_ALTERNATIVES))
-        from llm_astar_planner.planning.alternatives import WaysSearch  # noqa: PLC0415
+        from llm_astar_planner.planning.alternatives import AlternativesSearch  # noqa: PLC0415
 
         between = replace(request, start=plan.start, goal=plan.goal)
-        found = WaysSearch(self.costmap, between, stop, deadline).ways()
+        found = AlternativesSearch(self.costmap, between, stop, deadline).ways()
         ways = [
             way._replace(clearance=finite_or_none(self.checker.measure(way.path).clearance))
             for way in islice(found, request.alternatives)

@@ -31,7 +31,7 @@ from llm_astar_planner.instructions.interpretation import (
     Understanding,
 )
 from llm_astar_planner.instructions.outcome import ClauseStatus
-from llm_astar_planner.instructions.polygons import RegionError
+from llm_astar_planner.instructions.polygons import NoRegionError
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
@@ -191,7 +191,7 @@ class Questions:
         cells = grid_map.cells.copy()
         for clause in self.clauses(asked):
             if isinstance(clause, Avoid):
-                with raising(QuestionError, '', RegionError):
+                with raising(QuestionError, '', NoRegionError):
                     cells[Ground(route).avoided(clause.region).touched] = FREE
         return self.plan(Planner(replace(grid_map, cells=cells), self.planner.config))
 

@@ -104,7 +104,7 @@ class Endpoints(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class LastPath:
     """The way of a plan, for a later one to keep, perhaps on another map.
 
     `cells`: int32 [n, 2], single moves. `turns`: int64 [m], which of them straight lines at any
@@ -146,7 +146,7 @@ class PlanRequest:
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
-    - `last_way`: the way of the last plan to this goal. It is kept as far as it is left, valid
+    - `last_path`: the way of the last plan to this goal. It is kept as far as it is left, valid
       and costs at most 1 + `switch_margin` times what the path found does.
     - `footprint`: the robot's polygon; a path that it cannot pass is not returned. It stands at
       `start_pose` and ends with `goal_yaw`, in metres and radians of the map's frame; None: as the
@@ -183,7 +183,7 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
-    last_way: Way | None = None
+    last_path: LastPath | None = None
     switch_margin: float = 0.0
     first_path_time_limit: float = 0.0
     allow_partial_planning: bool = False

@@ -15,7 +15,7 @@ from llm_astar_planner.instructions.regions import Region, region_from_json
 if TYPE_CHECKING:  # clauses are read where no search is
     from llm_astar_planner.costmap.raster import Cover
     from llm_astar_planner.instructions import ground
-    from llm_astar_planner.instructions.ground import Mask, Zone
+    from llm_astar_planner.instructions.ground import Mask, RegionCells
     from llm_astar_planner.search.automata import Automaton
 
     Ground = ground.Ground
@@ -30,7 +30,7 @@ COMMON = ('strength', 'unsure')
 class Rule(NamedTuple):
     """An automaton over zones, made for the price per cell of what it forbids; inf forbids it."""
 
-    zones: tuple[Zone, ...]
+    zones: tuple[RegionCells, ...]
     automaton: Callable[[float], Automaton]
 
 
@@ -47,7 +47,7 @@ class Ask:
     """
 
     forbidden: Cover | None = None
-    visits: tuple[Zone, ...] = ()
+    visits: tuple[RegionCells, ...] = ()
     rules: tuple[Rule, ...] = ()
     goals: Mask | None = None
     ends_within: float = 0.0
@@ -92,7 +92,7 @@ class Clause:
         return f'{"if possible, " if self.strength == SHOULD else ""}{self.phrase()}'
 
     def ask(self, ground: Ground) -> Ask | None:
-        """Return what it asks of the search, None if that is nothing. Raises RegionError."""
+        """Return what it asks of the search, None if that is nothing. Raises NoRegionError."""
         raise NotImplementedError
 
     @property

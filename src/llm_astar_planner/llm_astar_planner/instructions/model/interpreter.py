@@ -19,12 +19,16 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.model.answer import answer_schema, read_answer, read_sentence
 from llm_astar_planner.instructions.model.check import grounded
 from llm_astar_planner.instructions.model.prompt import prompt_messages
-from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
+from llm_astar_planner.instructions.transcript import (
+    InstructionRecorder,
+    ModelCall,
+    read_exchanges,
+)
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 
 
-def interpret_reply(exchange: Exchange, places: Places) -> Interpretation:
+def interpret_reply(exchange: ModelCall, places: Places) -> Interpretation:
     """Return what a model's reply says of its instruction, held against the sentence.
 
     A reply without clauses that can be read gives status NONE.
@@ -98,7 +102,7 @@ class ModelInterpreter:
             completion = self.client.complete(messages, started + time_limit, schema)
         except EndpointFailure as failure:
             return failed(text, self.model, failure, time.monotonic() - started)
-        exchange = Exchange(
+        exchange = ModelCall(
             text, places.digest, self.model, completion.text,
             round(time.monotonic() - started, 3),
             completion.prompt_tokens, completion.completion_tokens,

@@ -42,10 +42,10 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: Node, settings: Parameters, taker: goals.GoalTaker) -> None:
-        """Join the graph, not active yet; `taker` answers the goals of RViz."""
+    def __init__(self, node: Node, settings: Parameters, goal_handler: goals.GoalHandler) -> None:
+        """Join the graph, not active yet; `goal_handler` answers the goals of RViz."""
         self._node = node
-        self._taker = taker
+        self._goal_handler = goal_handler
         self._settings = settings
         self._entities = entities = Entities(node)
         self._goals = goals.PreemptingGoalSlot()
@@ -121,7 +121,7 @@ class PlannerServer:
             (message,), fallback_start=self._initial_pose, client=goals.GOAL_POSE
         )
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
-        self._node.executor.create_task(self._taker.answer, goal, token)
+        self._node.executor.create_task(self._goal_handler.answer, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""

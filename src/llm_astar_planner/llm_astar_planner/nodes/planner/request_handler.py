@@ -36,15 +36,15 @@ from llm_astar_planner.nodes.planner.map_manager import (
     NOT_WAITED,
     CostmapWait,
     MapManager,
+    MapWait,
     PlanningMap,
-    Waited,
 )
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import request_fields
-from llm_astar_planner.planning.plan_reuse import Ways
+from llm_astar_planner.planning.plan_reuse import PathHistory
 from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import (
     MAX_VIA,
@@ -73,7 +73,7 @@ class RequestError(PlanningFailure):
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class AcceptedGoal:
     """A goal that is being answered, since `begin` (monotonic) for at most `limit` seconds."""
 
     goal: PlanGoal
@@ -200,7 +200,7 @@ class RequestConverter:
         return fields
 
 
-def way_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, ...]:
+def path_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, ...]:
     """Return what goals share that keep one way: client, method and place, in cells of the frame.
 
     They are counted from the frame's origin, wherever the map begins.
@@ -229,7 +229,7 @@ class RequestHandler:
         self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
-        self._ways = Ways()
+        self._ways = PathHistory()
         # How many plans began at each of the last times of the clock.
         self._plans_at: dict[int, int] = {}
         self._waits = CostmapWait(
@@ -266,7 +266,7 @@ class RequestHandler:
         token = token or CancellationToken()
         stamp = self.next_stamp()
         limit = self.settings.current['max_planning_time']
-        job = Job(goal, token, stamp, max(token.arrived, self._ready_since), limit)
+        job = AcceptedGoal(goal, token, stamp, max(token.arrived, self._ready_since), limit)
         with self._ended:
             self._running.add(token)
         try:
@@ -323,7 +323,7 @@ class RequestHandler:
         seconds, nanoseconds = divmod(now + earlier, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
-    def plan(self, job: Job, replan_reason: str) -> PlanResponse:
+    def plan(self, job: AcceptedGoal, replan_reason: str) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         job.goes_on(max(job.limit, self.settings.current['first_path_time_limit']))
         # A replan follows a new map, and is no retry.
@@ -339,12 +339,12 @@ class RequestHandler:
         writer = PathWriter(planner, job.stamp, start, goals[-1], keeps_heading, request)
         way: Hashable = None
         if request.switch_margin:
-            way = way_key(job.goal, goals[-1], grid_map)
+            way = path_key(job.goal, goals[-1], grid_map)
             request = self._ways.add_to(request, way)
         if self.instructions.current.instruction is not None:
             request = self.instructions.add_to(request, planner, start, goals)
         # Who calls gets one path, and RViz shows that one; so where a way may be kept.
-        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
+        shows_better = job.goal.client == GOAL_POSE and request.last_path is None
         plans = planner.plans(request, job.token.stop, anytime=shows_better)
         for plan in plans:
             if not (plan.is_final or job.token.reason):
@@ -369,7 +369,9 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def wait_for_map(self, job: Job, *, may_be_retry: bool) -> tuple[PlanningMap, Waited]:
+    def wait_for_map(
+        self, job: AcceptedGoal, *, may_be_retry: bool
+    ) -> tuple[PlanningMap, MapWait]:
         """Return the map to plan on, and how it was waited for; mostly it is there.
 
         Raises RequestError where none has come for too long.
@@ -387,7 +389,7 @@ class RequestHandler:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         return maps.newest, waited
 
-    def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
+    def failed(self, job: AcceptedGoal, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
         newest = self.maps.newest
         frame_id = newest.planner.grid_map.frame_id if newest else ''
