@@ -23,6 +23,7 @@ from rclpy.node import Node
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
+from llm_astar_planner.nodes.planner import map_manager
 from llm_astar_planner.nodes.planner.goals import (
     ACTION_NAMES,
     GOAL_POSE,
@@ -32,13 +33,6 @@ from llm_astar_planner.nodes.planner.goals import (
     refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
-from llm_astar_planner.nodes.planner.map_manager import (
-    NOT_WAITED,
-    CostmapWait,
-    MapManager,
-    MapWait,
-    PlanningMap,
-)
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
@@ -215,7 +209,7 @@ class RequestHandler:
 
     node: Node
     settings: Parameters
-    maps: MapManager
+    maps: map_manager.MapManager
     converter: RequestConverter
     compiler: KernelCompiler
     publisher: PlanPublisher
@@ -232,7 +226,7 @@ class RequestHandler:
         self._ways = PathHistory()
         # How many plans began at each of the last times of the clock.
         self._plans_at: dict[int, int] = {}
-        self._waits = CostmapWait(
+        self._waits = map_manager.CostmapWait(
             self.maps, lambda: self.settings.current['costmap_update_timeout']
         )
         self._last: PlanResponse | None = None
@@ -328,7 +322,7 @@ class RequestHandler:
         job.goes_on(max(job.limit, self.settings.current['first_path_time_limit']))
         # A replan follows a new map, and is no retry.
         newest, waited = self.wait_for_map(job, may_be_retry=not replan_reason)
-        if waited is not NOT_WAITED:
+        if waited is not map_manager.NOT_WAITED:
             job = replace(job, begin=job.begin + waited.extra)
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
         wants, grid_map = self.publisher.count_viewers() > 0, planner.grid_map
@@ -364,19 +358,19 @@ class RequestHandler:
         self.publisher.publish_views(plan, grid_map, job.stamp, writer.write)
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
-        if waited is not NOT_WAITED:
+        if waited is not map_manager.NOT_WAITED:
             warnings = (*plan.warnings, *waited.warnings)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
     def wait_for_map(
         self, job: AcceptedGoal, *, may_be_retry: bool
-    ) -> tuple[PlanningMap, MapWait]:
+    ) -> tuple[map_manager.PlanningMap, map_manager.MapWait]:
         """Return the map to plan on, and how it was waited for; mostly it is there.
 
         Raises RequestError where none has come for too long.
         """
-        maps, waited = self.maps, NOT_WAITED
+        maps, waited = self.maps, map_manager.NOT_WAITED
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
             limit = self.settings.current['costmap_timeout']
