@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.raster import Cover
-from llm_astar_planner.instructions.clauses.clause import MUST, Ask, Clause
+from llm_astar_planner.instructions.clauses.clause import MUST, Clause, Constraints
 from llm_astar_planner.instructions.ground import Ground, Mask, RegionCells
 from llm_astar_planner.instructions.polygons import NoRegionError
 from llm_astar_planner.instructions.route import Route
@@ -39,7 +39,7 @@ class Demand:
     """What one clause asks; `problem` is why it cannot be demanded, None if it can."""
 
     clause: Clause
-    ask: Ask
+    ask: Constraints
     problem: str | None = None
 
     @property
@@ -64,8 +64,10 @@ def demand_of(clause: Clause, ground: Ground) -> Demand:
     try:
         ask = clause.ask(ground)
     except NoRegionError as error:
-        return Demand(clause, Ask(), str(error))
-    return Demand(clause, Ask() if ask is None else ask, 'not understood' if ask is None else None)
+        return Demand(clause, Constraints(), str(error))
+    return Demand(
+        clause, Constraints() if ask is None else ask, 'not understood' if ask is None else None
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +246,7 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
     )
 
 
-def excludes(one: Ask, other: Ask) -> bool:
+def excludes(one: Constraints, other: Constraints) -> bool:
     """Tell whether one clause forbids all of a region that the other has to visit or end in."""
     if one.forbidden is None:
         has_goals = one.goals is not None and other.goals is not None
@@ -254,7 +256,7 @@ def excludes(one: Ask, other: Ask) -> bool:
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)
 
 
-def leaves_nothing(one: Ask, other: Ask) -> bool:
+def leaves_nothing(one: Constraints, other: Constraints) -> bool:
     """Tell whether two clauses together forbid every cell, which neither does alone."""
     if one.forbidden is None or other.forbidden is None:
         return False

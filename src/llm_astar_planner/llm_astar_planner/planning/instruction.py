@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
 from llm_astar_planner.instructions import enforcement
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Constraints
 from llm_astar_planner.instructions.ground import Ground, RegionCells
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
@@ -166,7 +166,7 @@ class InstructedSearch:
 
     def is_possible(self, demand: enforcement.Demand, zone: RegionCells) -> bool:
         """Tell whether some path visits one region of a clause."""
-        return self.can_keep(replace(demand, ask=Ask(visits=(zone,))))
+        return self.can_keep(replace(demand, ask=Constraints(visits=(zone,))))
 
     def most_of(self, clause: Clause) -> enforcement.Demand | None:
         """Return the demand of the most metres of a clause that some path keeps, None for none."""

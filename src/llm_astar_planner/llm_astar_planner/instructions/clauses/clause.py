@@ -35,7 +35,7 @@ class Rule(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Ask:
+class Constraints:
     """What one clause asks of the cells of a path.
 
     - `forbidden`: cells that no move may begin or end in; None for none.
@@ -91,7 +91,7 @@ class Clause:
         """Return its canonical sentence, which the grammar reads as the same clause."""
         return f'{"if possible, " if self.strength == SHOULD else ""}{self.phrase()}'
 
-    def ask(self, ground: Ground) -> Ask | None:
+    def ask(self, ground: Ground) -> Constraints | None:
         """Return what it asks of the search, None if that is nothing. Raises NoRegionError."""
         raise NotImplementedError
 
