@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 import rclpy
-from graph_tools import GOAL, START, calling, process, running
+from graph_tools import GOAL, PATIENCE, START, calling, process, running
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 
 SPACE = '/walk'
@@ -55,7 +55,7 @@ def test_one_get_plan_with_waypoints_passes_few_functions_and_files():
         caller.wait_for_landmarks()
         # The first call imports and compiles, and on a busy machine waypoints come too late.
         with profiled() as calls:
-            caller.call(START, GOAL)
+            caller.call(START, GOAL, seconds=2 * PATIENCE)
             for row in range(15, 25):
                 calls.clear()
                 report = caller.call(START, GOAL._replace(y=float(row)))[1]
