@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.raster import Cover
 from llm_astar_planner.instructions.clauses.clause import MUST, Clause, Constraints
-from llm_astar_planner.instructions.ground import Ground, Mask, RegionCells
 from llm_astar_planner.instructions.polygons import NoRegionError
+from llm_astar_planner.instructions.region_finder import Mask, RegionCells, RegionFinder
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.lazy import ndimage
@@ -55,14 +55,14 @@ class Demand:
 
 def demands_of(specification: Specification, route: Route) -> tuple[Demand, ...]:
     """Return what each clause asks of the cells, in the order of the clauses."""
-    ground = Ground(route)
-    return tuple(demand_of(clause, ground) for clause in specification.clauses)
+    finder = RegionFinder(route)
+    return tuple(demand_of(clause, finder) for clause in specification.clauses)
 
 
-def demand_of(clause: Clause, ground: Ground) -> Demand:
+def demand_of(clause: Clause, finder: RegionFinder) -> Demand:
     """Return what one clause asks of the cells."""
     try:
-        ask = clause.ask(ground)
+        ask = clause.ask(finder)
     except NoRegionError as error:
         return Demand(clause, Constraints(), str(error))
     return Demand(

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.costmap import ClosedCostmap
 from llm_astar_planner.instructions import enforcement
 from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Constraints
-from llm_astar_planner.instructions.ground import Ground, RegionCells
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
+from llm_astar_planner.instructions.region_finder import RegionCells, RegionFinder
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.instructions.verification.verify import verify
@@ -170,12 +170,12 @@ class InstructedSearch:
 
     def most_of(self, clause: Clause) -> enforcement.Demand | None:
         """Return the demand of the most metres of a clause that some path keeps, None for none."""
-        ground, found = Ground(self.route), None
+        finder, found = RegionFinder(self.route), None
         low, high = 0.0, float(getattr(clause, clause.reducible))
         while high - low > self.route.costmap.grid_map.resolution / FINENESS:
             middle = (low + high) / 2.0
             less: dict[str, Any] = {clause.reducible: middle}
-            demand = enforcement.demand_of(replace(clause, **less), ground)
+            demand = enforcement.demand_of(replace(clause, **less), finder)
             if self.can_keep(demand):
                 low, found = middle, demand
             else:

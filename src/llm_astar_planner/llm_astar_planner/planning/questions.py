@@ -23,7 +23,6 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.ground import Ground
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
@@ -32,6 +31,7 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.outcome import ClauseStatus
 from llm_astar_planner.instructions.polygons import NoRegionError
+from llm_astar_planner.instructions.region_finder import RegionFinder
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
@@ -192,7 +192,7 @@ class Questions:
         for clause in self.clauses(asked):
             if isinstance(clause, Avoid):
                 with raising(QuestionError, '', NoRegionError):
-                    cells[Ground(route).avoided(clause.region).touched] = FREE
+                    cells[RegionFinder(route).avoided(clause.region).touched] = FREE
         return self.plan(Planner(replace(grid_map, cells=cells), self.planner.config))
 
     def length(self, own: Plan, words: dict[str, Any]) -> dict[str, Any]:

@@ -14,13 +14,13 @@ from llm_astar_planner.instructions.regions import Region, region_from_json
 
 if TYPE_CHECKING:  # clauses are read where no search is
     from llm_astar_planner.costmap.raster import Cover
-    from llm_astar_planner.instructions import ground
-    from llm_astar_planner.instructions.ground import Mask, RegionCells
+    from llm_astar_planner.instructions import region_finder
+    from llm_astar_planner.instructions.region_finder import Mask, RegionCells
     from llm_astar_planner.search.automata import Automaton
 
-    Ground = ground.Ground
+    RegionFinder = region_finder.RegionFinder
 else:
-    Ground = object
+    RegionFinder = object
 
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)
@@ -91,7 +91,7 @@ class Clause:
         """Return its canonical sentence, which the grammar reads as the same clause."""
         return f'{"if possible, " if self.strength == SHOULD else ""}{self.phrase()}'
 
-    def ask(self, ground: Ground) -> Constraints | None:
+    def ask(self, finder: RegionFinder) -> Constraints | None:
         """Return what it asks of the search, None if that is nothing. Raises NoRegionError."""
         raise NotImplementedError
 

@@ -38,14 +38,14 @@ Mask = NDArray[np.bool_]
 class RegionCells(NamedTuple):
     """A region of the search: its cells, bool [height, width], and which driven points are in it.
 
-    The points are those of `Ground.driven`.
+    The points are those of `RegionFinder.driven`.
     """
 
     cells: Mask
     driven: Mask
 
 
-class Ground:
+class RegionFinder:
     """Finds the cells of regions on the costmap of a route. Methods raise NoRegionError."""
 
     def __init__(self, route: Route) -> None:
@@ -175,8 +175,8 @@ def goal_cell(place: Place, costmap: Costmap) -> Cell:
     In an area it is well inside, at an object near it, and where there is a choice in the largest
     part of the map that can be driven. Raises PlaceGoalError where no cell is free.
     """
-    ground = Ground(Route(costmap, (0, 0), (0, 0), Places([place])))
-    cells = ground.visited(regions.NamedPlace(place.name)).cells
+    finder = RegionFinder(Route(costmap, (0, 0), (0, 0), Places([place])))
+    cells = finder.visited(regions.NamedPlace(place.name)).cells
     if not cells.any():
         radius = costmap.config.robot_radius
         robot = f' for a robot with a radius of {radius:g} m' if radius else ''
