@@ -293,11 +293,9 @@ def compile_progress(
 ) -> Iterator[None]:
     """Say what this thread compiles; in a node who waits for it, and `what` is then."""
     report = CompileReport(say or partial(print, file=sys.stderr, flush=True), who_waits)
-    try:
-        with compilations(report.note):
-            yield
-    finally:
-        report.finish(what)
+    with compilations(report.note):
+        yield
+    report.finish(what)
 
 
 class KernelCompiler:
