@@ -80,7 +80,10 @@ COMPILED: set[tuple[object, ...]] = set()
 
 
 class PathPlanner:
-    """Plans requests without an instruction. Immutable, so safe to share between threads."""
+    """Plans a path through via points; `Planner` adds what else a request may ask for.
+
+    Immutable, so safe to share between threads.
+    """
 
     def __init__(
         self,
@@ -140,7 +143,7 @@ class PathPlanner:
     def plans(
         self, request: PlanRequest, stop: StopFlag | None = None, *, anytime: bool = True
     ) -> Iterator[Plan]:
-        """Compile what a request takes, and return its plans: each better one, then the answer.
+        """Return the plans of a request: each better one, then the answer.
 
         Each is validated, and made when it is asked for; the time of the request begins with the
         first. Only `guided` and plug-ins that are generators find several, and only without via
