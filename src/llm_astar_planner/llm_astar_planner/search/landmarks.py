@@ -24,7 +24,6 @@ from llm_astar_planner.search.arrays import Int32s, Int64s, StopFlag, no_stop
 from llm_astar_planner.search.borders import Borders, Crossing
 from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.result import Cell
 
 # The number of landmarks on large maps; small maps get more, which cost little there. Where fewer
 # fit, on maps of over 1448 x 1448, the borders of tiles lead better.
@@ -142,16 +141,15 @@ class Landmarks:
         stricter = freest.stricter > STALE_SHARE * freest.moves.size
         return stricter or freest.new_cells > freest.free
 
-    def active(self, grid: GridGraph, start: Cell, goal: Cell) -> Int64s | None:
-        """Choose the landmarks that prove most for a query.
+    def active(self, start: int, goal: int, octile: int) -> tuple[Int64s, int]:
+        """Choose the landmarks that prove most between two cells, given by number.
 
-        Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
-        None if they prove that no path joins the cells.
+        Returns int64 [k, 2], a landmark's row and its distance to the goal, and what a path costs
+        at least, all in units: the `octile` distance or more, NO_PATH if there is none.
         """
         active = np.empty((MAX_ACTIVE, 2), dtype=np.int64)
-        cells = grid.index(start), grid.index(goal)
-        count = choose_landmarks(self.distances, *cells, grid.octile(start, goal), active)
-        return None if count < 0 else active[:count]
+        count, bound = choose_landmarks(self.distances, start, goal, octile, active)
+        return active[:count], bound
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
@@ -263,7 +261,8 @@ class LandmarkManager:
             if landmarks is not None:
                 with self._changed:
                     self._readers -= 1
-                    self._changed.notify_all()
+                    if self._repair is not None:  # it may wait for its readers
+                        self._changed.notify_all()
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait, at most `timeout` seconds, for the background to be idle; tell whether it is.
