@@ -57,8 +57,8 @@ NAMED_AS = {'O': 'R', 'G': 'R', 'Y': 'R', 'N': 'K'}
 WORDS_OF_A_LETTER = frozenset('adeilmnostuy')
 # Words before which 'right' is no side: 'right beside it'.
 AFTER_RIGHT = frozenset(
-    {'after', 'alongside', 'away', 'before', 'behind', 'beside', 'by', 'here', 'next', 'now',
-     'past', 'there', 'through', 'up'}
+    {'after', 'along', 'alongside', 'away', 'before', 'behind', 'beside', 'by', 'here', 'next',
+     'now', 'past', 'round', 'there', 'through', 'up'}
 )  # fmt: skip
 # Words in names that tell nothing.
 VAGUE = frozenset(
