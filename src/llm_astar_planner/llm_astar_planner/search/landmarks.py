@@ -262,8 +262,7 @@ class LandmarkManager:
             if landmarks is not None:
                 with self._changed:
                     self._readers -= 1
-                    if self._repair is not None:  # it may wait for its readers
-                        self._changed.notify_all()
+                    self._changed.notify_all()
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait, at most `timeout` seconds, for the background to be idle; tell whether it is.
