@@ -107,10 +107,7 @@ class GuidedSearch:
         work_factor: float | None = None,
         recorder: ExpansionRecorder | None = None,
     ) -> None:
-        """Take the query; nothing is searched yet.
-
-        Raises ValueError for a cell off the grid and a number out of its range.
-        """
+        """Take the query; nothing is searched yet. Raises ValueError for a number out of range."""
         bound = problem.max_suboptimality
         if bound is not None and not 1.0 <= bound <= 1000.0:
             raise ValueError(f'max_suboptimality: {bound} is not in 1 to 1000')
@@ -148,6 +145,7 @@ class GuidedSearch:
 
         Of a better path, storage, expanded cells and the first path's figures are not counted yet.
         Call it once. The caller may close the iterator early; `result` is then of that moment.
+        Raises ValueError for a cell off the grid.
         """
         grid, landmarks = self.problem.grid, self.problem.landmarks
         while True:

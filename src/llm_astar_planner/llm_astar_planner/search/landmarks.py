@@ -150,7 +150,7 @@ class Landmarks:
         """
         active = np.empty((MAX_ACTIVE, 2), dtype=np.int64)
         count, bound = choose_landmarks(self.distances, start, goal, octile, active)
-        return active[:count], bound
+        return active[:count], int(bound)
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
