@@ -130,7 +130,12 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     if 'A' in meaning and 'V' not in meaning:
         found += [one[0] for one in SAID['omission'].finditer(said)]
     if WISH not in meaning:
-        found += [one[0] for one in SAID['conditions'].finditer(said) if SIGN not in one[0]]
+        is_condition = not CONDITIONAL.isdisjoint(meaning)
+        found += [
+            one[0]
+            for one in SAID['conditions'].finditer(said)
+            if not (is_condition and SIGN in one[0])
+        ]
     return f'"{found[0]}" may ask for something else' if found else ''
 
 
