@@ -278,7 +278,7 @@ class Why(NamedTuple):
                 yield cause.get('name') or cause['kind'], points
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """The answer to a request.
 
