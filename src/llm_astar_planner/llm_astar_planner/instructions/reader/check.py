@@ -24,7 +24,7 @@ CERTAIN = 0.85
 # The least weight of what the grammar may claim, set in the same way.
 LIKELY = -4.0
 # The least weight of what another reader proposes: it and the networks do not err alike.
-PROPOSED = -1.0
+PROPOSED = -2.0
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
 RENUMBERED, TRUST = 1, 0.2
 Names = Mapping[str, str]

@@ -99,6 +99,7 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
         ('no olvides evitar ward 1', 'V R1 )'),
         ('if the lift is free, take ward 1, otherwise ward 2', 'V R2 )'),
         ('ward 1 must on no account be skipped', 'A R1'),
+        ('only the kitchen', 'V R1 )'),
     ],
 )
 def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
