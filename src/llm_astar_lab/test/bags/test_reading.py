@@ -171,6 +171,29 @@ def test_files_are_read_without_parts_of_their_summary(tmp_path, index_types, op
     assert not problems.left_out
 
 
+@pytest.mark.parametrize('missing', [1, 8, 30, 200, 400])
+def test_a_file_cut_off_in_its_summary_gives_every_message(tmp_path, missing):
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.ZSTD, chunk_size=500)
+    file.write_bytes(file.read_bytes()[:-missing])
+    assert read(file)[0] == SEEN
+
+
+@pytest.mark.parametrize('opcode', [6, 7, 99])
+def test_a_record_of_another_kind_within_a_chunk_is_skipped(tmp_path, opcode):
+    record = struct.pack('<BQ', opcode, 3) + b'abc'
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE, use_chunking=False)
+    # Its header record has 8 bytes of magic before it; the data end stands before its summary.
+    data = file.read_bytes()
+    begin = 8 + 9 + struct.unpack_from('<Q', data, 9)[0]
+    content = record + data[begin : data.index(struct.pack('<BQ', 15, 4))] + record
+    head = struct.pack('<QQQII', 0, 0, len(content), 0, 0) + struct.pack('<Q', len(content))
+    chunk = struct.pack('<BQ', 6, len(head) + len(content)) + head + content
+    file.write_bytes(data[:begin] + chunk + struct.pack('<BQI', 15, 4, 0))
+    found, problems = read(file)
+    assert found == SEEN
+    assert not problems.left_out
+
+
 def test_a_cut_chunk_gives_the_messages_before_the_cut(tmp_path):
     file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE)
     whole = file.read_bytes()
