@@ -1,7 +1,14 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The storage files of bags: mcap, read record by record, and sqlite3, of every version."""
+"""The storage files of bags: mcap, read record by record, and sqlite3, of every version.
+
+The readers of mcap and rosbags are for files one trusts. They decompress a chunk to whatever size
+it has, hold all messages of chunks whose times overlap, and run what a database computes: a file
+of 20 kB fills a gigabyte. `mcap.reader` opens every chunk before it yields a message in the order
+of recording, and neither reads on behind damage, or in a file that was cut off. So they are not
+used here; the records of mcap are parsed by its library.
+"""
 
 import sqlite3
 import struct
