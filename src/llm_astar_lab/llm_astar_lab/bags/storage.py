@@ -13,11 +13,10 @@ used here; the records of mcap are parsed by its library.
 import sqlite3
 import struct
 import zlib
-from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Set
 from contextlib import suppress
 from heapq import heappop, heappush
-from io import SEEK_END, BytesIO
+from io import BytesIO
 from itertools import chain, pairwise, starmap
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +28,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as McapChannel
-from mcap.records import Chunk, MessageIndex, Schema
+from mcap.records import Chunk, Schema
 
 # No message and no chunk of messages has more bytes: a chunk is held up to three times while its
 # messages are read. A map of 83 million cells fits.
@@ -38,14 +37,12 @@ LARGEST = 80 * 2**20
 MOST_HELD = 80 * 2**20
 # What a message takes besides its bytes while it is held.
 MESSAGE_BYTES = 300
-# A file with more chunks is read in the order of recording; a chunk with a larger index, in bytes,
-# is opened to count its messages.
-MOST_CHUNKS = 100_000
-MOST_INDEX_BYTES = 8 * 2**20
+# A file with more chunks, or messages outside of chunks, is read in the order of recording.
+MOST_PARTS = 100_000
 # Of topics and types in a file.
 MOST_DESCRIPTIONS = 24 * 2**20
-# A chunk after all others, without messages: its first time (ns), first byte, length and channels.
-LAST = (2**64, 0, 0, frozenset[int]())
+# A part after all others, without messages.
+LAST = (2**64, 0, 0, 0, frozenset[int]())
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -110,9 +107,10 @@ class McapFile:
         self.damage: str | None = None
         # Schemas and channels by opcode and number.
         self._known: dict[int, dict[int, Any]] = {Opcode.SCHEMA: {}, Opcode.CHANNEL: {}}
-        # Of each chunk of a file with an index: its first time (ns), its first byte and length,
-        # its channels.
-        self._chunks: list[tuple[int, int, int, set[int]]] = []
+        # Of each chunk, or message outside of one: its first time (ns), its first byte, opcode and
+        # length, its channels.
+        self._parts: list[tuple[int, int, int, int, Set[int]]] = []
+        self._has_index = False
         self._described = 0
         self._size = path.stat().st_size
         self._file = path.open('rb')
@@ -135,60 +133,28 @@ class McapFile:
         self._file.close()
 
     def stamps(self) -> Iterator[tuple[int, int]]:
-        """Yield channel and time (ns) of every message, in the order of recording.
-
-        The chunks of a file that was finished are opened where no index is behind them.
-        """
-        self._file.seek(-len(MAGIC), SEEK_END)
-        is_finished = self._file.read() == MAGIC
-        has_index = False
+        """Yield channel and time (ns) of every message, in the order of recording."""
         for opcode, place, length in self._walk():
-            has_index = has_index or opcode == Opcode.CHUNK_INDEX
-            is_chunk = is_finished and opcode == Opcode.CHUNK
-            index = self._index_behind(place + length) if is_chunk else []
-            contents = (item[:2] for item in self._messages(opcode, place, length))
-            if not {channel for channel, _ in index} <= self._known[Opcode.CHANNEL].keys():
-                # The end of the file need not repeat the topics that are in its chunks.
-                deque(contents, maxlen=0)
+            self._has_index |= opcode == Opcode.CHUNK_INDEX
             first, channels = LAST[0], set()
-            for channel, time in index or contents:
+            for channel, time, _ in self._messages(opcode, place, length):
                 first = min(first, time)
                 channels.add(channel)
                 yield channel, time
-            if is_chunk and len(self._chunks) <= MOST_CHUNKS:
-                self._chunks.append((first, place, length, channels))
-        if not has_index:
-            self._chunks.clear()
-
-    def _index_behind(self, end: int) -> list[tuple[int, int]]:
-        """Return channel and time of the messages of the chunk before a byte, in their order.
-
-        It is empty without an index, with a damaged or with a large one.
-        """
-        found: list[tuple[int, int, int]] = []
-        left = MOST_INDEX_BYTES
-        with suppress(*DAMAGE):
-            for opcode, place, length in self._headers(end):
-                left -= length
-                if opcode != Opcode.MESSAGE_INDEX:
-                    return [(channel, time) for _, channel, time in sorted(found)]
-                if left < 0:
-                    break
-                index = MessageIndex.read(ReadDataStream(BytesIO(self._read(place, length))))
-                found += [(offset, index.channel_id, time) for time, offset in index.records]
-        return []
+            if channels and len(self._parts) <= MOST_PARTS:
+                self._parts.append((first, place, opcode, length, channels))
 
     def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
         """Yield the messages of channels by time; without an index in the order of recording."""
-        if as_recorded or not 0 < len(self._chunks) <= MOST_CHUNKS:
+        if as_recorded or not self._has_index or len(self._parts) > MOST_PARTS:
             found = chain.from_iterable(starmap(self._messages, self._walk()))
             yield from (item for item in found if item.channel in wanted)
             return
         held: list[tuple[int, int, int, Record]] = []
         size = 0
-        chunks = sorted(chunk for chunk in self._chunks if not chunk[-1].isdisjoint(wanted))
-        for (_, place, length, _), following in pairwise([*chunks, LAST]):
-            for number, message in enumerate(self._messages(Opcode.CHUNK, place, length)):
+        parts = sorted(part for part in self._parts if not part[-1].isdisjoint(wanted))
+        for (_, place, opcode, length, _), following in pairwise([*parts, LAST]):
+            for number, message in enumerate(self._messages(opcode, place, length)):
                 if message.channel not in wanted:
                     continue
                 cost = len(message.data) + MESSAGE_BYTES
@@ -197,32 +163,26 @@ class McapFile:
                     break
                 size += cost
                 heappush(held, (message.time, place, number, message))
-            # The next chunk is opened when its first message is due.
+            # The next part is opened when its first message is due.
             while held and held[0][:2] < following[:2]:
                 message = heappop(held)[-1]
                 size -= len(message.data) + MESSAGE_BYTES
                 yield message
 
     def _walk(self) -> Iterator[tuple[int, int, int]]:
-        """Yield opcode, first byte and length of each record, up to where the file is cut off."""
-        is_complete = False
-        for record in self._headers(len(MAGIC)):
-            is_complete = is_complete or record[0] in (Opcode.DATA_END, Opcode.FOOTER)
-            yield record
-        if not is_complete:
-            size = f'{self._size} bytes'
-            self._note_damage(f'was cut off, at {size}; what was written whole before is read')
-
-    def _headers(self, place: int) -> Iterator[tuple[int, int, int]]:
-        """Yield opcode, first byte and length of each record from a byte on.
+        """Yield opcode, first byte and length of each record, up to where the file is cut off.
 
         Zeros, which a power cut may leave at the end of a file, end the records.
         """
+        place, is_complete = len(MAGIC), False
         while len(head := self._read(place, RECORD.size)) == RECORD.size and head[0]:
             opcode, length = RECORD.unpack(head)
-            place += RECORD.size
-            yield opcode, place, length
-            place += length
+            is_complete = is_complete or opcode in (Opcode.DATA_END, Opcode.FOOTER)
+            yield opcode, place + RECORD.size, length
+            place += RECORD.size + length
+        if not is_complete:
+            size = f'{self._size} bytes'
+            self._note_damage(f'was cut off, at {size}; what was written whole before is read')
 
     def _messages(self, opcode: int, place: int, length: int) -> Iterator[Record]:
         """Yield the messages in one record of the file; of a cut chunk, those before the cut."""

@@ -258,6 +258,16 @@ def test_a_chunk_with_a_wrong_checksum_is_left_out_and_the_rest_is_read(tmp_path
     assert 'its checksum is wrong' in problems.left_out[0]
 
 
+def test_an_open_bag_counts_what_can_be_read_and_names_what_cannot(tmp_path):
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE, chunk_size=100)
+    data = bytearray(file.read_bytes())
+    data[data.index(bytes(bag_types().serialize_cdr(DAY[0][2], TYPES['/map']))) + 40] ^= 0xFF
+    file.write_bytes(data)
+    with Bag(file) as bag:
+        assert bag.topics['/map'].count == 1
+        assert 'its checksum is wrong' in bag.problems.left_out[0]
+
+
 def test_a_database_that_is_cut_off_is_read_up_to_there(tmp_path):
     maps = [map_at(n, room(200, 100)) for n in range(1, 9)]
     folder = write_bag(tmp_path / 'bag', maps, 'sqlite3')
