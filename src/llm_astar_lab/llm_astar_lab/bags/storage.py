@@ -13,7 +13,7 @@ used here; the records of mcap are parsed by its library.
 import sqlite3
 import struct
 import zlib
-from collections.abc import Collection, Iterator, Set
+from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heappop, heappush
 from io import BytesIO
@@ -42,7 +42,7 @@ MOST_PARTS = 100_000
 # Of topics and types in a file.
 MOST_DESCRIPTIONS = 24 * 2**20
 # A part after all others, without messages.
-LAST = (2**64, 0, 0, 0, frozenset[int]())
+LAST = (2**64, 0, 0, 0, 0)
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -108,8 +108,8 @@ class McapFile:
         # Schemas and channels by opcode and number.
         self._known: dict[int, dict[int, Any]] = {Opcode.SCHEMA: {}, Opcode.CHANNEL: {}}
         # Of each chunk, or message outside of one: its first time (ns), its first byte, opcode and
-        # length, its channels.
-        self._parts: list[tuple[int, int, int, int, Set[int]]] = []
+        # length, and its channels as the bits of a number, which takes less than a set.
+        self._parts: list[tuple[int, int, int, int, int]] = []
         self._has_index = False
         self._described = 0
         self._size = path.stat().st_size
@@ -136,10 +136,10 @@ class McapFile:
         """Yield channel and time (ns) of every message, in the order of recording."""
         for opcode, place, length in self._walk():
             self._has_index |= opcode == Opcode.CHUNK_INDEX
-            first, channels = LAST[0], set()
+            first, channels = LAST[0], 0
             for channel, time, _ in self._messages(opcode, place, length):
                 first = min(first, time)
-                channels.add(channel)
+                channels |= 1 << channel
                 yield channel, time
             if channels and len(self._parts) <= MOST_PARTS:
                 self._parts.append((first, place, opcode, length, channels))
@@ -152,7 +152,8 @@ class McapFile:
             return
         held: list[tuple[int, int, int, Record]] = []
         size = 0
-        parts = sorted(part for part in self._parts if not part[-1].isdisjoint(wanted))
+        bits = sum(1 << channel for channel in wanted)
+        parts = sorted(part for part in self._parts if part[-1] & bits)
         for (_, place, opcode, length, _), following in pairwise([*parts, LAST]):
             for number, message in enumerate(self._messages(opcode, place, length)):
                 if message.channel not in wanted:

@@ -4,12 +4,13 @@ import random
 import sqlite3
 import struct
 import tracemalloc
+from contextlib import closing
 
 import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag, write_split
 from llm_astar_lab.bags.reading import Bag, Problems, unpack
-from llm_astar_lab.bags.storage import LARGEST, BagError, unzstd
+from llm_astar_lab.bags.storage import LARGEST, BagError, McapFile, unzstd
 from llm_astar_lab.bags.types import bag_types, define
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
@@ -225,6 +226,26 @@ def test_records_larger_than_any_message_are_not_read_into_memory(tmp_path, opco
         assert tracemalloc.get_traced_memory()[1] < 1e7
     finally:
         tracemalloc.stop()
+
+
+def test_memory_does_not_grow_with_the_chunks_that_hold_every_topic(tmp_path):
+    file = tmp_path / 'topics.mcap'
+    with file.open('wb') as stream:
+        writer = McapWriter(stream, chunk_size=8000)
+        writer.start(profile='ros2')
+        text = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        topics = [writer.register_channel(f'/t{n}', 'cdr', text) for n in range(200)]
+        for stamp in range(200 * 200):
+            writer.add_message(topics[stamp % 200], stamp, b'\0\1\0\0', stamp)
+        writer.finish()
+    with closing(McapFile(file)) as storage:
+        next(stamps := storage.stamps())
+        tracemalloc.start()
+        try:
+            assert sum(1 for _ in stamps) == 200 * 200 - 1
+            assert tracemalloc.get_traced_memory()[0] < 500_000
+        finally:
+            tracemalloc.stop()
 
 
 def test_a_chunk_with_more_bytes_than_it_says_is_left_out(tmp_path):
