@@ -1,5 +1,5 @@
 # One tree for both worlds: where ROS 2 is sourced that one is used, and elsewhere the ROS wheels of
-# PyPI, Jazzy's or those of ROS_DISTRO=kilted, are installed into .venv beside the two packages.
+# PyPI, Jazzy's or those of ROS_DISTRO=kilted, are installed into .venv beside the three packages.
 
 ifndef PYTHON
 # In an active virtual environment, .venv too, the Python that it was made from: .venv has rclpy,
@@ -142,7 +142,7 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	$(BIN)/python -m pip install --disable-pip-version-check \
 		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
-	@echo 'compiling the searches: a minute or two'
+	@echo 'compiling the searches'
 	@$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \
 		c.compile_kernels(); c.compile_instruction_kernels()'
 	@touch $@

@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.plan_reuse import Ways, way_of
+from llm_astar_planner.planning.plan_reuse import PathHistory, way_of
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode, Way
+from llm_astar_planner.planning.types import LastPath, PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import straight_path
 from llm_astar_planner.search.result import Cell
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class Path(NamedTuple):
     points: Cells
 
     @classmethod
-    def of(cls, way: Way, n: int) -> Path:
+    def of(cls, way: LastPath, n: int) -> Path:
         """Return what is left of a way from its cell number n on."""
         cells = way.cells[n:]
         turns = way.cells[way.turns[way.turns > n]]
@@ -112,7 +112,7 @@ class World:
 
 def drive(world: World, request: PlanRequest) -> Drive:
     """Drive from start to goal along each second's path."""
-    done, ways, here = Drive(), Ways(), world.start
+    done, ways, here = Drive(), PathHistory(), world.start
     planner, path = None, None
     for occupied in world.maps():
         grid_map = to_grid(occupied & ~near(here, world.size))

@@ -56,7 +56,7 @@ from llm_astar_planner.costmap.zones import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
 from llm_astar_planner.instructions.model.interpreter import interpret_reply
 from llm_astar_planner.instructions.specification import from_json
-from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
+from llm_astar_planner.instructions.transcript import ModelCall, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import read_parameter_files
 from llm_astar_planner.resources import find_file
@@ -318,7 +318,7 @@ def read_specification(text: str) -> None:
 
 def read_instruction_reply(text: str) -> None:
     places = places_from_geojson(collection(PLACE, POINT), 'places')
-    interpret_reply(Exchange('avoid the lab within 3 m', places.digest, 'tiny', text), places)
+    interpret_reply(ModelCall('avoid the lab within 3 m', places.digest, 'tiny', text), places)
 
 
 def read_reply(text: str) -> None:

@@ -4,7 +4,7 @@ import pytest
 from llm_astar_msgs_adapter.maps.places import load_places, places_problems
 from llm_astar_planner.cli.map_files import maps_of
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.instructions.ground import goal_cell
+from llm_astar_planner.instructions.region_finder import goal_cell
 from llm_astar_planner.resources import find_file
 
 from benchmarks import make_robot_maps

@@ -13,8 +13,9 @@ from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.plan import plan_to_json, plan_to_text
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.segment import SegmentPlanner
-from llm_astar_planner.planning.types import MAX_VIA, PlanRequest, ResultCode, plan_report
+from llm_astar_planner.planning.types import MAX_VIA, PlanRequest, ResultCode
 from llm_astar_planner.search.arrays import no_stop
 from llm_astar_planner.search.astar import PathTooLongError
 

@@ -18,7 +18,7 @@ WORDS = {
 def product_files():
     for package in sorted((ROOT / 'src').iterdir()):
         for path in sorted((package / package.name).rglob('*')):
-            if path.suffix in ('.py', '.json', '.lark', '.yaml', '.j2'):
+            if path.suffix in ('.py', '.json', '.lark', '.yaml', '.j2', '.txt', '.js'):
                 yield path.relative_to(package / package.name).as_posix(), path
 
 

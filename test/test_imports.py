@@ -163,7 +163,7 @@ def test_only_nodes_know_ros(path):
 
 def test_no_two_modules_import_each_other():
     named = {
-        '.'.join(part for part in path.relative_to(folder).with_suffix('').parts): path
+        '.'.join(path.relative_to(folder).with_suffix('').parts).removesuffix('.__init__'): path
         for folder in sorted(SOURCE.iterdir())
         for path in modules(folder.name, folder.name)
     }

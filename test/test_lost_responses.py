@@ -15,7 +15,8 @@ from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_m
 from llm_astar_planner.nodes.common.entities import REPORTS
 from llm_astar_planner.nodes.tools import planner_client
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters

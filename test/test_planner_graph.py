@@ -27,7 +27,8 @@ from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup

@@ -29,7 +29,8 @@ from llm_astar_planner.nodes.common.entities import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 

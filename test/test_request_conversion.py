@@ -123,7 +123,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
         maps=SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
         converter=RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
         compiler=SimpleNamespace(is_ready=True),
-        publisher=Mock(wants_expanded=False),
+        publisher=Mock(count_viewers=lambda: 0),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),
         monitor=Mock(),
     )

@@ -15,7 +15,7 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 36_580, 304
+ALL_LINES, ALL_MODULES = 36_580, 306
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 123, 'maps': 1_090, 'messages': 550},
@@ -26,7 +26,7 @@ LIMITS = {
         'planning': 3_990,
         'waypoints': 2_450,
         'instructions': 7_470,
-        'nodes': 3_910,
+        'nodes': 3_900,
         'cli': 1_540,
     },
     LAB: {
@@ -37,7 +37,7 @@ LIMITS = {
         'runner': 550,
         'results': 620,
         'analysis': 580,
-        'report': 810,
+        'report': 820,
         'instruct_bench': 1_070,
         'pictures': 910,
         'play': 870,

@@ -20,7 +20,8 @@ from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.tools.planner_client import EventKind, MonitorEvent
-from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
 from rclpy.parameter import Parameter
 
 SPACE = '/watched'

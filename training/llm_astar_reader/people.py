@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_planner.instructions.grammar.vocabulary import nouns
 from llm_astar_planner.instructions.grammar.words import phrase_words
 from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Unreadable
@@ -203,17 +204,28 @@ def reaction(part: Any, region: Callable[[Any], Region]) -> Clause:
 def known_words() -> set[str]:
     """Return the words that the network has seen often enough: no place may be among them.
 
-    So not those of what a path does not have, among which are places that a map does not have.
+    So not those of what a path does not have, among which are places that a map does not have, nor
+    those of names on any map.
     """
     maps: dict[str, set[str]] = {}
+    names: set[str] = set()
     for sentence in written.sentences(written.TRAINING):
         clauses = [clause for truth in sentence.truths for clause in truth.clauses]
         asked = {word for one in clauses for word in phrase_words(one.get('text', ''))}
         for token in lifted(sentence.text, written.worlds()[sentence.map].places).tokens:
             if token not in asked:
                 maps.setdefault(token, set()).add(sentence.map)
-    return {word for word, seen in maps.items() if len(seen) >= MAPS and word.isalpha()}
+    for name in {sentence.map for sentence in written.sentences(written.TRAINING)}:
+        for place in written.worlds()[name].places:
+            for said in (place.name, place.kind or '', *place.aliases):
+                names |= {*phrase_words(said)}
+    return {
+        word
+        for word, seen in maps.items()
+        if len(seen) >= MAPS and word.isalpha() and word not in names
+        if not nouns().everywhere.exactly([word])
+    }
 
 
 # On so many maps a word has been said that is no name of a place.
-MAPS = 6
+MAPS = 3

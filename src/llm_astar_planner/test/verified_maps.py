@@ -11,7 +11,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.outcome import ClauseStatus
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 
 SATISFIED = ClauseStatus.KEPT
 VIOLATED = ClauseStatus.NOT_KEPT

@@ -378,7 +378,7 @@ JUDGES: tuple[Callable[..., Verdict], ...] = (
     inside_max, outside_max, touch, order, visit_before, visit_after, never_after, entries, end_in,
     dist_min, wall_dist_min, cross, length_max,
 )  # fmt: skip
-KINDS = {judge.__name__: judge for judge in JUDGES}
+CHECK_KINDS = {judge.__name__: judge for judge in JUDGES}
 HAVE_TOL = ('touch', 'order', 'visit_before', 'visit_after', 'entries', 'end_in')
 
 
@@ -393,7 +393,7 @@ class Check:
 
     def measure(self, path: Polyline, direct_length: float) -> Verdict:
         """Judge a path in metres; without instruction it has `direct_length` metres."""
-        return KINDS[self.kind](Walk(path, direct_length, self.scene), **self.values)
+        return CHECK_KINDS[self.kind](Walk(path, direct_length, self.scene), **self.values)
 
 
 def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
@@ -403,10 +403,12 @@ def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
     """
     values = fields.as_mapping(value, where)
     kind = values.get('check')
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise SuiteError(f'{where}: check: {short_repr(kind)} is not one of {", ".join(KINDS)}')
+    if not isinstance(kind, str) or kind not in CHECK_KINDS:
+        raise SuiteError(
+            f'{where}: check: {short_repr(kind)} is not one of {", ".join(CHECK_KINDS)}'
+        )
     where = f'{where} ({kind})'
-    hints = get_type_hints(KINDS[kind], include_extras=True)
+    hints = get_type_hints(CHECK_KINDS[kind], include_extras=True)
     del hints['walk'], hints['return']
     readers = {name: hint.__metadata__[0] for name, hint in hints.items()}
     known = COMMON.union(readers, ('tol',) if kind in HAVE_TOL else ())

@@ -30,7 +30,7 @@ VERBS = {
     'before': 'then', 'then': 'before', 'never_after': 'before', 'pass': 'stay_in',
     'count': 'end_at',
 }  # fmt: skip
-REGIONS = ('region', 'from', 'first', 'second')
+REGION_FIELDS = ('region', 'from', 'first', 'second')
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,13 @@ def exchanged(clause: Json, names: Sequence[str]) -> Iterator[Clauses]:
     if clause['kind'] == 'visit':
         yield [{**clause, 'regions': [new, *clause['regions'][1:]]}]
     else:
-        field = next(name for name in REGIONS if isinstance(clause.get(name), dict))
+        field = next(name for name in REGION_FIELDS if isinstance(clause.get(name), dict))
         yield [{**clause, field: new}]
 
 
 def named(clauses: Sequence[Json]) -> list[str]:
     """Return the places that clauses name themselves."""
-    regions = [clause.get(field) for clause in clauses for field in REGIONS]
+    regions = [clause.get(field) for clause in clauses for field in REGION_FIELDS]
     regions += [region for clause in clauses for region in clause.get('regions', ())]
     return [one['place'] for one in regions if isinstance(one, dict) and 'place' in one]
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.files import read_yaml
-from llm_astar_planner.planning.types import clause_line
+from llm_astar_planner.planning.report import clause_line
 
 from llm_astar_lab.analysis.statistics import Interval, wilson_interval
 from llm_astar_lab.instruct_bench.maps import SuiteError

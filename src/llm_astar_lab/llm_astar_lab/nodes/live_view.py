@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.places import PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from llm_astar_planner.caches import Recent
 from llm_astar_planner.costmap.zones import ZonesError, zones_from_geojson
-from llm_astar_planner.instructions.messages import QuestionError, parse_object
+from llm_astar_planner.instructions.messages import QuestionFormatError, parse_object
 from llm_astar_planner.nodes.common.entities import LATCHED, RELIABLE, Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
@@ -81,12 +81,12 @@ class LiveView:
             self._viewer.show_plan(np.empty((0, 2)) if points is None else points, report.values)
 
     def _on_places(self, message: String) -> None:
-        with contextlib.suppress(QuestionError, PlacesError):
+        with contextlib.suppress(QuestionFormatError, PlacesError):
             places = parse_object(message.data)
             self._viewer.show_places(places_from_geojson(places, 'the places of the graph'))
 
     def _on_zones(self, message: String) -> None:
-        with contextlib.suppress(QuestionError, PlacesError, ZonesError):
+        with contextlib.suppress(QuestionFormatError, PlacesError, ZonesError):
             features = parse_object(message.data)
             is_empty = features.get('features') == []
             self._viewer.show_zones([] if is_empty else zones_from_geojson(features, 0.0)[0])

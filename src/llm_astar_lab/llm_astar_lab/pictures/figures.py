@@ -88,7 +88,7 @@ class Picture:
     footprint: Footprint | None = None
     inflated: NDArray[np.bool_] | None = None
     via: Sequence[Cell] = ()
-    shown: raster.Window | None = None
+    shown: raster.MapWindow | None = None
     has_scale_bar: bool = True
     ways: Sequence[NDArray[np.int32]] = ()
     causes: Sequence[Sequence[Sequence[float]]] = ()
@@ -119,7 +119,7 @@ class Picture:
         return raster.cell_codes(self.grid_map, self.expanded, self.inflated)
 
     @cached_property
-    def window(self) -> raster.Window:
+    def window(self) -> raster.MapWindow:
         """The part of the map that is drawn: all that is known of it, or where something is."""
         if self.shown is not None:
             return self.shown
@@ -211,7 +211,7 @@ def save_picture(picture: Picture, path: str | Path) -> None:
     write_figure(figure, path)
 
 
-def figure_size(window: raster.Window) -> tuple[float, float]:
+def figure_size(window: raster.MapWindow) -> tuple[float, float]:
     """Return the size in inches of the picture of a part of a map."""
     aspect = window.height / window.width
     height = min((WIDTH - FRAME_WIDTH) * aspect, MAX_MAP_HEIGHT)
@@ -404,7 +404,7 @@ def panels_for(
 def on_one_window(pictures: Sequence[Picture]) -> list[Picture]:
     """Return pictures of one map that all show the same part of it; the last has the scale."""
     left, bottom, right, top = zip(*(picture.window for picture in pictures))
-    window = raster.Window(min(left), min(bottom), max(right), max(top))
+    window = raster.MapWindow(min(left), min(bottom), max(right), max(top))
     last = pictures[-1]
     return [replace(picture, shown=window, has_scale_bar=picture is last) for picture in pictures]
 

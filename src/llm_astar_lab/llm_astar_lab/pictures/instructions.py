@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import shapely
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
-from llm_astar_planner.planning.types import clause_line
+from llm_astar_planner.planning.report import clause_line
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

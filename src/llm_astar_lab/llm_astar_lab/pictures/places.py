@@ -185,7 +185,7 @@ def places_figure(places: Places, grid_map: GridMap | None = None) -> Figure:
     shapes = [place.geometry.buffer(MARGIN) for place in places]
     x0, y0, x1, y1 = shapely.union_all(shapes).bounds if shapes else (0.0, 0.0, 1.0, 1.0)
     if grid_map is not None:
-        whole = raster.Window(0, 0, grid_map.width, grid_map.height)
+        whole = raster.MapWindow(0, 0, grid_map.width, grid_map.height)
         (x0, y0), (x1, y1) = raster.bounds_of(whole, raster.cells_to_metres(grid_map))
     aspect = (x1 - x0) / (y1 - y0)
     width = min(WIDTH, MAX_HEIGHT * aspect)

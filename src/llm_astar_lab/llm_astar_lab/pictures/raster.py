@@ -29,7 +29,7 @@ LARGE, WORTH_CROPPING, MARGIN = 150, 0.6, 0.15
 SLIMMEST = 0.5
 
 
-class Window(NamedTuple):
+class MapWindow(NamedTuple):
     """A part of a map: columns `left` to `right` and rows `bottom` to `top`, ends excluded."""
 
     left: int
@@ -84,7 +84,7 @@ def expanded_cells(order: ExpansionOrder, shape: tuple[int, ...], expansions: in
     return expanded
 
 
-def choose_window(codes: Uint8s, points: Float64s) -> Window:
+def choose_window(codes: Uint8s, points: Float64s) -> MapWindow:
     """Return the part of a map worth drawing: around expanded cells and points [n, 2].
 
     It is the part that is known, where what happens takes most of that.
@@ -99,11 +99,11 @@ def choose_window(codes: Uint8s, points: Float64s) -> Window:
     return part if is_small and max(known.width, known.height) > LARGE else known
 
 
-def no_strip(part: Window, known: Window) -> Window:
+def no_strip(part: MapWindow, known: MapWindow) -> MapWindow:
     """Return a part of what is known with both sides at least SLIMMEST of the other, if it can."""
     wide = max(0, int(SLIMMEST * part.height) - part.width) // 2
     high = max(0, int(SLIMMEST * part.width) - part.height) // 2
-    return Window(
+    return MapWindow(
         max(min(known.left, part.left), part.left - wide),
         max(min(known.bottom, part.bottom), part.bottom - high),
         min(max(known.right, part.right), part.right + wide),
@@ -111,14 +111,14 @@ def no_strip(part: Window, known: Window) -> Window:
     )
 
 
-def surroundings(places: Float64s | Int64s, codes: Uint8s, margin: int) -> Window:
+def surroundings(places: Float64s | Int64s, codes: Uint8s, margin: int) -> MapWindow:
     """Return the part of a map within `margin` cells of the box of `places` [n, 2]."""
     height, width = codes.shape
     if not len(places):
-        return Window(0, 0, width, height)
+        return MapWindow(0, 0, width, height)
     left, bottom = np.floor(places.min(axis=0)).astype(int) - margin
     right, top = np.ceil(places.max(axis=0)).astype(int) + margin + 1
-    return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
+    return MapWindow(max(0, left), max(0, bottom), min(width, right), min(height, top))
 
 
 def widen_expanded(codes: Uint8s, size: int) -> Uint8s:
@@ -151,14 +151,14 @@ def cells_to_metres(grid_map: GridMap) -> Affine2D:
     return turned.translate(origin.x, origin.y)
 
 
-def bounds_of(window: Window, to_axes: Affine2D) -> Float64s:
+def bounds_of(window: MapWindow, to_axes: Affine2D) -> Float64s:
     """Return the least and the largest coordinates [2, 2] of a part of a map on the axes."""
     xs, ys = (window.left - 0.5, window.right - 0.5), (window.bottom - 0.5, window.top - 0.5)
     corners = to_axes.transform([(x, y) for x in xs for y in ys])
     return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
-def draw_codes(axes: Axes, codes: Uint8s, window: Window, to_axes: Affine2D) -> None:
+def draw_codes(axes: Axes, codes: Uint8s, window: MapWindow, to_axes: Affine2D) -> None:
     """Draw what the cells of a part of a map show, turned as the map is."""
     axes.imshow(
         PALETTE[codes], origin='lower', interpolation='nearest',

@@ -39,7 +39,7 @@ IRRELEVANT = ('jobs', 'price')
 Arrays = Mapping[str, NDArray[Any]]
 
 
-class Run(NamedTuple):
+class PastRun(NamedTuple):
     """A results folder that was read: its path, metadata and rows."""
 
     path: Path
@@ -200,7 +200,7 @@ def sample_changes(variant: Variant, columns: Arrays, metric: str) -> Iterator[S
         yield SampleChange(variant, *place, codes, values, lengths, float(sizes[at]))
 
 
-def load_run(path: str, base: Run | None = None) -> Run:
+def load_run(path: str, base: PastRun | None = None) -> PastRun:
     """Read a results folder, to be compared with a base if that is given.
 
     Raises ResultsError where it is none or has no rows.
@@ -210,10 +210,12 @@ def load_run(path: str, base: Run | None = None) -> Run:
     rows = folder.stored(None if base is None else base.rows)
     if not len(rows):
         raise ResultsError(f'{folder.results}: has no rows; run the benchmark to its end first')
-    return Run(folder.path, metadata, rows)
+    return PastRun(folder.path, metadata, rows)
 
 
-def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) -> RunComparison:
+def compare_runs(
+    base: PastRun, other: PastRun, metric: str, name: str | None = None
+) -> RunComparison:
     """Compare a run with the base, all variants or those called `name`, largest changes by metric.
 
     Raises ResultsError where they have different datasets or share no samples.
@@ -282,7 +284,7 @@ def chosen_variants(every: Sequence[Variant], name: str | None) -> list[Variant]
     return [variant for variant in every if str(variant) in found]
 
 
-def check_datasets(base: Run, other: Run) -> None:
+def check_datasets(base: PastRun, other: PastRun) -> None:
     """Raise ResultsError where two runs are of different datasets or grids."""
     facts = [
         (run.metadata['dataset'].get('sha256'), run.metadata['parameters'].get('grid'))
@@ -334,7 +336,7 @@ class Judgement:
     `threshold` is the part by which the `metric` may grow, 0.02 for 2 %.
     """
 
-    base: Run
+    base: PastRun
     comparisons: Sequence[RunComparison]
     metric: str
     threshold: float

@@ -7,8 +7,8 @@ import pytest
 import shapely
 from instruction_suites import MAPS, ROOMS
 from llm_astar_lab.instruct_bench.checks import (
+    CHECK_KINDS,
     FORMS,
-    KINDS,
     read_check,
     region_geometry,
     spans_in,
@@ -106,7 +106,7 @@ def test_a_check_tells_a_path_that_fulfils_it_from_one_that_does_not(kind, field
 
 
 def test_every_kind_has_cases():
-    assert {kind for kind, *_ in CASES} == set(KINDS)
+    assert {kind for kind, *_ in CASES} == set(CHECK_KINDS)
 
 
 def test_lengths_are_those_of_the_path_itself():

@@ -22,7 +22,7 @@ from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.regions import Along, Between, Disc, Half, NamedPlace, Tagged
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from matplotlib.figure import Figure
 
 LAB, DOCK, RACK = NamedPlace('lab'), NamedPlace('dock'), NamedPlace('rack')

@@ -158,7 +158,7 @@ def places_to_markers(places: Places, stamp: Time) -> MarkerArray:
         x0, y0, x1, y1 = shapely.total_bounds([place.geometry for place in places]).tolist()
         size = max(TEXT_SIZE, PART_OF_PLACES * max(x1 - x0, y1 - y0))
     areas = [
-        Area(place.name, place.geometry, OBJECT_COLOUR if place.is_object else PLACE_COLOUR, size)
+        Mark(place.name, place.geometry, OBJECT_COLOUR if place.is_object else PLACE_COLOUR, size)
         for place in places
     ]
     return areas_to_markers('places', areas, places.frame_id, stamp)
@@ -175,7 +175,7 @@ def zones_to_markers(
     deletes those before.
     """
     areas = [
-        Area(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True, arrows)
+        Mark(label, geometry, CLOSED_COLOUR if is_closed else OPEN_COLOUR, TEXT_SIZE, True, arrows)
         for label, geometry, is_closed, arrows in zones
     ]
     return areas_to_markers('zones', areas, frame_id, stamp)
@@ -186,13 +186,13 @@ def reasons_to_markers(
 ) -> list[Marker]:
     """Draw what explains a plan: names, and lines through points (x, y) in metres, not none."""
     areas = [
-        Area(name, shapely.LineString([*points, points[-1]]), CLOSED_COLOUR, TEXT_SIZE)
+        Mark(name, shapely.LineString([*points, points[-1]]), CLOSED_COLOUR, TEXT_SIZE)
         for name, points in reasons
     ]
     return list(areas_to_markers('reasons', areas, frame_id, stamp).markers[1:])
 
 
-class Area(NamedTuple):
+class Mark(NamedTuple):
     """A named place, zone or line: its name has a height in metres, holes may have outlines."""
 
     name: str
@@ -229,7 +229,7 @@ class Area(NamedTuple):
 
 
 def areas_to_markers(
-    namespace: str, areas: Sequence[Area], frame_id: str, stamp: Time
+    namespace: str, areas: Sequence[Mark], frame_id: str, stamp: Time
 ) -> MarkerArray:
     """Return the markers of areas in one namespace, after one that deletes those before."""
     markers = [marker for area in areas for marker in area.markers()]

@@ -109,7 +109,7 @@ def print_plan(
 ) -> int:
     """Ask for a plan, print and draw it; return the exit code."""
     from llm_astar_planner.cli.map_files import open_places  # noqa: PLC0415
-    from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415
+    from llm_astar_planner.planning.report import report_lines  # noqa: PLC0415
 
     text = arguments.instruction or ''
     if arguments.confirm and not text:
@@ -142,7 +142,7 @@ def print_plan(
 
 def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> int:
     """Print what a text means, each answer as it comes; return 0, or 2 where it was refused."""
-    from llm_astar_planner.planning.types import interpretation_line  # noqa: PLC0415
+    from llm_astar_planner.planning.report import interpretation_line  # noqa: PLC0415
 
     answer: dict[str, Any] = {}
     for answer in caller.interpretations(text):

@@ -43,8 +43,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_planner.cli.flags import CONFIRM_HINT, add_picture_option, option
 from llm_astar_planner.cli.map_files import Coordinates
 from llm_astar_planner.cli.planning_options import Problem, add_query_options, read_problem
+from llm_astar_planner.planning.report import first_lines, plan_report
 from llm_astar_planner.planning.segment import guiding_points
-from llm_astar_planner.planning.types import Plan, ResultCode, first_lines, plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.plugins import find_drawing
 from llm_astar_planner.search.kernel_cache import INTERPRETED
 

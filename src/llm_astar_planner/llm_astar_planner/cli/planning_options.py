@@ -258,7 +258,7 @@ def choose_endpoints(
     def cell_of(end: str) -> Cell | None:
         place, point = getattr(arguments, f'{end}_place'), getattr(arguments, end)
         if place is not None:
-            from llm_astar_planner.instructions.ground import goal_cell  # noqa: PLC0415
+            from llm_astar_planner.instructions.region_finder import goal_cell  # noqa: PLC0415
             from llm_astar_planner.instructions.route import find_place  # noqa: PLC0415
 
             return goal_cell(find_place(place, places), costmap)

@@ -23,12 +23,12 @@ from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions, settled
 from llm_astar_planner.instructions import interpretation as readings
 from llm_astar_planner.instructions.fields import as_choice, as_numbers
-from llm_astar_planner.instructions.ground import goal_cell
 from llm_astar_planner.instructions.interpretation import Interpretation
 from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_planner.instructions.region_finder import goal_cell
 from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.instructions.text import POLICIES, clean_instruction
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.questions import Questions

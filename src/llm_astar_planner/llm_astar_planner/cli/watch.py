@@ -122,7 +122,7 @@ def to_line(event: MonitorEvent) -> str:
 def clause_lines(event: MonitorEvent) -> Iterator[str]:
     """Yield a line for each clause of a plan's instruction, with its status, and for the note."""
     # Importing numpy takes a tenth of a second.
-    from llm_astar_planner.planning.types import clause_facts  # noqa: PLC0415
+    from llm_astar_planner.planning.report import clause_facts  # noqa: PLC0415
 
     report = event.values.get('instruction_report') if event.kind == 'plan' else None
     if not report:

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.raster import Cover
-from llm_astar_planner.instructions.clauses.clause import MUST, Ask, Clause
-from llm_astar_planner.instructions.ground import Ground, Mask, Zone
-from llm_astar_planner.instructions.polygons import RegionError
+from llm_astar_planner.instructions.clauses.clause import MUST, Clause, Constraints
+from llm_astar_planner.instructions.polygons import NoRegionError
+from llm_astar_planner.instructions.region_finder import Mask, RegionCells, RegionFinder
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.lazy import ndimage
@@ -39,7 +39,7 @@ class Demand:
     """What one clause asks; `problem` is why it cannot be demanded, None if it can."""
 
     clause: Clause
-    ask: Ask
+    ask: Constraints
     problem: str | None = None
 
     @property
@@ -55,21 +55,23 @@ class Demand:
 
 def demands_of(specification: Specification, route: Route) -> tuple[Demand, ...]:
     """Return what each clause asks of the cells, in the order of the clauses."""
-    ground = Ground(route)
-    return tuple(demand_of(clause, ground) for clause in specification.clauses)
+    finder = RegionFinder(route)
+    return tuple(demand_of(clause, finder) for clause in specification.clauses)
 
 
-def demand_of(clause: Clause, ground: Ground) -> Demand:
+def demand_of(clause: Clause, finder: RegionFinder) -> Demand:
     """Return what one clause asks of the cells."""
     try:
-        ask = clause.ask(ground)
-    except RegionError as error:
-        return Demand(clause, Ask(), str(error))
-    return Demand(clause, Ask() if ask is None else ask, 'not understood' if ask is None else None)
+        ask = clause.ask(finder)
+    except NoRegionError as error:
+        return Demand(clause, Constraints(), str(error))
+    return Demand(
+        clause, Constraints() if ask is None else ask, 'not understood' if ask is None else None
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class Enforced:
+class InstructedProblem:
     """A search problem for a specification.
 
     `closed`: the cells to block besides those of the costmap, bool [height, width], or None.
@@ -88,7 +90,7 @@ class Enforcer:
         self.demands = [demand for demand in demands if demand.problem is None]
         self.route = route
 
-    def strict(self, *, owes_wishes: bool = True) -> Enforced | None:
+    def strict(self, *, owes_wishes: bool = True) -> InstructedProblem | None:
         """Return the problem whose paths keep every `must` clause; None if there are none.
 
         What a clause forbids at the start or at the goal has a price even here. Unless it
@@ -112,9 +114,9 @@ class Enforcer:
             made = [rule.automaton(price) for rule in demand.ask.rules]
             rules += made if demand.is_must or owes_wishes else map(without_duties, made)
         product = self.product(reached, self.goals, priced, rules)
-        return Enforced(closed if closed.any() else None, product)
+        return InstructedProblem(closed if closed.any() else None, product)
 
-    def relaxed(self, *, owes: bool = True) -> Enforced:
+    def relaxed(self, *, owes: bool = True) -> InstructedProblem:
         """Return the problem whose cheapest path violates the clauses least.
 
         Visits of which no cell can be reached are left out, and unless it `owes` them so is what
@@ -126,7 +128,7 @@ class Enforcer:
         priced = [(price, ask.forbidden) for price, ask in asks if ask.forbidden is not None]
         rules = [rule.automaton(price) for price, ask in asks for rule in ask.rules]
         owed = rules if owes else [without_duties(rule) for rule in rules]
-        return Enforced(product=self.product(reached, goals, priced, owed))
+        return InstructedProblem(product=self.product(reached, goals, priced, owed))
 
     @cached_property
     def goals(self) -> Mask | None:
@@ -175,7 +177,7 @@ class Enforcer:
         rules: Sequence[Automaton],
     ) -> ProductProblem | None:
         """Return the problem of automata and prices, None where nothing but cells was closed."""
-        zones: list[Zone] = []
+        zones: list[RegionCells] = []
         groups = []
         for demand in self.demands:
             visited = demand.ask.visits
@@ -202,7 +204,7 @@ def without_duties(automaton: Automaton) -> Automaton:
     return replace(automaton, accepting=np.ones_like(automaton.accepting))
 
 
-def started(automaton: Automaton, zones: Sequence[Zone]) -> Automaton:
+def started(automaton: Automaton, zones: Sequence[RegionCells]) -> Automaton:
     """Return an automaton as it is after the way driven: its states are numbered anew."""
     letters = np.zeros(len(zones[0].driven), dtype=np.int64)
     for bit, number in enumerate(automaton.regions):
@@ -244,7 +246,7 @@ def contradictions(demands: Sequence[Demand]) -> tuple[tuple[Clause, Clause], ..
     )
 
 
-def excludes(one: Ask, other: Ask) -> bool:
+def excludes(one: Constraints, other: Constraints) -> bool:
     """Tell whether one clause forbids all of a region that the other has to visit or end in."""
     if one.forbidden is None:
         has_goals = one.goals is not None and other.goals is not None
@@ -254,7 +256,7 @@ def excludes(one: Ask, other: Ask) -> bool:
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)
 
 
-def leaves_nothing(one: Ask, other: Ask) -> bool:
+def leaves_nothing(one: Constraints, other: Constraints) -> bool:
     """Tell whether two clauses together forbid every cell, which neither does alone."""
     if one.forbidden is None or other.forbidden is None:
         return False

@@ -32,7 +32,7 @@ NO_INSTRUCTION = 'there is no instruction'
 STATUSES = {status.value: status for status in Understanding}
 
 
-class QuestionError(InstructionError):
+class QuestionFormatError(InstructionError):
     """A question that cannot be read; the message names the field. `id` is the asker's, or ''."""
 
     def __init__(self, message: str, id: str = '') -> None:  # noqa: A002 - the field's name
@@ -62,38 +62,38 @@ class Question:
 def parse_question(data: str, limit: int = MAX_QUESTION) -> Question:
     """Read a question: the text alone, or JSON with `text`, and `id` and `places` if needed.
 
-    Raises QuestionError, also for a message of more than `limit` characters.
+    Raises QuestionFormatError, also for a message of more than `limit` characters.
     """
     if len(data) > limit:
-        raise QuestionError(f'question: {len(data)} characters are more than {limit}')
+        raise QuestionFormatError(f'question: {len(data)} characters are more than {limit}')
     if not data.strip():
-        raise QuestionError(NO_INSTRUCTION)
+        raise QuestionFormatError(NO_INSTRUCTION)
     if not data.lstrip().startswith('{'):
         return Question(data)
     fields = parse_object(data)
     name = fields.get('id', '')
     if not isinstance(name, str) or len(name) > MAX_ID:
-        raise QuestionError(f'id: is not a text of at most {MAX_ID} characters')
+        raise QuestionFormatError(f'id: is not a text of at most {MAX_ID} characters')
     text, places = fields.get('text'), fields.get('places')
     if not isinstance(text, str):
-        raise QuestionError('text: is not a text', name)
+        raise QuestionFormatError('text: is not a text', name)
     if not text.strip():
-        raise QuestionError(NO_INSTRUCTION, name)
+        raise QuestionFormatError(NO_INSTRUCTION, name)
     if not (places is None or isinstance(places, dict)):
-        raise QuestionError('places: is not a GeoJSON FeatureCollection', name)
+        raise QuestionFormatError('places: is not a GeoJSON FeatureCollection', name)
     return Question(text, name, places)
 
 
 def parse_object(data: str) -> dict[str, Any]:
-    """Read a JSON object. Raises QuestionError."""
+    """Read a JSON object. Raises QuestionFormatError."""
     try:
         value = json.loads(data)
     except RecursionError:
-        raise QuestionError('question: is nested too deeply') from None
+        raise QuestionFormatError('question: is nested too deeply') from None
     except ValueError as error:
-        raise QuestionError(f'question: is not JSON: {error}') from None
+        raise QuestionFormatError(f'question: is not JSON: {error}') from None
     if not isinstance(value, dict):
-        raise QuestionError('question: is not a JSON object')
+        raise QuestionFormatError('question: is not a JSON object')
     return value
 
 
@@ -105,21 +105,21 @@ def answer_text(question: Question, interpretation: Interpretation) -> str:
 
 def error_text(question: Question, error: Exception) -> str:
     """Return the answer to a question that cannot be answered as the text of a message."""
-    name = error.id if isinstance(error, QuestionError) else question.id
+    name = error.id if isinstance(error, QuestionFormatError) else question.id
     return json.dumps({'question': question.text[:MAX_ECHO], 'id': name, 'error': str(error)})
 
 
 def parse_answer(data: str) -> tuple[str, Interpretation | str]:
     """Read an answer: the id of its question, and what was understood, or the error.
 
-    Raises QuestionError or SpecificationError where it is malformed.
+    Raises QuestionFormatError or SpecificationError where it is malformed.
     """
     if len(data) > MAX_QUESTION:
-        raise QuestionError(f'answer: {len(data)} characters are more than {MAX_QUESTION}')
+        raise QuestionFormatError(f'answer: {len(data)} characters are more than {MAX_QUESTION}')
     fields = parse_object(data)
     name, error = fields.get('id'), fields.get('error')
     if not isinstance(name, str):
-        raise QuestionError('id: is not a text')
+        raise QuestionFormatError('id: is not a text')
     if isinstance(error, str) and error:
         return name, error[:MAX_DETAIL]
     return name, interpretation_from_json(fields)
@@ -129,13 +129,13 @@ def interpretation_from_json(value: object) -> Interpretation:
     """Read what `Interpretation.to_json` wrote.
 
     A status that claims more than the clauses say is lowered to what they say. Raises
-    SpecificationError or QuestionError.
+    SpecificationError or QuestionFormatError.
     """
     fields = as_mapping(value, 'interpretation')
     specification = from_json(fields.get('specification'))
     status = STATUSES.get(str(fields.get('status')))
     if status is None:
-        raise QuestionError(f'status: is not one of {", ".join(STATUSES)}')
+        raise QuestionFormatError(f'status: is not one of {", ".join(STATUSES)}')
     if status in (Understanding.WHOLE, Understanding.UNSURE, Understanding.IRRELEVANT):
         status = status_of(specification)
     texts = {one: as_bounded_text(fields, one) for one in ('text', 'understood_by', 'detail')}
@@ -145,8 +145,8 @@ def interpretation_from_json(value: object) -> Interpretation:
 
 
 def as_bounded_text(fields: Mapping[str, Any], name: str) -> str:
-    """Return a text, cut to what a message may hold. Raises QuestionError otherwise."""
+    """Return a text, cut to what a message may hold. Raises QuestionFormatError otherwise."""
     value = fields.get(name, '')
     if not isinstance(value, str):
-        raise QuestionError(f'{name}: is not a text')
+        raise QuestionFormatError(f'{name}: is not a text')
     return value[:MAX_DETAIL]

@@ -29,7 +29,7 @@ Cut = Callable[[BaseGeometry, BaseGeometry], BaseGeometry]
 AROUND = 1.0 / math.cos(math.pi / (4 * QUARTER))
 
 
-class RegionError(LlmAstarError, ValueError):
+class NoRegionError(LlmAstarError, ValueError):
     """A region that this map does not have; the message says which and why."""
 
 
@@ -55,7 +55,7 @@ class Part(NamedTuple):
 def region_polygon(region: Region, route: Route, default_radius: float) -> BaseGeometry:
     """Return a region as a polygon, or several, in metres.
 
-    `default_radius` is for points without a radius. Raises RegionError for an unknown place or
+    `default_radius` is for points without a radius. Raises NoRegionError for an unknown place or
     tag, and for walls, which are cells and no polygon.
     """
     return shapely.union_all([part.polygon for part in parts_of(region, route, default_radius)])
@@ -84,7 +84,7 @@ def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list
         case regions.Tagged(tag):
             places = route.places.with_tag(tag)
             if not places:
-                raise RegionError(f'no place is tagged {tag!r}')
+                raise NoRegionError(f'no place is tagged {tag!r}')
             return [place_part(place) for place in places]
         case regions.AnyOf(members):
             return [part for one in members for part in parts_of(one, route, radius)]
@@ -111,7 +111,7 @@ def parts_of(region: Region, route: Route, radius: float = VISIT_RADIUS) -> list
         case regions.Along(place, width) if place != regions.WALLS:
             polygon = find_polygon(place, route)
             return [Part(grown(polygon, width).difference(polygon))]
-    raise RegionError('the strip along all walls is no polygon')
+    raise NoRegionError('the strip along all walls is no polygon')
 
 
 def disc(point: BaseGeometry, radius: float) -> Part:
@@ -153,15 +153,15 @@ def grown(geometry: BaseGeometry, distance: float) -> BaseGeometry:
 
 
 def find_place(name: str, route: Route) -> Place:
-    """Return the place of a name. Raises RegionError where there is none."""
+    """Return the place of a name. Raises NoRegionError where there is none."""
     place = route.places.get(name)
     if place is None:
-        raise RegionError(f'there is no place named {name!r}')
+        raise NoRegionError(f'there is no place named {name!r}')
     return place
 
 
 def find_polygon(name: str, route: Route) -> BaseGeometry:
-    """Return the polygon of the place of a name. Raises RegionError where there is none."""
+    """Return the polygon of the place of a name. Raises NoRegionError where there is none."""
     return place_polygon(find_place(name, route))
 
 
@@ -217,7 +217,7 @@ def side_direction(side: str, route: Route) -> tuple[float, float]:
     (x0, y0), (x1, y1) = route.begin, route.position(route.goal)
     length = math.dist((x0, y0), (x1, y1))
     if length == 0.0:
-        raise RegionError(f'{side}: start and goal are the same, so the way has no sides')
+        raise NoRegionError(f'{side}: start and goal are the same, so the way has no sides')
     x, y = (x1 - x0) / length, (y1 - y0) / length
     return (-y, x) if side == 'left' else (y, -x)
 
@@ -225,11 +225,11 @@ def side_direction(side: str, route: Route) -> tuple[float, float]:
 def ray(region: Region, side: str, route: Route, *, opposite: bool = False) -> BaseGeometry:
     """Return the line from a region's centre to the edge of the map on a side, or the other one.
 
-    Raises RegionError as `region_polygon`, and for an empty region.
+    Raises NoRegionError as `region_polygon`, and for an empty region.
     """
     centre = region_polygon(region, route, VISIT_RADIUS).centroid
     if centre.is_empty:
-        raise RegionError('the region has no area on this map')
+        raise NoRegionError('the region has no area on this map')
     x, y = side_direction(side, route)
     sign = -1.0 if opposite else 1.0
     x0, y0, x1, y1 = map_polygon(route).union(centre).bounds

@@ -26,7 +26,7 @@ _TYPES: dict[str, tuple[type, ...]] = {'str': (str,), 'float': (int, float), 'in
 
 
 @dataclass(frozen=True)
-class Exchange:
+class ModelCall:
     """One question to a model about an instruction, and its reply as the model wrote it.
 
     `places` is the digest of the map's places.
@@ -48,7 +48,7 @@ class InstructionRecorder:
         """Open the file for appending. Raises TranscriptError where it cannot be written."""
         self._writer = transcripts.TranscriptWriter(path)
 
-    def write(self, exchange: Exchange, interpretation: Interpretation) -> None:
+    def write(self, exchange: ModelCall, interpretation: Interpretation) -> None:
         """Append one exchange and what was made of it."""
         time = datetime.now(timezone.utc).isoformat(timespec='seconds')
         made = {'interpretation': interpretation.to_json(), 'time': time}
@@ -58,7 +58,7 @@ class InstructionRecorder:
             _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
 
 
-def read_exchanges(path: str | Path) -> list[Exchange]:
+def read_exchanges(path: str | Path) -> list[ModelCall]:
     """Read the exchanges about instructions of a transcript, in their order.
 
     Raises TranscriptError, which names the file, the line and the field.
@@ -70,12 +70,12 @@ def read_exchanges(path: str | Path) -> list[Exchange]:
     ]
 
 
-def parse_exchange(record: Mapping[str, Any], where: str) -> Exchange:
+def parse_exchange(record: Mapping[str, Any], where: str) -> ModelCall:
     """Validate one line. Raises TranscriptError that begins with `where` and names the field."""
-    for field in fields(Exchange):
+    for field in fields(ModelCall):
         name = f'{where}: {field.name}'
         if field.name not in record:
             raise transcripts.TranscriptError(f'{name}: is missing')
         transcripts.check_type(record[field.name], _TYPES[str(field.type)], name)
     transcripts.check_names(record, where, 'model')
-    return Exchange(**{field.name: record[field.name] for field in fields(Exchange)})
+    return ModelCall(**{field.name: record[field.name] for field in fields(ModelCall)})

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -35,7 +36,7 @@ from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.planning import parameters as tables
-from llm_astar_planner.planning.compile import compile_and_report, compile_map_kernels
+from llm_astar_planner.planning.compile import compile_map_kernels, compile_progress
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.result import Cell
@@ -117,9 +118,13 @@ class LlmClientNode(Node):
         super().destroy_node()
 
     def compile(self) -> None:
-        """Compile the kernels that costmaps take, or load them; log how far that is."""
+        """Compile the kernels that costmaps take, or load them; log how far that is.
+
+        What fails is compiled when it is needed, which then says what is wrong.
+        """
         say = self.get_logger().info
-        compile_and_report(compile_map_kernels, say, 'the first waypoints', 'waypoints go on')
+        with suppress(Exception), compile_progress(say, 'the first waypoints', 'waypoints go on'):
+            compile_map_kernels()
 
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""

@@ -89,7 +89,7 @@ def counting(number: int, excluded: frozenset[int]) -> Automaton:
 
 
 @dataclass(frozen=True, eq=False)
-class WaysSearch:
+class AlternativesSearch:
     """Finds the best ways of different classes between the cells of a request."""
 
     costmap: Costmap

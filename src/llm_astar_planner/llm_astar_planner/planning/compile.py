@@ -16,7 +16,6 @@ from dataclasses import replace
 from functools import partial
 from itertools import chain, product
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from llm_astar_msgs_adapter.files import read_yaml
@@ -30,9 +29,9 @@ from llm_astar_planner.lazy import shapely
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning._kernels.path_checks import nearest_places, passed_cells
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_planner import COMPILED, PathPlanner, kind_of_plan
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
-from llm_astar_planner.planning.types import COMPILED, PlanRequest, kind_of_plan
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.arrays import StopFlag, no_stop
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
@@ -42,7 +41,8 @@ from llm_astar_planner.waypoints.replay import FixedReply
 # Seconds, more than compiling takes.
 PATIENCE = 3600.0
 ANNOUNCEMENT = 'compiling the searches, once after an installation'
-EXPECTED_SECONDS = 15
+# How long that takes where numba has nothing in its cache; else it is a part of a second.
+EXPECTED = 'up to a minute'
 # Seconds between two sentences on how far it is.
 REPORT_SECONDS = 4.0
 # Seconds between two looks at whether a plan may still wait.
@@ -152,10 +152,7 @@ def compile_plans(
 
 
 def compile_kernels() -> None:
-    """Compile what plans without an instruction run, or load it from numba's cache.
-
-    Takes about a minute the first time and half a second after that.
-    """
+    """Compile what plans without an instruction run, or load it from numba's cache."""
     compile_map_kernels(landmarks=LandmarkManager())
     compile_zone_kernels()
     compile_why_kernels()
@@ -233,10 +230,7 @@ def compile_zone_kernels() -> None:
 
 
 def compile_instruction_kernels(*, any_angle: bool = True) -> None:
-    """Compile the kernels for instructions, or load them; without `any_angle` fewer.
-
-    Takes about half a minute the first time and a tenth of a second after that.
-    """
+    """Compile the kernels for instructions, or load them; without `any_angle` fewer."""
     # Many modules, which other plans do not need.
     from llm_astar_planner.instructions import interpretation  # noqa: PLC0415
     from llm_astar_planner.instructions.specification import from_json  # noqa: PLC0415
@@ -260,10 +254,10 @@ class CompileReport:
     Nothing where they are only loaded.
     """
 
-    def __init__(self, say: Callable[[str], None], announcement: str) -> None:
-        """Take what gets the sentences: the announcement, how far it is and the end."""
+    def __init__(self, say: Callable[[str], None], who_waits: str = '') -> None:
+        """Take what gets the sentences, and in a node who waits until it ends."""
         self.is_compiling = False
-        self._say, self._announcement = say, announcement
+        self._say, self._who_waits = say, who_waits
         self._began = self._reported = 0.0
 
     def note(self, function: str, *, is_waited_for: bool = True) -> None:
@@ -272,11 +266,19 @@ class CompileReport:
         is_first, self.is_compiling = not self.is_compiling, True
         if is_first:
             self._began = self._reported = now
-            self._say(self._announcement)
+            self._say(self.announcement())
         elif is_waited_for and now - self._reported >= REPORT_SECONDS:
             self._reported = now
-            seconds = f'{now - self._began:.0f} s of about {EXPECTED_SECONDS} s'
+            seconds = f'{now - self._began:.0f} s of {EXPECTED}'
             self._say(f'compiling the searches: {seconds} ({function})')
+
+    def announcement(self) -> str:
+        """Say that it begins, how long it takes, and in a node who waits and where it is kept."""
+        if not self._who_waits:
+            return f'{ANNOUNCEMENT}, {EXPECTED}'
+        folder = numba_config.CACHE_DIR
+        where = f'; they are kept in {folder}' if folder else ''
+        return f'{ANNOUNCEMENT}: {self._who_waits} wait for {EXPECTED}{where}'
 
     def finish(self, what: str = '') -> None:
         """Report that `what` is compiled, if anything had to be."""
@@ -286,36 +288,14 @@ class CompileReport:
 
 
 @contextmanager
-def compile_progress(stream: TextIO | None = None) -> Iterator[None]:
-    """Say what this thread compiles."""
-    say = partial(print, file=stream or sys.stderr, flush=True)
-    report = CompileReport(say, f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s')
-    try:
-        with compilations(report.note):
-            yield
-    finally:
-        report.finish()
-
-
-def node_report(say: Callable[[str], None], who_waits: str) -> CompileReport:
-    """Return what reports a compilation in the log of a node, and who waits for it."""
-    folder = numba_config.CACHE_DIR
-    where = f'; they are kept in {folder}' if folder else ''
-    waits = f'{who_waits} wait for about {EXPECTED_SECONDS} s{where}'
-    return CompileReport(say, f'{ANNOUNCEMENT}: {waits}')
-
-
-def compile_and_report(
-    run: Callable[[], None], say: Callable[[str], None], who_waits: str, what: str
-) -> None:
-    """Run what compiles kernels on this thread, and report it in a node's log: `what` is then.
-
-    Where it fails it is done when they are needed, which says what is wrong.
-    """
-    report = node_report(say, who_waits)
-    with compilations(report.note), suppress(Exception):
-        run()
-        report.finish(what)
+def compile_progress(
+    say: Callable[[str], None] | None = None, who_waits: str = '', what: str = ''
+) -> Iterator[None]:
+    """Say what this thread compiles; in a node who waits for it, and `what` is then."""
+    report = CompileReport(say or partial(print, file=sys.stderr, flush=True), who_waits)
+    with compilations(report.note):
+        yield
+    report.finish(what)
 
 
 class KernelCompiler:
@@ -332,7 +312,7 @@ class KernelCompiler:
         # How many of its steps are done, and whether the first is, after which plans go on.
         self.done, self.is_ready = 0, False
         self._say = say
-        self._report = node_report(say, 'the first plans')
+        self._report = CompileReport(say, 'the first plans')
         self._is_closed = False
         guided = replace(request, source=WAYPOINTS)
         steps = (

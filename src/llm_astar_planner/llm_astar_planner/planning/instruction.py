@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import ClosedCostmap
 from llm_astar_planner.instructions import enforcement
-from llm_astar_planner.instructions.clauses.clause import SHOULD, Ask, Clause
-from llm_astar_planner.instructions.ground import Ground, Zone
+from llm_astar_planner.instructions.clauses.clause import SHOULD, Clause, Constraints
 from llm_astar_planner.instructions.interpretation import RouteInstruction, Understanding
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
+from llm_astar_planner.instructions.region_finder import RegionCells, RegionFinder
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.footprint_search import fit_footprint
 from llm_astar_planner.planning.path_planner import PathPlanner, resolve_endpoints
 from llm_astar_planner.planning.path_validator import footprint_problem
@@ -164,18 +164,18 @@ class InstructedSearch:
         product = replace(problem.product, price=None)
         return self.solve(replace(problem, product=product)) is not None
 
-    def is_possible(self, demand: enforcement.Demand, zone: Zone) -> bool:
+    def is_possible(self, demand: enforcement.Demand, zone: RegionCells) -> bool:
         """Tell whether some path visits one region of a clause."""
-        return self.can_keep(replace(demand, ask=Ask(visits=(zone,))))
+        return self.can_keep(replace(demand, ask=Constraints(visits=(zone,))))
 
     def most_of(self, clause: Clause) -> enforcement.Demand | None:
         """Return the demand of the most metres of a clause that some path keeps, None for none."""
-        ground, found = Ground(self.route), None
+        finder, found = RegionFinder(self.route), None
         low, high = 0.0, float(getattr(clause, clause.reducible))
         while high - low > self.route.costmap.grid_map.resolution / FINENESS:
             middle = (low + high) / 2.0
             less: dict[str, Any] = {clause.reducible: middle}
-            demand = enforcement.demand_of(replace(clause, **less), ground)
+            demand = enforcement.demand_of(replace(clause, **less), finder)
             if self.can_keep(demand):
                 low, found = middle, demand
             else:
@@ -210,7 +210,7 @@ class InstructedSearch:
         return cells * self.route.costmap.grid_map.resolution
 
     def solve(
-        self, problem: enforcement.Enforced, request: PlanRequest | None = None
+        self, problem: enforcement.InstructedProblem, request: PlanRequest | None = None
     ) -> SegmentPlanner | None:
         """Return a search that found a path, None if there is none. Raises PlanningFailure."""
         costmap = self.route.costmap

@@ -36,7 +36,6 @@ from llm_astar_planner.planning.segment import (
     success_message,
 )
 from llm_astar_planner.planning.types import (
-    COMPILED,
     EXPLAINED,
     NOT_ASKED,
     PLANNED_ON,
@@ -46,14 +45,13 @@ from llm_astar_planner.planning.types import (
     PlanRequest,
     ResultCode,
     check_request,
-    kind_of_plan,
 )
 from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.arrays import Float64s, Int32s, StopFlag, no_stop
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import SURCHARGE_ONE
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.waypoints.async_query import name_of
 
@@ -77,10 +75,15 @@ FIT_SHARE = 0.4
 # how many times longer or more expensive a path with rounded kinks may be.
 TANGENTS, MOST_SMOOTHED = (1.0, 0.5, 0.25, 0.1), 1.02
 NOT_SHORTENED = 'the path at any angle is left out: the footprint would meet an obstacle'
+# The kinds of plans that this process has compiled.
+COMPILED: set[tuple[object, ...]] = set()
 
 
 class PathPlanner:
-    """Plans requests without an instruction. Immutable, so safe to share between threads."""
+    """Plans a path through via points; `Planner` adds what else a request may ask for.
+
+    Immutable, so safe to share between threads.
+    """
 
     def __init__(
         self,
@@ -140,7 +143,7 @@ class PathPlanner:
     def plans(
         self, request: PlanRequest, stop: StopFlag | None = None, *, anytime: bool = True
     ) -> Iterator[Plan]:
-        """Compile what a request takes, and return its plans: each better one, then the answer.
+        """Return the plans of a request: each better one, then the answer.
 
         Each is validated, and made when it is asked for; the time of the request begins with the
         first. Only `guided` and plug-ins that are generators find several, and only without via
@@ -148,7 +151,7 @@ class PathPlanner:
         """
         stop = no_stop() if stop is None else stop
         asks_more = request.viapoints or request.alternatives
-        asks_more = asks_more or request.instruction is not None or request.last_way is not None
+        asks_more = asks_more or request.instruction is not None or request.last_path is not None
         is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
         has_landmarks = self.landmarks.current is not None
         kind = kind_of_plan(self.config, request, is_graded, has_landmarks)
@@ -157,8 +160,8 @@ class PathPlanner:
         return self.direct_plans(request, stop, anytime=anytime, explains=True)
 
     def more_plans(self, request: PlanRequest, stop: StopFlag, *, anytime: bool) -> Iterator[Plan]:
-        """Return the plans of a request that is not compiled yet, or asks for more than a path."""
-        raise NotImplementedError
+        """Return the plans of a request that asks for more than a path: here, of a path alone."""
+        return self.direct_plans(request, stop, anytime=anytime, explains=True)
 
     def explained(self, request: PlanRequest, plan: Plan, stop: StopFlag, deadline: float) -> Plan:
         """Return a plan that says why if it has no path, or leads as near as possible if it may.
@@ -489,3 +492,18 @@ def no_path(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> Plannin
     names = ['the start', *via, 'the goal']
     expansions = sum(segment.result.expansions for segment in segments)
     return segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])
+
+
+def kind_of_plan(
+    config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
+) -> tuple[object, ...]:
+    """Return what decides which kernels a plan takes, for `planning.compile`.
+
+    `is_graded`: costs are not uniform on the map. `has_landmarks`: there are some.
+    """
+    is_guided, has_source = request.method == GUIDED, request.source is not None
+    return (
+        config.has_radius, is_graded, request.method if request.method in METHODS else EXACT,
+        has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
+        bool(request.via), request.footprint is None, request.instruction is None,
+    )  # fmt: skip

@@ -33,10 +33,10 @@ from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.segment import length_text
 from llm_astar_planner.planning.types import (
     Endpoints,
+    LastPath,
     Plan,
     PlanRequest,
     ResultCode,
-    Way,
     WaypointStatus,
     describe_expansions,
 )
@@ -65,24 +65,24 @@ CACHED_GOALS = 64
 SAME_COST = 1e-6
 
 
-class WayLost(LlmAstarError):  # noqa: N818 - an outcome, not a bug
+class PathLost(LlmAstarError):  # noqa: N818 - an outcome, not a bug
     """Why the last way is not kept, as a report says it."""
 
 
-class Ways:
+class PathHistory:
     """Remembers the last way by a key: a client and its goal. Thread-safe."""
 
     def __init__(self) -> None:
         """Remember nothing yet."""
         self._lock = threading.Lock()
-        self._ways: Recent[Hashable, Way] = Recent(REMEMBERED_GOALS)
+        self._ways: Recent[Hashable, LastPath] = Recent(REMEMBERED_GOALS)
 
     def add_to(self, request: PlanRequest, key: Hashable) -> PlanRequest:
         """Return the request with the last way of a key, if there is one to keep."""
         if not request.switch_margin:
             return request
         with self._lock:
-            return replace(request, last_way=self._ways.get(key))
+            return replace(request, last_path=self._ways.get(key))
 
     def remember(self, plan: Plan, request: PlanRequest, key: Hashable, costmap: Costmap) -> None:
         """Remember the way of a plan; one without a path changes nothing."""
@@ -97,7 +97,7 @@ class Ways:
             self._ways.clear()
 
 
-def way_of(plan: Plan, costmap: Costmap) -> Way:
+def way_of(plan: Plan, costmap: Costmap) -> LastPath:
     """Return the way of a plan that has a path: the cells along what was published."""
     cells, turns = plan.path, np.zeros(0, dtype=np.int64)
     if plan.any_angle is not None:
@@ -105,7 +105,7 @@ def way_of(plan: Plan, costmap: Costmap) -> Way:
         cells = np.concatenate(parts)
         turns = np.cumsum([len(part) for part in parts]) - 1
     ((x, y),) = costmap.grid_map.grid_to_world([(0, 0)]).tolist()
-    return Way(cells, turns, (x, y), frame_of(costmap.grid_map))
+    return LastPath(cells, turns, (x, y), frame_of(costmap.grid_map))
 
 
 def frame_of(grid_map: GridMap) -> tuple[float, float, str]:
@@ -114,7 +114,11 @@ def frame_of(grid_map: GridMap) -> tuple[float, float, str]:
 
 
 def kept_plans(
-    planner: PathPlanner, request: PlanRequest, way: Way, plans: Iterator[Plan], stop: StopFlag
+    planner: PathPlanner,
+    request: PlanRequest,
+    way: LastPath,
+    plans: Iterator[Plan],
+    stop: StopFlag,
 ) -> Iterator[Plan]:
     """Yield the plans of a request; of the answer, which is the last, the way is kept if it can.
 
@@ -130,12 +134,12 @@ def kept_plans(
         # The ends of the plan were judged when they were moved.
         asked = replace(request, start=plan.start, goal=plan.goal, via=plan.via)
         try:
-            yield WayKeeper(planner, asked, plan, deadline).keep(way)
-        except WayLost as lost:
+            yield PathKeeper(planner, asked, plan, deadline).keep(way)
+        except PathLost as lost:
             yield replace(plan, message=f'{plan.message}; changed: {lost}')
 
 
-class WayKeeper(NamedTuple):
+class PathKeeper(NamedTuple):
     """Decides for the plan of a request between its ends whether the last way is kept instead.
 
     The plan has a path or is out of time. At any angle, the way is shortened until the `deadline`
@@ -152,13 +156,13 @@ class WayKeeper(NamedTuple):
         """The ends of the plan."""
         return Endpoints(self.plan.start, self.plan.goal, self.plan.via)
 
-    def keep(self, way: Way) -> Plan:
-        """Return the plan that keeps the rest of a way. Raises WayLost."""
+    def keep(self, way: LastPath) -> Plan:
+        """Return the plan that keeps the rest of a way. Raises PathLost."""
         planner, costmap = self.planner, self.planner.costmap
         cells, turns = rest_of_way(costmap, way, self.plan)
         problem = self.problem(cells)
         if problem is not None:
-            raise WayLost(problem)
+            raise PathLost(problem)
         kept = replace(
             self.plan, code=ResultCode.NONE, path=cells, length=path_length(cells),
             cost=path_cost(costmap.grid_graph, cells), any_angle=self.straightened(cells, turns),
@@ -207,7 +211,7 @@ class WayKeeper(NamedTuple):
     def compared(self, kept: Plan) -> Plan:
         """Return the plan of the kept way with what is known of its cost.
 
-        It is the new plan itself where that is cheaper and goes the same way. Raises WayLost if
+        It is the new plan itself where that is cheaper and goes the same way. Raises PathLost if
         the path of another way costs less by more than the margin.
         """
         plan, graph = self.plan, self.planner.costmap.grid_graph
@@ -221,7 +225,7 @@ class WayKeeper(NamedTuple):
                 found = f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter} on the same way'
                 return replace(plan, message=f'{plan.message}; kept: {found}')
             if cost > (1.0 + self.request.switch_margin) * new_cost + SAME_COST:
-                raise WayLost(f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter}')
+                raise PathLost(f'{100.0 * (1.0 - new_cost / cost):.1f} % {shorter}')
             more = max(0.0, cost / new_cost - 1.0) if new_cost else 0.0
             found = f'{100.0 * more:.1f} % {longer} than the best found'
             # What the search has proven is of paths of cells without an instruction.
@@ -244,7 +248,7 @@ class WayKeeper(NamedTuple):
     def instructed(self, kept: Plan, instruction: RouteInstruction) -> Plan:
         """Return the plan of the kept way with what became of the instruction on it.
 
-        Raises WayLost if the new plan keeps to the instruction better, or costs too much less.
+        Raises PathLost if the new plan keeps to the instruction better, or costs too much less.
         """
         # Many modules, which plans without an instruction do not need.
         from llm_astar_planner.instructions.outcome import ClauseStatus  # noqa: PLC0415
@@ -260,31 +264,31 @@ class WayKeeper(NamedTuple):
         for new, old in pairs:
             most = (1.0 + self.request.switch_margin) * new.measured + SAME_COST
             if old.measured > most or old.status not in (ClauseStatus.KEPT, new.status):
-                raise WayLost(f'"{new.clause.sentence()}" is {new.status.value} now')
+                raise PathLost(f'"{new.clause.sentence()}" is {new.status.value} now')
         problem = instructed.required_problem(outcome) if instruction.policy == REQUIRE else None
         if problem is not None:
-            raise WayLost(problem)
+            raise PathLost(problem)
         if pairs:
             clauses = tuple(instructed.with_price(old, new.price) for new, old in pairs)
             outcome = replace(outcome, clauses=clauses)
         return instructed.with_outcome(self.compared(kept), outcome)
 
 
-def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> tuple[Int32s, Int32s]:
+def rest_of_way(costmap: Costmap, way: LastPath, plan: Plan) -> tuple[Int32s, Int32s]:
     """Return the cells [n, 2] of a way that are left to a plan's goal, and the turns [m, 2] ahead.
 
     The cells begin at the plan's start: a robot beside the way joins it by a straight line. Raises
-    WayLost.
+    PathLost.
     """
     if frame_of(costmap.grid_map) != way.frame:
-        raise WayLost('the map has another resolution or frame')
+        raise PathLost('the map has another resolution or frame')
     cells = (way.cells + costmap.grid_map.world_to_cells([way.first])[0]).astype(np.int32)
     if tuple(cells[-1].tolist()) != plan.goal:
-        raise WayLost('it ends at another cell')
+        raise PathLost('it ends at another cell')
     away = np.hypot(*(cells - plan.start).T)
     metres, nearest = costmap.grid_map.resolution, float(away.min())
     if nearest > max(OFF_CELLS, OFF_METRES / metres):
-        raise WayLost(f'the robot is {nearest * metres:.2f} m off the last way')
+        raise PathLost(f'the robot is {nearest * metres:.2f} m off the last way')
     rest, join, ahead = cells, cells[:0], 0
     for place in places_near(away, nearest):
         ahead = min(place + math.ceil(2.0 * nearest), len(cells) - 1)
@@ -299,7 +303,7 @@ def rest_of_way(costmap: Costmap, way: Way, plan: Plan) -> tuple[Int32s, Int32s]
     if wrong.any():
         n = int(wrong.argmax())
         ((east, north),) = costmap.grid_map.grid_to_world([(x[n], y[n])]).tolist()
-        raise WayLost(f'blocked at ({east:.2f}, {north:.2f})')
+        raise PathLost(f'blocked at ({east:.2f}, {north:.2f})')
     return np.column_stack((x, y)).astype(np.int32), cells[way.turns[way.turns > ahead]]
 
 

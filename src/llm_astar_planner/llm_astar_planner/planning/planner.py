@@ -12,16 +12,14 @@ from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_planner import COMPILED, PathPlanner, kind_of_plan
 from llm_astar_planner.planning.types import (
-    COMPILED,
     Endpoints,
     Plan,
     PlanningFailure,
     PlanRequest,
     ResultCode,
     finite_or_none,
-    kind_of_plan,
 )
 from llm_astar_planner.search.arrays import StopFlag
 from llm_astar_planner.search.kernel_cache import INTERPRETED
@@ -51,10 +49,10 @@ class Planner(PathPlanner):
         plans = self.direct_plans(request, stop, anytime=anytime)
         if request.instruction is not None:
             plans = self.instructed_plans(request, request.instruction, stop)
-        if request.last_way is not None:
+        if request.last_path is not None:
             from llm_astar_planner.planning.plan_reuse import kept_plans  # noqa: PLC0415
 
-            plans = kept_plans(self, request, request.last_way, plans, stop)
+            plans = kept_plans(self, request, request.last_path, plans, stop)
         return self.plans_with_reasons(request, plans, stop)
 
     def instructed_plans(
@@ -82,10 +80,10 @@ class Planner(PathPlanner):
         """Return a plan with the ways to choose from that are found until the deadline."""
         if request.via or request.footprint or request.instruction:
             return replace(plan, warnings=(*plan.warnings, NO_ALTERNATIVES))
-        from llm_astar_planner.planning.alternatives import WaysSearch  # noqa: PLC0415
+        from llm_astar_planner.planning.alternatives import AlternativesSearch  # noqa: PLC0415
 
         between = replace(request, start=plan.start, goal=plan.goal)
-        found = WaysSearch(self.costmap, between, stop, deadline).ways()
+        found = AlternativesSearch(self.costmap, between, stop, deadline).ways()
         ways = [
             way._replace(clearance=finite_or_none(self.checker.measure(way.path).clearance))
             for way in islice(found, request.alternatives)
@@ -96,8 +94,8 @@ class Planner(PathPlanner):
     def compile(self, request: PlanRequest, stop: StopFlag | None = None) -> bool:
         """Compile what a request takes, or load it; tell whether that is done.
 
-        Only the first one of its kind in a process takes time: up to half a minute where numba
-        has nothing in its cache. `stop` ends it as it ends a plan.
+        Only the first one of its kind in a process takes time, `compile.EXPECTED` where numba has
+        nothing in its cache. `stop` ends it as it ends a plan.
         """
         is_graded = self.costmap.grid_graph.cell_surcharge.size > 0
         kind = self.config, request, is_graded, self.landmarks.current is not None

@@ -23,7 +23,6 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.instructions.clauses.avoid import Avoid
 from llm_astar_planner.instructions.clauses.clause import Clause
-from llm_astar_planner.instructions.ground import Ground
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
@@ -31,11 +30,12 @@ from llm_astar_planner.instructions.interpretation import (
     Understanding,
 )
 from llm_astar_planner.instructions.outcome import ClauseStatus
-from llm_astar_planner.instructions.polygons import RegionError
+from llm_astar_planner.instructions.polygons import NoRegionError
+from llm_astar_planner.instructions.region_finder import RegionFinder
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, finite_or_none
 from llm_astar_planner.search.arrays import StopFlag
@@ -191,8 +191,8 @@ class Questions:
         cells = grid_map.cells.copy()
         for clause in self.clauses(asked):
             if isinstance(clause, Avoid):
-                with raising(QuestionError, '', RegionError):
-                    cells[Ground(route).avoided(clause.region).touched] = FREE
+                with raising(QuestionError, '', NoRegionError):
+                    cells[RegionFinder(route).avoided(clause.region).touched] = FREE
         return self.plan(Planner(replace(grid_map, cells=cells), self.planner.config))
 
     def length(self, own: Plan, words: dict[str, Any]) -> dict[str, Any]:

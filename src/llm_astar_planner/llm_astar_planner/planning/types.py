@@ -6,21 +6,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
 from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.arrays import Bools, Float64s, Int32s, Int64s
-from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.result import Cell, empty_path
 from llm_astar_planner.waypoints.source import (
     SampleKey,
@@ -31,9 +30,7 @@ from llm_astar_planner.waypoints.source import (
 
 if TYPE_CHECKING:
     from llm_astar_msgs_adapter.maps.places import Places
-    from llm_astar_msgs_adapter.messages.report import PlanReport
 
-    from llm_astar_planner.costmap.config import CostmapConfig
     from llm_astar_planner.costmap.costmap import Costmap
     from llm_astar_planner.instructions.interpretation import RouteInstruction
     from llm_astar_planner.instructions.outcome import InstructionOutcome
@@ -44,8 +41,6 @@ if TYPE_CHECKING:
 MAX_VIA = 10_000
 # Via points that may guide a search; it follows at most 256 of them, taken evenly.
 MAX_VIAPOINTS = 1024
-# Kinds of clauses that ask nothing of a path.
-UNKNOWN, UNSUPPORTED = 'unknown', 'unsupported'
 # The fields of a request that have the names and limits of parameters. A request says None where
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
@@ -109,7 +104,7 @@ class Endpoints(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class LastPath:
     """The way of a plan, for a later one to keep, perhaps on another map.
 
     `cells`: int32 [n, 2], single moves. `turns`: int64 [m], which of them straight lines at any
@@ -151,7 +146,7 @@ class PlanRequest:
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
-    - `last_way`: the way of the last plan to this goal. It is kept as far as it is left, valid
+    - `last_path`: the way of the last plan to this goal. It is kept as far as it is left, valid
       and costs at most 1 + `switch_margin` times what the path found does.
     - `footprint`: the robot's polygon; a path that it cannot pass is not returned. It stands at
       `start_pose` and ends with `goal_yaw`, in metres and radians of the map's frame; None: as the
@@ -188,7 +183,7 @@ class PlanRequest:
     footprint: Footprint | None = None
     start_pose: Pose2D | None = None
     goal_yaw: float | None = None
-    last_way: Way | None = None
+    last_path: LastPath | None = None
     switch_margin: float = 0.0
     first_path_time_limit: float = 0.0
     allow_partial_planning: bool = False
@@ -231,23 +226,6 @@ def check_request(request: PlanRequest) -> None:
 
 # Codes of plans that say why there is no path.
 EXPLAINED = (ResultCode.START_OCCUPIED, ResultCode.GOAL_OCCUPIED, ResultCode.NO_VALID_PATH)
-# The kinds of plans that this process has compiled.
-COMPILED: set[tuple[object, ...]] = set()
-
-
-def kind_of_plan(
-    config: CostmapConfig, request: PlanRequest, is_graded: bool, has_landmarks: bool
-) -> tuple[object, ...]:
-    """Return what decides which kernels a plan takes, for `planning.compile`.
-
-    `is_graded`: costs are not uniform on the map. `has_landmarks`: there are some.
-    """
-    is_guided, has_source = request.method == GUIDED, request.source is not None
-    return (
-        config.has_radius, is_graded, request.method if request.method in METHODS else EXACT,
-        has_source or bool(request.viapoints), has_landmarks and is_guided, request.any_angle,
-        bool(request.via), request.footprint is None, request.instruction is None,
-    )  # fmt: skip
 
 
 class Alternative(NamedTuple):
@@ -436,108 +414,3 @@ def describe_expansions(count: int) -> str:
 def finite_or_none(value: float) -> float | None:
     """Return a number, or None for NaN and infinity, which JSON does not have."""
     return value if math.isfinite(value) else None
-
-
-def plan_report(plan: Plan, grid_map: GridMap | None, map_age: float | None = None) -> PlanReport:
-    """Report a plan on a map; without a map, a request that could not be planned at all.
-
-    `map_age` is how many seconds before the plan the map arrived, None where it never did.
-    """
-    # A planner that reports nothing needs it not.
-    from llm_astar_msgs_adapter.messages.report import PlanReport  # noqa: PLC0415
-
-    values = plan.to_dict()
-    waypoints: tuple[tuple[float, float, str], ...] = ()
-    if grid_map is not None:
-        points = [(point.x, point.y) for point in plan.checked_waypoints]
-        waypoints = tuple(
-            (x, y, point.status.value)
-            for (x, y), point in zip(
-                grid_map.grid_to_world(points).tolist(), plan.checked_waypoints
-            )
-        )
-        values['length'] = finite_or_none(plan.length * grid_map.resolution)
-    values |= {
-        'waypoints': waypoints,
-        'map_digest': grid_map.digest if grid_map else '',
-        'zones': grid_map.zones if grid_map else (),
-        'map_age': None if map_age is None else round(map_age, 4),
-    }
-    return PlanReport(**{field.name: values[field.name] for field in fields(PlanReport)})
-
-
-def report_lines(
-    report: PlanReport, endpoints: tuple[Pose2D, Pose2D], poses: int, seconds: float
-) -> Iterator[str]:
-    """Yield for a person what a planner reported of a request from start to goal.
-
-    The path has `poses` poses, and the answer came after `seconds`.
-    """
-    ends = [(n, f'({end.x:g}, {end.y:g}) m') for n, end in zip(('start', 'goal'), endpoints)]
-    yield from first_lines(report, ends, [f'({x:.4g}, {y:.4g}) m' for x, y, _ in report.waypoints])
-    if report.length is not None:
-        turns = f'{report.turns} turn{"" if report.turns == 1 else "s"}'
-        yield f'length     {report.length:.2f} m, {poses} poses, {turns}'
-    yield f'expansions {report.operation}, {report.storage} states stored'
-    parts = (1000 * seconds, 1000 * report.seconds_source, 1000 * report.seconds_search)
-    yield (
-        'time       {:.1f} ms round trip, of it {:.1f} ms for waypoints, {:.2f} ms to search'
-    ).format(*parts)
-
-
-def first_lines(
-    report: PlanReport, ends: Iterable[tuple[str, str]], points: Iterable[str]
-) -> Iterator[str]:
-    """Yield how the report of a plan begins for a person, up to its instruction.
-
-    `ends` are the names and places of start, via points and goal, `points` the waypoints' places.
-    """
-    yield report.summary
-    yield from (f'warning    {warning}' for warning in report.warnings)
-    yield from (f'{name:<10} {place}' for name, place in ends)
-    yield f'waypoints  {report.waypoint_summary}'
-    for number, (point, (*_, status)) in enumerate(zip(points, report.waypoints), start=1):
-        yield f'waypoint {number} {point}: {status.replace("_", " ")}'
-    if report.instruction_report:
-        yield from instruction_lines(report.instruction_report)
-
-
-def instruction_lines(outcome: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what became of an instruction, as `InstructionOutcome.to_json` has it."""
-    interpretation = outcome['interpretation']
-    yield f'instruction "{interpretation["text"]}"'
-    if {clause['kind'] for clause in outcome['clauses']} - {UNKNOWN, UNSUPPORTED}:
-        yield f'understood as: {interpretation["sentence"]}'
-    yield interpretation_line({**interpretation, 'sentence': '', 'questions': ()})
-    for number, clause in enumerate(outcome['clauses'], start=1):
-        yield f'clause {number:<3} {clause_line(clause)}'
-    said = str(outcome.get('sentence', ''))
-    if outcome['note'] not in said:
-        yield f'note       {outcome["note"]}'
-    if said:
-        yield f'verdict    {said}'
-
-
-def clause_line(clause: Mapping[str, Any]) -> str:
-    """Return what became of a clause: 'avoid the lab: kept (0.0 m inside), costs 4.2 m'."""
-    if clause['kind'] == UNKNOWN:
-        return str(clause['clause'])
-    if clause['kind'] == UNSUPPORTED:
-        return f'{clause["status"]}: {clause["clause"]}'
-    return f'{clause["clause"]}: {clause["status"]}{clause_facts(clause)}'
-
-
-def clause_facts(clause: Mapping[str, Any]) -> str:
-    """Return what was measured of a clause and what it costs: ' (0.0 m inside), costs 4.2 m'."""
-    detail, price = clause['detail'], clause.get('price')
-    facts = f' ({detail})' if detail else ''
-    return facts if price is None else f'{facts}, costs {price:.1f} m'
-
-
-def interpretation_line(interpretation: Mapping[str, Any]) -> str:
-    """Return what was understood, and by whom, and what is asked, in one line."""
-    by = f' by {interpretation["understood_by"]}' if interpretation['understood_by'] else ''
-    sentence = f': {interpretation["sentence"]}' if interpretation['sentence'] else ''
-    detail = f' ({interpretation["detail"]})' if interpretation['detail'] else ''
-    asked = ''.join(f'; {question}' for question in interpretation.get('questions', ()))
-    return f'{interpretation["status"]}{by}{sentence}{detail}{asked}'

@@ -64,7 +64,7 @@ NAMED = {
 }  # fmt: skip
 
 
-class Layers:
+class CauseLayers:
     """The cells in groups that the same causes close; walls, which nothing opens, are group 0.
 
     `groups` is int32 [height + 2, width + 2], framed by walls, `cells` the map's part of it.
@@ -135,7 +135,7 @@ class Goals(NamedTuple):
         y, x = divmod(number, int(self.steps[-4]))
         return x - 1, y - 1
 
-    def flood(self, layers: Layers, removed: Items, before: Flood | None = None) -> Flood:
+    def flood(self, layers: CauseLayers, removed: Items, before: Flood | None = None) -> Flood:
         """Reach what is open without some causes, further than `before` without fewer did."""
         groups, is_open = layers.groups.reshape(-1), layers.is_open(removed)
         start = np.array([self.start], dtype=np.int32)
@@ -167,10 +167,10 @@ class Causes:
             walls, _ = inflate(self.base, config, before, changed, DoubleBuffer())
         else:
             walls, _ = inflate(self.base, self.config)
-        self.layers = [Layers(walls)]
+        self.layers = [CauseLayers(walls)]
         # Without the robot's radius, also that with which a costmap was inflated.
         if config.robot_radius > 0.0 or threshold > config.occupied_threshold:
-            self.layers.append(Layers(self.lethal))
+            self.layers.append(CauseLayers(self.lethal))
             self.radius = self.add(RADIUS)
         for name, closed in clauses:
             self.add(CLAUSE, name, closed)
@@ -203,7 +203,7 @@ class Causes:
         """Return how much a set of causes is: the least is named."""
         return sum(1.0 + PLACE * ORDER.index(self.names[item][0]) for item in removed)
 
-    def layers_of(self, removed: Items) -> Layers:
+    def layers_of(self, removed: Items) -> CauseLayers:
         """Return the layers without some causes."""
         return self.layers[-1 if self.radius in removed else 0]
 
@@ -520,7 +520,7 @@ def explained(
         return failed
     nearer = replace(
         request, goal=why.cell, via=request.via[: why.reached], goal_yaw=None,
-        allow_partial_planning=False, last_way=None, time_limit=deadline - time.monotonic(),
+        allow_partial_planning=False, last_path=None, time_limit=deadline - time.monotonic(),
     )  # fmt: skip
     partial, short_of = plan_again(nearer), why.short_of or 0.0
     if partial.code:

@@ -65,7 +65,7 @@ class CoarseGraph:
         return np.array(points[1:-1], dtype=np.int64).reshape(-1, 2)
 
 
-def compile_kernels() -> None:
+def compile_routes() -> None:
     """Compile what routes run, or load it from numba's cache, so that the first need not."""
     blocked = np.zeros((24, 24), dtype=np.bool_)
     blocked[4:, 12] = True

@@ -238,7 +238,8 @@ def start_query(
     def ask(stop: StopFlag) -> WaypointReply:
         return source.waypoints(replace(query, stop=stop))
 
-    asked_in = None if getattr(source, 'is_away', False) else queue
+    is_ready = getattr(source, 'service_is_ready', None)
+    asked_in = queue if is_ready is None or is_ready() else None
     return QueryTask(name_of(source), ask, query.time_limit, on_reply, asked_in)
 
 

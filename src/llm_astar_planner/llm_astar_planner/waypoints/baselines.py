@@ -21,7 +21,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner.caches import cached
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.arrays import Float64s, Int64s
-from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
+from llm_astar_planner.search.coarse import EVERY_NODE, compile_routes
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints import source as sources
 from llm_astar_planner.waypoints.config import SourceContext, SourceSettings, make_source
@@ -76,7 +76,7 @@ def baseline_sources(seed: int = 0) -> dict[str, sources.WaypointSource]:
 def make_baseline(context: SourceContext) -> BaselineSource:
     """Make the source that the settings name; compiles what it needs, so that no query has to."""
     if context.settings.source == 'coarse':
-        compile_kernels()
+        compile_routes()
     return BaselineSource(context.settings.source, context.seed)
 
 

@@ -171,7 +171,8 @@ class WaypointSource(Protocol):
     `waypoints` does not raise for failures outside the program (network, endpoint, files): it
     returns a reply with a status and no waypoints. It returns within `query.time_limit`. Where a
     source also has `helps_on(costmap)`, it is asked only on costmaps for which that is true.
-    One that has `is_away`, and is, answers at once that it is, and is asked without a thread.
+    One that has `service_is_ready()` is asked without a thread where that is false: it answers at
+    once that nobody is there.
     """
 
     @property

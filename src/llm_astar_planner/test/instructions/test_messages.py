@@ -15,7 +15,7 @@ from llm_astar_planner.instructions.messages import (
     MAX_ECHO,
     MAX_QUESTION,
     Question,
-    QuestionError,
+    QuestionFormatError,
     answer_text,
     error_text,
     parse_answer,
@@ -60,7 +60,7 @@ def test_a_text_alone_and_json_are_questions():
     ],
 )
 def test_a_malformed_question_is_refused_by_its_field(data, problem):
-    with pytest.raises(QuestionError, match=problem):
+    with pytest.raises(QuestionFormatError, match=problem):
         parse_question(data)
 
 
@@ -71,7 +71,7 @@ def test_an_answer_is_read_back_as_it_was_written():
 
 
 def test_an_error_names_the_question_and_is_bounded():
-    text = error_text(Question('y' * 5000, 'x1'), QuestionError('text: is bad'))
+    text = error_text(Question('y' * 5000, 'x1'), QuestionFormatError('text: is bad'))
     assert parse_answer(text) == ('', 'text: is bad')
     assert len(json.loads(text)['question']) == MAX_ECHO
     text = error_text(Question('y', 'x1'), LlmAstarError('places: are bad'))

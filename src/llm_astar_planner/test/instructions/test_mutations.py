@@ -40,7 +40,7 @@ from llm_astar_planner.instructions.regions import (
 )
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import NOTHING_ASKED, Specification
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest

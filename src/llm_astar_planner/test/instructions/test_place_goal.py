@@ -7,7 +7,7 @@ from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, places_from_polygons
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.ground import goal_cell
+from llm_astar_planner.instructions.region_finder import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 
 LOBBY = HOSPITAL.get('lobby')

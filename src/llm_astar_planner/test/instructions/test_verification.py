@@ -35,7 +35,8 @@ from llm_astar_planner.instructions.regions import (
 )
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import CLAUSES, NOTHING_ASKED, Specification
-from llm_astar_planner.instructions.verification import PathError, verify
+from llm_astar_planner.instructions.verification.geometry import PathError
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.instructions.verification.walls import Walls
 from verified_maps import (
     AS_FAR,

@@ -20,7 +20,7 @@ from llm_astar_planner.instructions.clauses.stay_in import StayIn
 from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.regions import Along, Box, Disc, Half, NamedPlace
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from path_samples import STEP, box_depth, dense, disc_depth, length_where, triangle_depth
 from verified_maps import SATISFIED, VIOLATED, field, outcome, outcomes, route, turned
 

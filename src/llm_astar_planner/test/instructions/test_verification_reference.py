@@ -40,11 +40,11 @@ from llm_astar_planner.instructions.regions import (
 )
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.instructions.verification.geometry import disc_area, polygon_area, polyline
 from llm_astar_planner.instructions.verification.keep_distance import STEP, greatest_clearance
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.reference import Reference
+from llm_astar_planner.instructions.verification.verify import verify
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.search.grid_graph import GridGraph
 from path_samples import box_depth

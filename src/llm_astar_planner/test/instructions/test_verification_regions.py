@@ -26,7 +26,7 @@ from llm_astar_planner.instructions.regions import (
 )
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import Specification
-from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.instructions.verification.verify import verify
 from verified_maps import (
     IMPOSSIBLE,
     NOT_UNDERSTOOD,

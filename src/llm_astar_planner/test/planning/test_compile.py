@@ -9,8 +9,9 @@ import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning import compile as module
 from llm_astar_planner.planning.compile import CompilationStopped
+from llm_astar_planner.planning.path_planner import COMPILED
 from llm_astar_planner.planning.planner import NOT_COMPILED, Planner
-from llm_astar_planner.planning.types import COMPILED, PlanRequest, ResultCode
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
 # Counts what numba compiles while plans run, but not while they wait for the compilation.
 SCRIPT = """

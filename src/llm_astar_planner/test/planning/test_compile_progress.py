@@ -1,10 +1,9 @@
 """A compilation is never silent."""
 
-import io
 import re
 
 import numpy as np
-from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning import compile as kernel_compiler
 from numba import njit
 
 
@@ -12,18 +11,20 @@ def compile_one():
     njit(lambda numbers: numbers.sum() + 1)(np.zeros(3))
 
 
-def test_a_line_says_that_it_begins_and_one_that_it_ended():
-    stream = io.StringIO()
-    with compile_progress(stream):
+def test_a_line_says_that_it_begins_and_one_that_it_ended(monkeypatch):
+    # A busy machine may take long for a function.
+    monkeypatch.setattr(kernel_compiler, 'REPORT_SECONDS', 600.0)
+    said = []
+    with kernel_compiler.compile_progress(said.append):
         compile_one()
         compile_one()
-    began, ended = stream.getvalue().splitlines()
-    assert began == 'compiling the searches, once after an installation, about 15 s'
+    began, ended = said
+    assert began == 'compiling the searches, once after an installation, up to a minute'
     assert re.fullmatch(r'searches compiled in \d+\.\d s', ended)
 
 
 def test_nothing_is_said_where_nothing_is_compiled():
-    stream = io.StringIO()
-    with compile_progress(stream):
+    said = []
+    with kernel_compiler.compile_progress(said.append):
         pass
-    assert stream.getvalue() == ''
+    assert said == []

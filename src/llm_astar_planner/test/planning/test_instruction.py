@@ -343,7 +343,7 @@ def test_the_last_way_is_kept_while_it_keeps_to_the_instruction_as_well(
     assert statuses(first) == ['kept']
     way = way_of(first, planner.costmap)
     start = tuple(way.cells[3].tolist())
-    kept = plan(planner, clause, policy=policy, start=start, last_way=way, **more)
+    kept = plan(planner, clause, policy=policy, start=start, last_path=way, **more)
     assert 'kept: ' in kept.message
     assert kept.message.endswith('instruction: 1 of 1 clauses kept')
     assert statuses(kept) == ['kept']
@@ -351,7 +351,7 @@ def test_the_last_way_is_kept_while_it_keeps_to_the_instruction_as_well(
     # Another instruction is another way, whatever it costs.
     clause = Pass(region=RACK, side='north')
     plain = plan(planner, clause, policy=policy, start=start, **more)
-    other = plan(planner, clause, policy=policy, start=start, last_way=way, **more)
+    other = plan(planner, clause, policy=policy, start=start, last_path=way, **more)
     assert f'changed: "{clause.sentence()}" is kept now' in other.message
     assert other.path.tolist() == plain.path.tolist()
 
@@ -360,11 +360,11 @@ def test_a_way_kept_at_any_price_visits_what_is_left_to_visit(planner):
     more = {'switch_margin': 10.0}
     first = plan(planner, Visit(regions=(WEST,)), **more)
     way = way_of(first, planner.costmap)
-    kept = plan(planner, Visit(regions=(WEST,)), last_way=way, **more)
+    kept = plan(planner, Visit(regions=(WEST,)), last_path=way, **more)
     assert 'kept: ' in kept.message
     assert inside(planner, kept, 'west room') > 0.5
     # The straight way visits nothing.
     straight = way_of(plan(planner), planner.costmap)
-    other = plan(planner, Visit(regions=(WEST,)), last_way=straight, **more)
+    other = plan(planner, Visit(regions=(WEST,)), last_path=straight, **more)
     assert 'changed: ' in other.message
     assert statuses(other) == ['kept']

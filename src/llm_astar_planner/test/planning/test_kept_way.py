@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.path_validator import CollisionChecker, via_problem
-from llm_astar_planner.planning.plan_reuse import Ways, cells_along, way_of
+from llm_astar_planner.planning.plan_reuse import PathHistory, cells_along, way_of
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.grid_graph import path_cost, path_length
@@ -41,7 +41,7 @@ def go_on(planner, plan, request=ASK, before=BEFORE, step=0):
     """Plan again with the way of a plan made before, from the cell that is `step` moves on."""
     way = way_of(plan, before.costmap)
     start = tuple(way.cells[step].tolist())
-    return planner.plan(replace(request, start=start, last_way=way))
+    return planner.plan(replace(request, start=start, last_path=way))
 
 
 def other_side(plan):
@@ -77,7 +77,7 @@ def test_a_robot_beside_its_way_joins_it_again():
     first = BEFORE.plan(ASK)
     x, y = first.path[4].tolist()
     way = way_of(first, BEFORE.costmap)
-    kept = BEFORE.plan(replace(ASK, start=(x, y + (2 if y <= 20 else -2)), last_way=way))
+    kept = BEFORE.plan(replace(ASK, start=(x, y + (2 if y <= 20 else -2)), last_path=way))
     assert 'kept: ' in kept.message
     assert side_of(kept) == side_of(first)
     assert BEFORE.checker.path_problem(kept.path, kept.start, kept.goal) is None
@@ -85,7 +85,7 @@ def test_a_robot_beside_its_way_joins_it_again():
 
 def test_a_robot_far_from_its_way_gets_a_new_path_and_reads_why():
     first = BEFORE.plan(ASK)
-    far = BEFORE.plan(replace(ASK, start=(5, 38), last_way=way_of(first, BEFORE.costmap)))
+    far = BEFORE.plan(replace(ASK, start=(5, 38), last_path=way_of(first, BEFORE.costmap)))
     assert 'changed: the robot is ' in far.message
     assert far.path.tolist() == BEFORE.plan(replace(ASK, start=(5, 38))).path.tolist()
 
@@ -116,7 +116,7 @@ def test_a_way_that_gains_more_than_the_margin_is_taken():
 
 def test_a_way_to_another_goal_is_not_kept():
     first = BEFORE.plan(ASK)
-    request = replace(ASK, goal=(55, 22), last_way=way_of(first, BEFORE.costmap))
+    request = replace(ASK, goal=(55, 22), last_path=way_of(first, BEFORE.costmap))
     assert 'changed: it ends at another cell' in BEFORE.plan(request).message
 
 
@@ -124,18 +124,18 @@ def test_a_map_that_has_grown_keeps_the_way():
     first = BEFORE.plan(ASK)
     grown = np.pad(BLOCK, ((3, 0), (7, 0)))
     planner = Planner(GridMap(grown, origin=Pose2D(-7.0, -3.0)))
-    request = replace(ASK, start=(12, 23), goal=(62, 23), last_way=way_of(first, BEFORE.costmap))
+    request = replace(ASK, start=(12, 23), goal=(62, 23), last_path=way_of(first, BEFORE.costmap))
     kept = planner.plan(request)
     assert (kept.path - (7, 3)).tolist() == first.path.tolist()
     assert 'kept: ' in kept.message
     coarser = Planner(GridMap(BLOCK, resolution=0.5))
-    plan = coarser.plan(replace(ASK, last_way=way_of(first, BEFORE.costmap)))
+    plan = coarser.plan(replace(ASK, last_path=way_of(first, BEFORE.costmap)))
     assert 'changed: the map has another resolution or frame' in plan.message
 
 
 def test_a_search_out_of_time_is_answered_by_the_way_that_is_still_free():
     first = BEFORE.plan(ASK)
-    request = replace(ASK, last_way=way_of(first, BEFORE.costmap), time_limit=0.0)
+    request = replace(ASK, last_path=way_of(first, BEFORE.costmap), time_limit=0.0)
     kept = BEFORE.plan(request)
     assert kept.code is ResultCode.NONE
     assert kept.message.endswith('kept: no better one in time')
@@ -144,7 +144,7 @@ def test_a_search_out_of_time_is_answered_by_the_way_that_is_still_free():
 
 def test_a_cancelled_request_is_not_answered_by_the_last_way():
     first = BEFORE.plan(ASK)
-    request = replace(ASK, last_way=way_of(first, BEFORE.costmap))
+    request = replace(ASK, last_path=way_of(first, BEFORE.costmap))
     stop = np.ones(1, dtype=np.uint8)
     assert 'kept: ' not in BEFORE.plan(request, stop).message
 
@@ -177,7 +177,9 @@ def test_a_way_that_the_footprint_does_not_pass_is_not_kept():
 def test_at_the_goal_the_way_is_that_cell():
     way = way_of(BEFORE.plan(ASK), BEFORE.costmap)
     for start, moves in ((ASK.goal, 0), ((54, 21), 1)):
-        kept = BEFORE.plan(replace(ASK, start=start, last_way=way, any_angle=True, smoothing=True))
+        kept = BEFORE.plan(
+            replace(ASK, start=start, last_path=way, any_angle=True, smoothing=True)
+        )
         assert 'kept: 0.0 % longer' in kept.message
         assert len(kept.path) == moves + 1
 
@@ -195,14 +197,14 @@ def test_costs_count_not_lengths():
 
 
 def test_ways_are_remembered_for_each_key_and_only_where_it_is_asked_for():
-    ways, plan = Ways(), BEFORE.plan(ASK)
+    ways, plan = PathHistory(), BEFORE.plan(ASK)
     ways.remember(plan, ASK, 'one', BEFORE.costmap)
-    assert ways.add_to(ASK, 'one').last_way is not None
-    assert ways.add_to(ASK, 'two').last_way is None
+    assert ways.add_to(ASK, 'one').last_path is not None
+    assert ways.add_to(ASK, 'two').last_path is None
     off = replace(ASK, switch_margin=0.0)
     assert ways.add_to(off, 'one') is off
     ways.clear()
-    assert ways.add_to(ASK, 'one').last_way is None
+    assert ways.add_to(ASK, 'one').last_path is None
 
 
 def random_planner(rng, cells):
@@ -235,7 +237,7 @@ def test_on_random_maps_a_kept_path_is_valid_and_within_the_margin(any_angle):
         here = way.cells[step] + rng.integers(-1, 2, 2)
         here = way.cells[step] if after.costmap.blocked[tuple(here.clip(0, 39)[::-1])] else here
         request = replace(request, start=tuple(here.clip(0, 39).tolist()))
-        best, plan = after.plan(request), after.plan(replace(request, last_way=way))
+        best, plan = after.plan(request), after.plan(replace(request, last_path=way))
         assert plan.code is best.code
         if best.code:
             continue

@@ -356,10 +356,10 @@ def test_a_kept_way_is_given_up_where_a_rule_comes_to_forbid_it():
     request = PlanRequest(RIGHT, LEFT, switch_margin=0.05)
     first = free.plan(request)
     way = way_of(first, free.costmap)
-    again = free.plan(replace(request, last_way=way))
+    again = free.plan(replace(request, last_path=way))
     assert 'kept' in again.message
     ruled = planner_on(WALL, DOOR)
-    changed = ruled.plan(replace(request, last_way=way))
+    changed = ruled.plan(replace(request, last_path=way))
     assert 'changed: it goes against a rule of the road' in changed.message
     assert (changed.path[changed.path[:, 0] == 10][:, 1] > 10).all()
     assert 'against a rule' in reuse_problem(first, free.grid_map, ruled)

@@ -122,7 +122,7 @@ def test_a_kept_way_is_smoothed_as_well():
     first = planner.plan(ASK)
     way = way_of(first, planner.costmap)
     start = tuple(way.cells[4].tolist())
-    kept = planner.plan(replace(ASK, start=start, last_way=way, switch_margin=0.05))
+    kept = planner.plan(replace(ASK, start=start, last_path=way, switch_margin=0.05))
     assert 'kept: ' in kept.message
     assert kept.any_angle.points[1:].tolist() == first.any_angle.points[1:].tolist()
     assert tuple(kept.smoothed[0].tolist()) == start

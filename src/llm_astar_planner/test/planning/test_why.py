@@ -19,7 +19,8 @@ from llm_astar_planner.instructions.regions import Box
 from llm_astar_planner.instructions.specification import Specification
 from llm_astar_planner.instructions.text import REQUIRE
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.arrays import no_stop
 
 START, GOAL = (5, 20), (35, 20)

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder
 from llm_astar_planner.instructions.fields import MAX_METRES, Fields, as_number
 from llm_astar_planner.instructions.regions import NOWHERE, Region, metres
 
@@ -37,6 +37,6 @@ class Avoid(Clause):
             return f'avoid {self.region.from_phrase()} by {metres(self.margin)}'
         return f'avoid {self.region.phrase()}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Forbid the region and its margin."""
-        return Ask(forbidden=ground.avoided(self.region, self.margin))
+        return Constraints(forbidden=finder.avoided(self.region, self.margin))

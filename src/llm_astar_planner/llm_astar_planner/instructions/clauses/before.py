@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder, Rule
 from llm_astar_planner.instructions.regions import NOWHERE, Region, refused_phrase
 from llm_astar_planner.search import automata
 
@@ -31,7 +31,7 @@ class Before(OfTwo):
         first = self.first.phrase(any_one=True)
         return f'do not enter {refused_phrase(self.second)} before {first}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Forbid the second region until the first one was visited."""
-        zones = ground.visited(self.first), ground.entered(self.second)
-        return Ask(rules=(Rule(zones, partial(automata.before, 0, 1)),))
+        zones = finder.visited(self.first), finder.entered(self.second)
+        return Constraints(rules=(Rule(zones, partial(automata.before, 0, 1)),))

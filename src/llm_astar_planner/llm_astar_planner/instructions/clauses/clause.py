@@ -14,13 +14,13 @@ from llm_astar_planner.instructions.regions import Region, region_from_json
 
 if TYPE_CHECKING:  # clauses are read where no search is
     from llm_astar_planner.costmap.raster import Cover
-    from llm_astar_planner.instructions import ground
-    from llm_astar_planner.instructions.ground import Mask, Zone
+    from llm_astar_planner.instructions import region_finder
+    from llm_astar_planner.instructions.region_finder import Mask, RegionCells
     from llm_astar_planner.search.automata import Automaton
 
-    Ground = ground.Ground
+    RegionFinder = region_finder.RegionFinder
 else:
-    Ground = object
+    RegionFinder = object
 
 MUST, SHOULD = 'must', 'should'
 STRENGTHS = (MUST, SHOULD)
@@ -30,12 +30,12 @@ COMMON = ('strength', 'unsure')
 class Rule(NamedTuple):
     """An automaton over zones, made for the price per cell of what it forbids; inf forbids it."""
 
-    zones: tuple[Zone, ...]
+    zones: tuple[RegionCells, ...]
     automaton: Callable[[float], Automaton]
 
 
 @dataclass(frozen=True, eq=False)
-class Ask:
+class Constraints:
     """What one clause asks of the cells of a path.
 
     - `forbidden`: cells that no move may begin or end in; None for none.
@@ -47,7 +47,7 @@ class Ask:
     """
 
     forbidden: Cover | None = None
-    visits: tuple[Zone, ...] = ()
+    visits: tuple[RegionCells, ...] = ()
     rules: tuple[Rule, ...] = ()
     goals: Mask | None = None
     ends_within: float = 0.0
@@ -91,8 +91,8 @@ class Clause:
         """Return its canonical sentence, which the grammar reads as the same clause."""
         return f'{"if possible, " if self.strength == SHOULD else ""}{self.phrase()}'
 
-    def ask(self, ground: Ground) -> Ask | None:
-        """Return what it asks of the search, None if that is nothing. Raises RegionError."""
+    def ask(self, finder: RegionFinder) -> Constraints | None:
+        """Return what it asks of the search, None if that is nothing. Raises NoRegionError."""
         raise NotImplementedError
 
     @property

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder, Rule
 from llm_astar_planner.instructions.fields import Fields, SpecificationError, as_count
 from llm_astar_planner.instructions.regions import NOWHERE, Region
 from llm_astar_planner.search import automata
@@ -52,13 +52,13 @@ class Count(Clause):
             how_often = f'{words} times' if limits else 'as often as needed'
         return f'enter {self.region.phrase(any_one=True)} {how_often}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Count the entries: at least by the surest of them, at most by all that may be one."""
         rules = []
         if self.at_least:
-            zones = ground.visited(self.region), ground.around(self.region)
+            zones = finder.visited(self.region), finder.around(self.region)
             rules.append(Rule(zones, lambda _: automata.entries(0, 1, self.at_least)))
         if self.at_most is not None:
-            zones = ground.touching(self.region), ground.entered(self.region)
+            zones = finder.touching(self.region), finder.entered(self.region)
             rules.append(Rule(zones, lambda _: automata.entries(0, 1, 0, self.at_most)))
-        return Ask(rules=tuple(rules))
+        return Constraints(rules=tuple(rules))

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder
 from llm_astar_planner.instructions.regions import NOWHERE, Region
 
 
@@ -21,6 +21,6 @@ class EndAt(Clause):
         """Return 'end in the dock'."""
         return f'end in {self.region.phrase(any_one=True)}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """End in the region."""
-        return Ask(goals=ground.visited(self.region).cells)
+        return Constraints(goals=finder.visited(self.region).cells)

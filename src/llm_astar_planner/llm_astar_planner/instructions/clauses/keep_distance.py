@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder
 from llm_astar_planner.instructions.fields import MAX_METRES, Fields, SpecificationError, as_number
 from llm_astar_planner.instructions.regions import WALLS, Region, metres, region_from_json
 
@@ -41,8 +41,8 @@ class KeepDistance(Clause):
         other = 'the walls' if self.region is None else self.region.from_phrase()
         return f'keep {metres(self.metres)} away from {other}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Forbid what is too near to the walls or the region."""
         if self.region is None:
-            return Ask(ground.near_walls(self.metres), ends_within=self.metres)
-        return Ask(ground.avoided(self.region, self.metres), ends_within=self.metres)
+            return Constraints(finder.near_walls(self.metres), ends_within=self.metres)
+        return Constraints(finder.avoided(self.region, self.metres), ends_within=self.metres)

@@ -8,7 +8,7 @@ from functools import partial
 from typing import ClassVar
 
 from llm_astar_planner.instructions.clauses.before import OfTwo
-from llm_astar_planner.instructions.clauses.clause import Ask, Ground, Rule
+from llm_astar_planner.instructions.clauses.clause import Constraints, RegionFinder, Rule
 from llm_astar_planner.instructions.regions import refused_phrase
 from llm_astar_planner.search import automata
 
@@ -24,7 +24,7 @@ class NeverAfter(OfTwo):
         first = self.first.phrase(any_one=True)
         return f'do not enter {refused_phrase(self.second)} after {first}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Forbid the second region from the first entry of the first one on."""
-        zones = ground.entered(self.first), ground.entered(self.second)
-        return Ask(rules=(Rule(zones, partial(automata.never_after, 0, 1)),))
+        zones = finder.entered(self.first), finder.entered(self.second)
+        return Constraints(rules=(Rule(zones, partial(automata.never_after, 0, 1)),))

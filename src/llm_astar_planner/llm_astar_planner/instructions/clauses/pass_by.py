@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from llm_astar_planner.instructions import regions
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground, Rule
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder, Rule
 from llm_astar_planner.instructions.fields import Fields, as_choice
 from llm_astar_planner.search import automata
 
@@ -38,7 +38,9 @@ class Pass(Clause):
         how = 'by' if isinstance(self.region, (regions.Tagged, regions.Along)) else 'on'
         return f'pass {regions.bracketed(self.region)} {how} the {where}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Forbid the object and the ray to the wrong side; cross the ray to the right side."""
-        forbidden, crossing = ground.sides(self.region, self.side)
-        return Ask(forbidden, rules=(Rule((crossing,), lambda _: automata.visits(((0,),))),))
+        forbidden, crossing = finder.sides(self.region, self.side)
+        return Constraints(
+            forbidden, rules=(Rule((crossing,), lambda _: automata.visits(((0,),))),)
+        )

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder
 from llm_astar_planner.instructions.regions import NOWHERE, Region
 
 
@@ -21,6 +21,6 @@ class StayIn(Clause):
         """Return 'stay in the hall'."""
         return f'stay in {self.region.phrase()}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Forbid what lies outside of the region."""
-        return Ask(forbidden=ground.outside(self.region))
+        return Constraints(forbidden=finder.outside(self.region))

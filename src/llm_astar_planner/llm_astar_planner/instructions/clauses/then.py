@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from llm_astar_planner.instructions.clauses.before import OfTwo
-from llm_astar_planner.instructions.clauses.clause import Ask, Ground, Rule
+from llm_astar_planner.instructions.clauses.clause import Constraints, RegionFinder, Rule
 from llm_astar_planner.search import automata
 
 
@@ -25,7 +25,7 @@ class Then(OfTwo):
         first, second = (region.phrase(any_one=True) for region in self.regions)
         return f'after every entry of {first} visit {second}'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Owe a visit of the second region from each entry of the first one on."""
-        zones = ground.entered(self.first), ground.visited(self.second)
-        return Ask(rules=(Rule(zones, lambda _: automata.then(0, 1)),))
+        zones = finder.entered(self.first), finder.visited(self.second)
+        return Constraints(rules=(Rule(zones, lambda _: automata.then(0, 1)),))

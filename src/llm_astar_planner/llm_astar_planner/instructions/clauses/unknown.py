@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Clause, Ground
+from llm_astar_planner.instructions.clauses.clause import Clause, RegionFinder
 from llm_astar_planner.instructions.fields import Fields, as_text
 
 
@@ -26,5 +26,5 @@ class Unknown(Clause):
         """Return 'not understood: "hm"'."""
         return f'not understood: "{self.text}"'
 
-    def ask(self, ground: Ground) -> None:
+    def ask(self, finder: RegionFinder) -> None:
         """Ask for nothing."""

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from llm_astar_planner.instructions.clauses.clause import Ask, Clause, Ground
+from llm_astar_planner.instructions.clauses.clause import Clause, Constraints, RegionFinder
 from llm_astar_planner.instructions.fields import Fields, as_list
 from llm_astar_planner.instructions.regions import Region, bracketed, region_from_json
 
@@ -42,6 +42,6 @@ class Visit(Clause):
         *others, last = (bracketed(region, any_one=True) for region in self.regions)
         return f'{", ".join(others)} and {last} in any order'
 
-    def ask(self, ground: Ground) -> Ask:
+    def ask(self, finder: RegionFinder) -> Constraints:
         """Visit the regions."""
-        return Ask(visits=tuple(ground.visited(region) for region in self.regions))
+        return Constraints(visits=tuple(finder.visited(region) for region in self.regions))

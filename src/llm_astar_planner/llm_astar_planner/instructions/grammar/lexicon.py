@@ -159,6 +159,8 @@ def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
     for word, other in nouns().colours.items() if colour else ():
         if other == colour:
             tags.add((word,), tag)
+            for coloured in nouns().coloured:
+                tags.add((word, coloured), tag)
     count, _ = nouns().everywhere.longest(words, 0)
     if count < len(words):
         tags.add(words, tag)

@@ -123,7 +123,7 @@ class Noun:
 class Nouns:
     """The table: phrases by language, all phrases, the words of each noun, and colours.
 
-    `prepositions` are what a name goes on with after its noun.
+    `prepositions` are what a name goes on with after its noun, `coloured` what a colour does.
 
     `words` of a noun in a language are its singulars; `generic` the wider word of each.
     """
@@ -132,6 +132,7 @@ class Nouns:
         """Read the table."""
         table = read_table('nouns')
         self.prepositions = frozenset(table.pop('prepositions').split())
+        self.coloured = tuple(table.pop('coloured').split())
         self.colours = {
             phrase_words(word)[0]: colour
             for colour, words in table.pop('colours').items()

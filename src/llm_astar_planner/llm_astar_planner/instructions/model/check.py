@@ -1,18 +1,19 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Holds a model's clauses against the sentence, by the grammar and without any model.
+"""Holds a model's clauses against the sentence, by the grammar and the robot's own networks.
 
-What the grammar reads for certain holds, whatever the model says. Of the other parts of the
-sentence the model's clauses are taken: sure where the words of the part name all that the clause
-holds, say its kind and whether it is refused, and every one of them is known; else with a
-question. A clause of which the sentence names nothing is left out, but for one where a word is
-not known. What no clause accounts for is `Unknown`.
+What the grammar reads for certain holds, whatever the model says, unless the networks find it
+unlikely. The model's clauses are sure where the networks, which have learnt from other sentences,
+find them likely and no rule speaks against them (`reader.check`). Else what the grammar read of
+parts of the sentence holds, and those of the other parts are asked about. A clause of which the
+sentence names nothing is left out, but for one where a word is not known. What no clause accounts
+for is `Unknown`.
 """
 
-import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from llm_astar_msgs_adapter.maps.places import Places
 
@@ -25,20 +26,18 @@ from llm_astar_planner.instructions.clauses.visit import Visit
 from llm_astar_planner.instructions.fields import MAX_NAME_CHARS, MAX_QUESTION_CHARS
 from llm_astar_planner.instructions.grammar import interpreter
 from llm_astar_planner.instructions.grammar.interpreter import Reading
-from llm_astar_planner.instructions.grammar.lexemes import Lexeme
 from llm_astar_planner.instructions.grammar.meaning import CLEAR
 from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
-from llm_astar_planner.instructions.model.answer import numbers_of
+from llm_astar_planner.instructions.reader.check import doubt_about, is_likely
+from llm_astar_planner.instructions.reader.lifting import Slot, lifted
+from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Unreadable
+from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
 
 TOLERANCE = 1e-3
-SAYING = {
-    'visit': KINDS.says_visit, 'stay_in': KINDS.says_stay_in, 'end_at': KINDS.says_end_at,
-    'pass': KINDS.says_pass, 'keep_distance': KINDS.says_keep_distance,
-}  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -47,12 +46,8 @@ class Part:
 
     at: float
     piece: Piece
-    clauses: list[Clause]
-
-    @property
-    def names(self) -> set[str]:
-        """The places that it may name."""
-        return {name for lexeme in self.piece.lexemes for name in lexeme.names}
+    translation: Translation
+    clauses: list[Clause] = field(default_factory=list)
 
     def where(self, clause: Clause) -> int:
         """Return where it names the first place of a clause, else its end."""
@@ -64,10 +59,19 @@ class Part:
 def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
     """Return the specification of a model's clauses, and what the sentence does not say."""
     reading = interpreter.best_reading(text, places)
-    if reading.interpretation.is_read:
-        return reading.interpretation.specification, reading.interpretation.detail
+    known = reading.interpretation
+    if known.is_read and is_likely(text, places, in_json(known.specification.clauses)):
+        return known.specification, known.detail
+    # A model does not say which of them are wishes.
+    for proposed in (clauses, [replace(clause, strength=SHOULD) for clause in clauses]):
+        if clauses and not doubt_about(text, places, in_json(proposed)):
+            return within_limits(proposed), ''
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
-    parts = [Part(one.at, one.piece, []) for one in reading.parts if not one.is_read]
+    parts = [
+        Part(one.at, one.piece, Translation(slots_of(one.piece, text, places), places))
+        for one in reading.parts
+        if not one.is_read
+    ]
     said = interpreter.known_visits(reading.parts)
     left = (
         one
@@ -76,6 +80,17 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     )
     deal_out(left, parts, reading)
     return put_together(reading, parts, text)
+
+
+def slots_of(piece: Piece, text: str, places: Places) -> Mapping[str, Slot]:
+    """Return the slots of what a piece of a sentence names."""
+    return lifted(text[piece.start : piece.end], places).slots
+
+
+def in_json(clauses: Sequence[Clause]) -> list[dict[str, Any]]:
+    """Return clauses in JSON."""
+    found: list[dict[str, Any]] = Specification(tuple(clauses)).to_json()['clauses']
+    return found
 
 
 def usual_form(clause: Clause, places: Places) -> Clause:
@@ -127,119 +142,11 @@ def parts_of(clause: Clause) -> list[Region]:
 
 def missing(clause: Clause, part: Part) -> str:
     """Return what a clause holds and a part of the sentence does not name, '' for nothing."""
-    for region in parts_of(clause):
-        if not names_region(region, part):
-            return region.phrase()
-    numbers = {KeepDistance: 'metres', Avoid: 'margin'}.get(type(clause))
-    wanted = getattr(clause, numbers) if numbers else 0.0
-    if wanted and wanted != CLEAR and not has_number(wanted, part.piece.lexemes):
-        return f'{wanted:g} m'
-    side = getattr(clause, 'side', '')
-    if side and side not in sides_of(part):
-        return str(side)
-    is_walls = isinstance(clause, KeepDistance) and clause.region is None
-    return 'the walls' if is_walls and 'wall' not in nouns_of(part) else ''
-
-
-def names_region(region: Region, part: Part) -> bool:
-    """Whether a part of the sentence names a simple region."""
-    lexemes = part.piece.lexemes
-    values = [(lexeme.kind, lexeme.value) for lexeme in lexemes]
-    is_named = True
-    match region:
-        case NamedPlace(name):
-            is_named = name in part.names
-        case regions.Tagged(tag):
-            is_named = tag in tags_of(part)
-        case regions.Disc(x, y, radius):
-            is_named = ('POINT', (x, y)) in values and (not radius or has_number(radius, lexemes))
-        case regions.Box():
-            is_named = all(has_number(s, lexemes) for s in region.sides if math.isfinite(s))
-        case regions.Half(side, of):
-            is_named = side in sides_of(part) and {of} - {''} <= part.names
-        case regions.Between(first, second):
-            is_named = {first, second} <= part.names
-        case regions.Along(place):
-            is_named = place in part.names or 'wall' in nouns_of(part)
-        case regions.End(end):
-            is_named = ('ENDPOINT', end) in values
-    return is_named
-
-
-def sides_of(part: Part) -> set[str]:
-    """Return the directions that a part names, and left for right: 'leave it on your left'."""
-    found = {str(one.value) for one in part.piece.lexemes if one.kind == 'SIDE'}
-    return found | set(regions.ROUTE_SIDES) if found & set(regions.ROUTE_SIDES) else found
-
-
-def tags_of(part: Part) -> set[str]:
-    """Return the kinds and tags that a part names."""
-    found = {str(lexeme.value) for lexeme in part.piece.lexemes if lexeme.kind == 'TAG'}
-    for group in (lexeme.value for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'):
-        tagged, named = group.all_places, {*group.places}
-        found |= {tag for tag in tagged.tags if {*tagged.with_tag(tag)} == named}
-    return found
-
-
-def nouns_of(part: Part) -> set[str]:
-    """Return the nouns of a part for several places."""
-    return {lexeme.value.noun for lexeme in part.piece.lexemes if lexeme.kind == 'NOUN'}
-
-
-def has_number(value: float, lexemes: Sequence[Lexeme]) -> bool:
-    """Return whether a number of some lexemes is this value."""
-    found = (number for lexeme in lexemes for number in numbers_of(lexeme))
-    return any(math.isclose(value, one, rel_tol=TOLERANCE, abs_tol=1e-9) for one in found)
-
-
-def is_sure(clause: Clause, part: Part) -> bool:
-    """Whether the words of a part say a clause, and nothing that may change it.
-
-    It is the only one of its part, about places that are named for certain.
-    """
-    kinds, lexemes = part.piece.kinds, part.piece.lexemes
-    strange = any(one.doubts or len(one.names) > 1 for one in lexemes) or not is_known(lexemes)
-    other = part.names - {leaf.place for leaf in parts_of(clause) if isinstance(leaf, NamedPlace)}
-    if strange or other or kinds & KINDS.unclear_parts or is_qualified(part.piece):
-        return False
-    if missing(clause, part) or len(part.clauses) > 1 or is_about_more(clause):
-        return False
-    if sum(lexeme.kind == 'LENGTH' for lexeme in lexemes) > isinstance(clause, KeepDistance):
-        return False
-    refusals = sum(lexeme.kind in KINDS.refusals_of_parts for lexeme in lexemes)
-    if isinstance(clause, Avoid):
-        return refusals == 1 and not kinds & KINDS.others
-    says = SAYING.get(clause.kind)
-    if says is None or refusals:
-        return False
-    others = KINDS.others - {'LENGTH'} | (KINDS.verbs - KINDS.says_visit)
-    return bool(kinds & says) and not kinds & (others - says)
-
-
-def is_known(lexemes: Sequence[Lexeme]) -> bool:
-    """Whether all words are known, but for a verb that 'not' or nothing stands before.
-
-    In 'never barge into A', 'bolt through A' the other words tell enough.
-    """
-    kinds = [lexeme.kind for lexeme in lexemes]
-    led = kinds[1:] if kinds[:1] == ['NEG'] else kinds
-    # What leads on from an unknown verb.
-    ways = {'THROUGH', 'INTO', *(('IN',) if led is not kinds else ())}
-    is_verb = led[:1] == ['UNKNOWN'] and bool(ways & set(led[1:2]))
-    return 'UNKNOWN' not in (led[1:] if is_verb else kinds)
-
-
-def is_qualified(piece: Piece) -> bool:
-    """Whether a part says more than its words: a condition, a question, 'last', 'slowly'."""
-    is_told = piece.is_broken or piece.is_question or piece.takes_back or piece.is_first
-    is_noted = piece.order or piece.soon or piece.unsupported or piece.remarks
-    return bool(is_told or is_noted or piece.is_strict or 'LAST' in piece.said)
-
-
-def is_about_more(clause: Clause) -> bool:
-    """Whether a clause is about more than places by their names, or a side of the way."""
-    of_way = getattr(clause, 'side', '') in regions.ROUTE_SIDES
-    return of_way or not all(isinstance(leaf, NamedPlace) for leaf in parts_of(clause))
+    try:
+        tokens = part.translation.meaning(in_json([clause]))
+    except Unreadable as error:
+        return str(error)
+    return clause.regions[0].phrase() if UNKNOWN in tokens else ''
 
 
 def not_refused(clause: Clause, part: Part) -> Clause:
@@ -265,12 +172,10 @@ def put_together(reading: Reading, parts: Sequence[Part], text: str) -> tuple[Sp
         for clause in in_order(part):
             strength = SHOULD if piece.is_preference else clause.strength
             turned = replace(not_refused(clause, part), strength=strength)
-            if not is_sure(clause, part):
-                asked = question.replace('{said}', words).replace('{meant}', turned.phrase())
-                turned = replace(turned, unsure=asked[:MAX_QUESTION_CHARS])
-                lacks = missing(clause, part)
-                notes += [f'the sentence does not say {lacks}'] if lacks else []
-            found.append((part.at, turned))
+            asked = question.replace('{said}', words).replace('{meant}', turned.phrase())
+            found.append((part.at, replace(turned, unsure=asked[:MAX_QUESTION_CHARS])))
+            lacks = missing(clause, part)
+            notes += [f'the sentence does not say {lacks}'] if lacks else []
         if not part.clauses and words:
             found.append((part.at, Unknown(text=words[:MAX_NAME_CHARS])))
     found.sort(key=lambda one: one[0])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions import transcript
 from llm_astar_planner.instructions.interpretation import (
     COSTS,
     Interpretation,
@@ -19,12 +20,11 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.model.answer import answer_schema, read_answer, read_sentence
 from llm_astar_planner.instructions.model.check import grounded
 from llm_astar_planner.instructions.model.prompt import prompt_messages
-from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 
 
-def interpret_reply(exchange: Exchange, places: Places) -> Interpretation:
+def interpret_reply(exchange: transcript.ModelCall, places: Places) -> Interpretation:
     """Return what a model's reply says of its instruction, held against the sentence.
 
     A reply without clauses that can be read gives status NONE.
@@ -54,7 +54,7 @@ class ReplayInterpreter:
         """
         self._exchanges = {
             (exchange.text, exchange.places): exchange
-            for exchange in read_exchanges(path)
+            for exchange in transcript.read_exchanges(path)
             if model in ('', exchange.model)
         }
 
@@ -78,7 +78,7 @@ class ModelInterpreter:
     """
 
     client: ChatClient
-    recorder: InstructionRecorder | None = None
+    recorder: transcript.InstructionRecorder | None = None
 
     name = 'endpoint'
 
@@ -98,7 +98,7 @@ class ModelInterpreter:
             completion = self.client.complete(messages, started + time_limit, schema)
         except EndpointFailure as failure:
             return failed(text, self.model, failure, time.monotonic() - started)
-        exchange = Exchange(
+        exchange = transcript.ModelCall(
             text, places.digest, self.model, completion.text,
             round(time.monotonic() - started, 3),
             completion.prompt_tokens, completion.completion_tokens,

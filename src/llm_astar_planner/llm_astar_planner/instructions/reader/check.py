@@ -23,6 +23,8 @@ LONGEST = 64
 CERTAIN = 0.85
 # The least weight of what the grammar may claim, set in the same way.
 LIKELY = -4.0
+# The least weight of what another reader proposes: it and the networks do not err alike.
+PROPOSED = -2.0
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
 RENUMBERED, TRUST = 1, 0.2
 Names = Mapping[str, str]
@@ -92,10 +94,13 @@ def shown(token: str, names: Names) -> str:
 
 
 def doubt_about(text: str, places: Places, clauses: Sequence[Mapping[str, Any]]) -> str:
-    """Return why clauses in JSON may not be claimed of a clean text, '' where they may."""
+    """Return why clauses in JSON may not be claimed of a clean text, '' where they may.
+
+    They are what another reader takes it for, a language model or a person.
+    """
     try:
         one, views = viewed(text, places)
-        return doubt(one, meant(one, places, clauses), views)
+        return doubt(one, meant(one, places, clauses), views, PROPOSED)
     except meaning.Unreadable as error:
         return str(error)
 
@@ -124,7 +129,7 @@ def viewed(text: str, places: Places) -> tuple[Lifted, Views]:
     return one, Views(one)
 
 
-def doubt(one: Lifted, clauses: Clauses, views: Views) -> str:
-    """Return why a meaning is not certain, '' where it is."""
-    is_certain = views.weight(clauses) >= CERTAIN
+def doubt(one: Lifted, clauses: Clauses, views: Views, least: float = CERTAIN) -> str:
+    """Return why a meaning is not certain, '' where it is; `least` is the least weight of one."""
+    is_certain = views.weight(clauses) >= least
     return claims.doubt(one, clauses) if is_certain else 'the networks do not agree on it'

@@ -10,11 +10,18 @@ Rules for conditions on places, wishes, ends and unknown words were not kept.
 
 import re
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from zlib import crc32
 
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE, WALL
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS, SAID, nouns, vocabulary
-from llm_astar_planner.instructions.grammar.words import comparable
+from llm_astar_planner.instructions.grammar.vocabulary import (
+    KINDS,
+    SAID,
+    Vocabulary,
+    nouns,
+    vocabulary,
+)
+from llm_astar_planner.instructions.grammar.words import comparable, phrase_words
 from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter, slot_name
 from llm_astar_planner.instructions.reader.meaning import (
     EACH,
@@ -44,6 +51,8 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     if UNKNOWN in tokens:
         return 'a place that the map does not have'
     doubts = [said for name in one.slots if name in tokens for said in one.slots[name].doubts]
+    # Whatever the map calls its passage, 'the corridor' is that one.
+    doubts = [said for said in doubts if not is_passage(said)]
     if doubts:
         return f'"{doubts[0]}" is doubtful'
     in_any_order = any(part[0] == 'V' and len(part) > 2 for part in clauses)
@@ -60,6 +69,12 @@ def doubt(one: Lifted, clauses: Sequence[Parts]) -> str:
     )
 
 
+def is_passage(said: str) -> bool:
+    """Whether words are a name for any passage: 'the hallway'."""
+    found = nouns().everywhere.exactly(phrase_words(said))
+    return any(noun.generic == 'passage' for noun in found)
+
+
 def unused(one: Lifted, tokens: Collection[str]) -> str:
     """Return a length, side or number that a meaning leaves unsaid, '' for none.
 
@@ -73,14 +88,20 @@ def unused(one: Lifted, tokens: Collection[str]) -> str:
     counted = {2} if 'OR' in tokens else set()
     if EACH in tokens:
         counted |= {len(one.slots[token].members) for token in tokens if token in one.slots}
+    told = {slot_name(token) for token in pruned(one) if token[0] == SIGN}
     for name, slot in one.slots.items():
-        is_said = name in tokens or name[0] == 'R'
+        is_said = name in tokens or name[0] == 'R' or name not in told
         is_contrast = name[0] == 'S' and slot.value in opposites
         is_once = is_condition and name[0] == 'K' and slot.number == 1
         is_all = name[0] == 'K' and slot.number in counted
         if not (is_said or is_contrast or is_once or is_all):
             return f'{name} is left'
     return ''
+
+
+def pruned(one: Lifted) -> list[str]:
+    """Return the tokens of a sentence without those that say nothing of the way."""
+    return SAID['idle'].sub(' ', ' '.join(one.tokens)).split()
 
 
 def leftover(one: Lifted) -> str:
@@ -96,19 +117,25 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'; and
     those that ask for what a path does not have, where the meaning leaves it out.
     """
-    said = ' '.join(one.tokens)
-    found = [token for token in one.tokens if SAID['partial'].fullmatch(token)]
+    rest = pruned(one)
+    said = ' '.join(rest)
+    found = [token for token in rest if SAID['partial'].fullmatch(token)]
     if not any(token.startswith('U_') for token in meaning):
         asked = (lexeme for lexeme in one.lexemes if lexeme.kind == 'UNSUPPORTED')
         words = (w.text for x in asked for w in one.words if x.start <= w.start < x.end)
-        found += [word for word in words if not SAID['any_time'].fullmatch(word)]
+        found += [word for word in words if word in rest and not SAID['any_time'].fullmatch(word)]
     names = ['unsayable', 'at_most'] if 'K' in meaning else ['unsayable']
     matches = (SAID[name].search(said) for name in names)
     found += [match[0] for match in matches if match]
     if 'A' in meaning and 'V' not in meaning:
         found += [one[0] for one in SAID['omission'].finditer(said)]
     if WISH not in meaning:
-        found += [one[0] for one in SAID['conditions'].finditer(said) if SIGN not in one[0]]
+        is_condition = not CONDITIONAL.isdisjoint(meaning)
+        found += [
+            one[0]
+            for one in SAID['conditions'].finditer(said)
+            if not (is_condition and SIGN in one[0])
+        ]
     return f'"{found[0]}" may ask for something else' if found else ''
 
 
@@ -122,59 +149,124 @@ def visited_again(one: Lifted, clauses: Sequence[Parts]) -> str:
     return f'{again[0]} is said again' if again else ''
 
 
+@dataclass(frozen=True)
+class Around:
+    """A word of a sentence between the tokens before and after it; '' where there are none."""
+
+    one: Lifted
+    earlier: str
+    before: str
+    word: str
+    after: str
+
+    @property
+    def words(self) -> Vocabulary:
+        """The words of the language of the sentence."""
+        return vocabulary(self.one.language)
+
+    def kinds(self, token: str) -> set[str]:
+        """Return the kinds of lexemes that a token may be."""
+        return {found[0][0] for found in self.words.phrases.exactly([token])}
+
+    def is_article(self, token: str) -> bool:
+        """Whether a token is left out before a name."""
+        return token in self.words.articles or token in self.words.any_articles
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether it was in many sentences and never a name."""
+        return crc32(self.word.encode()) in known_words()
+
+    @property
+    def is_noun(self) -> bool:
+        """Whether it is a word of what places are called."""
+        is_function = self.is_article(self.word) or self.kinds(self.word) & KINDS.function_words
+        return self.word in nouns().everywhere.words and not is_function
+
+    @property
+    def is_generic(self) -> bool:
+        """Whether it is what places are called, in the language or in English: 'the room'."""
+        languages = (self.one.language, 'en')
+        return any(nouns().by_language[name].exactly([self.word]) for name in languages)
+
+    @property
+    def is_beside(self) -> bool:
+        """Whether a place is before it: 'kitchen door'."""
+        return self.before[:2] in REGIONS
+
+    @property
+    def is_told(self) -> bool:
+        """Whether a verb or the like is before it, or before its article."""
+        lead = self.earlier if self.is_article(self.before) else self.before
+        return bool(self.kinds(lead) & KINDS.before_names)
+
+    @property
+    def follows(self) -> bool:
+        """Whether what is before it may be before a name."""
+        is_led = self.is_article(self.before) or self.kinds(self.before) & KINDS.before_names
+        return bool(is_led) or self.is_beside or self.earlier[:2] in REGIONS
+
+    @property
+    def begins_name(self) -> bool:
+        """Whether it is before a place and no word of instructions: 'the old kitchen'.
+
+        In English what is before a place may be a part of its name even where it was often said.
+        """
+        kinds = self.kinds(self.word)
+        is_known = self.is_article(self.word) or bool(kinds - {'REMARK'})
+        is_known |= self.is_seen and self.one.language != 'en'
+        is_known |= bool(SAID['before_places'].fullmatch(self.word))
+        is_ordinal = 'ORDINAL' in kinds and self.word not in FIRST
+        return self.after[:2] in REGIONS and (self.is_noun or is_ordinal or not is_known)
+
+    def is_name(self, *, has_place: bool) -> bool:
+        """Whether it may be a name, or a part of one; `has_place` where a meaning has its places.
+
+        Then what follows no verb or place is in a reason, but for 'the door of the kitchen'.
+        """
+        is_asked = self.is_told or self.is_beside or not has_place
+        is_unknown = (
+            (is_asked and self.follows)
+            and not (self.is_seen or self.kinds(self.word))
+            and may_be_noun(self.word, self.one, has_article=self.is_article(self.before))
+        )
+        is_generic = self.is_generic and (is_asked or 'OF' in self.kinds(self.after))
+        ends_name = self.is_beside and (self.is_noun or is_letter(self.word))
+        return is_unknown or is_generic or ends_name or self.begins_name
+
+    def is_meant(self, meaning: Collection[str]) -> bool:
+        """Whether a meaning says it without a slot: walls, the map, any place."""
+        if 'WALLS' in meaning and is_wall(self.word):
+            return True
+        name = 'whole_map' if 'HF' in meaning else 'any_place'
+        return bool(SAID[name].fullmatch(self.word)) and 'WALLS' not in meaning
+
+
 def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     """Return a word that may be a name, or a part of one, that the map does not have; '' for none.
 
     That is one beside a place that is no word of instructions, 'the old kitchen', 'kitchen door',
     and an unknown word or a noun after an article, a verb or the like: 'avoid the ballroom'.
     """
-    words, called, known = vocabulary(one.language), nouns().everywhere, known_words()
-    articles = words.articles | words.any_articles
-    around = ('', '', *one.tokens, '')
-    kinds_of = {
-        token: {found[0][0] for found in words.phrases.exactly([token])} for token in around
-    }
-    needs_places = PLACELESS.isdisjoint(meaning)
-    for earlier, before, token, after in zip(around, around[1:], one.tokens, around[3:]):
-        named = called.exactly([token])
-        is_wall = any(noun.name == WALL for noun in named)
-        is_map = 'HF' in meaning and SAID['whole_map'].fullmatch(token)
-        is_any = needs_places and SAID['any_place'].fullmatch(token)
-        if not token.isalpha() or is_map or is_any or (is_wall and 'WALLS' in meaning):
+    has_place = PLACELESS.isdisjoint(meaning)
+    tokens = ('', '', *one.tokens, '')
+    for around in zip(tokens, tokens[1:], one.tokens, tokens[3:]):
+        word = Around(one, *around)
+        if not word.word.isalpha() or word.is_meant(meaning):
             continue
-        kinds, leads = kinds_of[token], kinds_of[before] & KINDS.before_names
-        is_beside = before[:2] in REGIONS
-        lead = earlier if before in articles else before
-        is_told = bool(kinds_of[lead] & KINDS.before_names)
-        is_noun = (
-            token in called.words and token not in articles and not kinds & KINDS.function_words
-        )
-        is_seen = crc32(token.encode()) in known
-        # In English what is before a place may be a part of its name.
-        is_known = token in articles or bool(kinds - {'REMARK'})
-        is_known |= is_seen and one.language != 'en'
-        is_known |= bool(SAID['before_places'].fullmatch(token))
-        is_known &= 'ORDINAL' not in kinds or token in FIRST
-        follows = before in articles or bool(leads) or is_beside or earlier[:2] in REGIONS
-        is_name = (
-            (after[:2] in REGIONS and (is_noun or not is_known))
-            or (is_beside and (is_noun or is_letter(token)))
-            or (
-                follows
-                and (is_beside or is_told or not needs_places)
-                and not (is_seen or kinds)
-                and may_be_noun(token, one, has_article=before in articles)
-            )
-        )
-        if is_name or named:
-            return f'"{token}" may be a name'
+        if word.is_name(has_place=has_place):
+            return f'"{word.word}" may be a name'
     return ''
+
+
+def is_wall(word: str) -> bool:
+    """Whether a word is a noun for walls."""
+    return any(noun.name == WALL for noun in nouns().everywhere.exactly([word]))
 
 
 def no_wall(one: Lifted, meaning: Collection[str]) -> str:
     """Return that a meaning is about walls of which no word speaks, '' else: '2 m from me'."""
-    called = nouns().everywhere
-    is_said = any(noun.name == WALL for token in one.tokens for noun in called.exactly([token]))
+    is_said = any(is_wall(token) for token in one.tokens)
     return '' if is_said or 'WALLS' not in meaning else 'no wall is named'
 
 
@@ -199,6 +291,7 @@ def alone(one: Lifted) -> str:
     phrases = vocabulary(one.language).phrases
     around = ('.', *one.tokens, '.')
     for before, token, after in zip(around, one.tokens, around[2:]):
-        if before in ENDS and after in ENDS and token.isalpha() and not phrases.exactly([token]):
+        is_known = phrases.exactly([token]) or SAID['interjection'].fullmatch(token)
+        if before in ENDS and after in ENDS and token.isalpha() and not is_known:
             return f'"{token}" is left'
     return ''

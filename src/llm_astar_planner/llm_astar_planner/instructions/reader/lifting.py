@@ -26,7 +26,7 @@ from llm_astar_planner.instructions.grammar.selection import (
     select_group,
 )
 from llm_astar_planner.instructions.grammar.spoken import with_spoken_numbers
-from llm_astar_planner.instructions.grammar.vocabulary import KINDS, nouns
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, SAID, nouns
 from llm_astar_planner.instructions.grammar.words import Word, phrase_words, read_words
 from llm_astar_planner.instructions.reader.relations import related
 from llm_astar_planner.instructions.regions import NamedPlace, Region
@@ -57,8 +57,8 @@ NAMED_AS = {'O': 'R', 'G': 'R', 'Y': 'R', 'N': 'K'}
 WORDS_OF_A_LETTER = frozenset('adeilmnostuy')
 # Words before which 'right' is no side: 'right beside it'.
 AFTER_RIGHT = frozenset(
-    {'after', 'alongside', 'away', 'before', 'behind', 'beside', 'by', 'here', 'next', 'now',
-     'past', 'there', 'through', 'up'}
+    {'after', 'along', 'alongside', 'away', 'before', 'behind', 'beside', 'by', 'here', 'next',
+     'now', 'past', 'round', 'there', 'through', 'up'}
 )  # fmt: skip
 # Words in names that tell nothing.
 VAGUE = frozenset(
@@ -125,19 +125,40 @@ def lifted(text: str, places: Places) -> Lifted:
     language = next(iter(languages_of(read)))
     lexer = lexer_for(places, language)
     words, _ = lexer.corrected(read)
-    lexemes = lexer.lexemes(words)
+    lexemes = with_tags(lexer.lexemes(words), read)
     tokens: list[str] = []
     slots: dict[str, Slot] = {}
     at = 0
     for start, end, slot in sorted(slots_in(lexemes, places, read), key=lambda one: one[0]):
-        tokens += [word.text for word in read if at <= word.start < start]
+        between = [word.text for word in read if at <= word.start < start]
         name = named(slot, slots)
-        if name:
-            slots.setdefault(name, slot)
-            tokens.append(f'{SIGN}{slot.shown or slot.kind}{name[1:]}')
+        token = f'{SIGN}{slot.shown or slot.kind}{name[1:]}'
+        # 'The red bathroom painted in crimson' is said once.
+        if tokens[-1:] != [token] or (between and not leads_to_tag(between)):
+            tokens += between
+            if name:
+                slots.setdefault(name, slot)
+                tokens.append(token)
         at = max(at, end)
     tokens += [word.text for word in read if word.start >= at]
     return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)
+
+
+def with_tags(lexemes: Sequence[Lexeme], words: Sequence[Word]) -> Sequence[Lexeme]:
+    """Return lexemes without what leads from a noun to its tag: 'the room painted in green'."""
+    kept = [*lexemes]
+    for at in reversed([n for n, one in enumerate(lexemes) if one.kind == 'NOUN']):
+        ahead = lexemes[at : at + MOST_DESCRIBED]
+        tag = next((n for n, one in enumerate(ahead) if one.kind == 'TAG'), 0)
+        said = [w.text for w in words if ahead[0].end <= w.start < ahead[tag].start]
+        if tag > 1 and leads_to_tag(said):
+            del kept[at + 1 : at + tag]
+    return kept
+
+
+def leads_to_tag(words: Sequence[str]) -> bool:
+    """Whether words lead from a noun to its colour or tag: 'painted in'."""
+    return bool(SAID['painted'].fullmatch(' '.join(words)))
 
 
 def slot_name(token: str) -> str:

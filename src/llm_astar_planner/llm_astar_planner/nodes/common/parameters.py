@@ -8,12 +8,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces import msg
 from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
@@ -25,10 +20,10 @@ OVERRIDES = {'automatically_declare_parameters_from_overrides': True}
 Check = Callable[[dict[str, Any]], str | None]
 
 
-def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
+def descriptor_of(parameter: Parameter) -> msg.ParameterDescriptor:
     """Return what `ros2 param describe` shows and rclpy enforces."""
     unit = f' [{parameter.unit}]' if parameter.unit else ''
-    descriptor = ParameterDescriptor(
+    descriptor = msg.ParameterDescriptor(
         description=parameter.sentence.replace('`', '') + unit, read_only=parameter.read_only
     )
     if parameter.choices:
@@ -38,11 +33,11 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
     elif parameter.between is not None:
         if isinstance(parameter.default, float):
             least, most = map(float, parameter.between)
-            bounds = FloatingPointRange(from_value=least, to_value=most)
+            bounds = msg.FloatingPointRange(from_value=least, to_value=most)
             descriptor.floating_point_range = [bounds]
         else:
             lowest, highest = map(int, parameter.between)
-            descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=highest)]
+            descriptor.integer_range = [msg.IntegerRange(from_value=lowest, to_value=highest)]
     return descriptor
 
 
@@ -103,7 +98,7 @@ class Parameters:
     def _declare(self, given: dict[str, Any]) -> None:
         defaults = {name: parameter.default for name, parameter in self._table.items()}
         for name, ours in self._others.items():
-            descriptor = ParameterDescriptor(description=f'See {ours}')
+            descriptor = msg.ParameterDescriptor(description=f'See {ours}')
             self._node.declare_parameter(name, defaults[ours], descriptor)
             defaults[ours] = given.get(name, defaults[ours])
         for name, parameter in self._table.items():
@@ -116,10 +111,10 @@ class Parameters:
                 return problem
         return self._check(values) if self._check else None
 
-    def _on_set(self, changed: list[Any]) -> SetParametersResult:
+    def _on_set(self, changed: list[Any]) -> msg.SetParametersResult:
         known = {change.name: change.value for change in changed if change.name in self._table}
         problem = self._problem(self.values() | known) if known else None
-        return SetParametersResult(successful=problem is None, reason=problem or '')
+        return msg.SetParametersResult(successful=problem is None, reason=problem or '')
 
 
 def parameter_files(arguments: Sequence[str]) -> list[str]:

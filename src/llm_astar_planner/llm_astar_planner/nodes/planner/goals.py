@@ -139,7 +139,7 @@ class PlanResponse:
 Answer = Callable[..., PlanResponse]
 
 
-class GoalTaker(Protocol):
+class GoalHandler(Protocol):
     """What takes goals while it is active, and answers each; it never raises."""
 
     @property
@@ -156,7 +156,7 @@ def refusal(code: ResultCode, message: str) -> Plan:
     return Plan(code, message, '', (0, 0), (0, 0), np.zeros((0, 0), dtype=np.bool_))
 
 
-def serve_goals(entities: Entities, taker: GoalTaker, introspection: str) -> None:
+def serve_goals(entities: Entities, goal_handler: GoalHandler, introspection: str) -> None:
     """Serve `~/get_plan` and Nav2's path actions.
 
     `introspection` is one of INTROSPECTION_STATES, for `~/get_plan`. Nothing that takes long to
@@ -168,14 +168,14 @@ def serve_goals(entities: Entities, taker: GoalTaker, introspection: str) -> Non
     ) -> GetPlan.Response:
         tolerance = float(request.tolerance)
         goal = PlanGoal((request.goal,), request.start, tolerance, client=GET_PLAN)
-        response.plan = taker.answer(goal, CancellationToken(arrived, busy)).path
+        response.plan = goal_handler.answer(goal, CancellationToken(arrived, busy)).path
         return response
 
     calls = QueuedService(entities, GetPlan, GET_PLAN, on_get_plan, threads=CALLERS)
     state = INTROSPECTION_STATES[introspection]
     calls.service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
     for name, kind in ACTIONS.items():
-        PathAction(entities, kind, name, taker)
+        PathAction(entities, kind, name, goal_handler)
     served = 'with' if ACTIONS else 'without nav2_msgs, so without'
     entities.node.get_logger().info(f"{served} Nav2's planner actions")
 
@@ -243,12 +243,12 @@ class PathAction:
         entities: Entities,
         kind: Any,  # noqa: ANN401 - an action type
         name: str,
-        taker: GoalTaker,
+        goal_handler: GoalHandler,
     ) -> None:
         """Serve the action."""
         self._kind, self._name = kind, name
         self._logger = entities.node.get_logger()
-        self._taker = taker
+        self._goal_handler = goal_handler
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
         server = ActionServer(
@@ -269,7 +269,7 @@ class PathAction:
         if is_busy:
             busy = f'{self._name}: busy: {len(self._tokens)} goals are waiting'
             self._logger.warning(busy, throttle_duration_sec=QUIET_SECONDS)
-        is_taken = self._taker.is_active and not is_busy
+        is_taken = self._goal_handler.is_active and not is_busy
         return GoalResponse.ACCEPT if is_taken else GoalResponse.REJECT
 
     def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
@@ -289,7 +289,7 @@ class PathAction:
     def execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
         """Plan for a goal and finish it."""
         goal, token = plan_goal(handle.request, self._name), self.token_of(handle)
-        response = self._taker.answer(goal, token)
+        response = self._goal_handler.answer(goal, token)
         if token.reason == CANCELED:
             wait_for_cancel(handle)
         if handle.is_cancel_requested:

@@ -21,21 +21,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 
-from llm_astar_planner.instructions.current import (
-    Confirmations,
-    ConfirmationsError,
-    CurrentInstruction,
-    InstructionReader,
-)
+from llm_astar_planner.instructions import current, messages
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
     not_understood,
-)
-from llm_astar_planner.instructions.messages import (
-    MAX_QUESTION_WITH_PLACES,
-    Question,
-    parse_answer,
 )
 from llm_astar_planner.instructions.progress import Progress
 from llm_astar_planner.instructions.text import clean_instruction
@@ -81,12 +71,12 @@ class InstructionServer:
         entities, name = self.entities, self.settings['llm_client']
         self._node = entities.node
         self._is_answering = threading.Lock()
-        self._reader = InstructionReader(
+        self._reader = current.InstructionReader(
             InstructionClient(entities, name) if name else None,
-            Confirmations(state_file('confirmations.json')),
+            current.Confirmations(state_file('confirmations.json')),
         )
         entities.on_close(self._reader.close)
-        self.current = CurrentInstruction(self._reader, self.on_change)
+        self.current = current.CurrentInstruction(self._reader, self.on_change)
         self._progress = Progress()
         self._client_changed = False
         self._prepared = NO_PLACES
@@ -103,7 +93,7 @@ class InstructionServer:
         self.refresh()
 
     def interpret(
-        self, question: Question, on_answer: Callable[[Interpretation], None]
+        self, question: messages.Question, on_answer: Callable[[Interpretation], None]
     ) -> Interpretation:
         """Return what a text means now; a question about the last plan is answered soon."""
         if read_question(question.text) is None:
@@ -135,7 +125,7 @@ class InstructionServer:
         logger, questions = self._node.get_logger(), ' '.join(self.current.questions)
         try:
             is_asked = self.current.confirm(message.data)
-        except (OSError, ConfirmationsError) as error:
+        except (OSError, current.ConfirmationsError) as error:
             is_asked = True
             logger.warning(f'the answer is not kept: {error}')
         answer = 'yes' if message.data else 'no'
@@ -230,8 +220,8 @@ class InstructionClient:
     def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
         """Ask, and wait for the answer; PENDING, with the reason, where none came."""
         id_ = uuid.uuid4().hex
-        question = Question(text, id_, places.to_geojson()).to_text()
-        if len(question) > MAX_QUESTION_WITH_PLACES:
+        question = messages.Question(text, id_, places.to_geojson()).to_text()
+        if len(question) > messages.MAX_QUESTION_WITH_PLACES:
             return pending(text, f'the places are too many to ask {self.name}')
         with self._arrived:
             self._answers[id_] = None
@@ -261,7 +251,7 @@ class InstructionClient:
     def on_answer(self, message: String) -> None:
         """Take an answer, if it is one to a question of this node."""
         try:
-            id_, answer = parse_answer(message.data)
+            id_, answer = messages.parse_answer(message.data)
         except LlmAstarError as error:
             self._logger.warning(f'{self.name}/interpretation: {error}', throttle_duration_sec=1.0)
             return

@@ -299,7 +299,7 @@ class Failure(NamedTuple):
     time: float
 
 
-class Waited(NamedTuple):
+class MapWait(NamedTuple):
     """How long a request waited for a map, in seconds, and what to warn of.
 
     Of that time `extra` is not part of the planning time.
@@ -310,7 +310,7 @@ class Waited(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-NOT_WAITED = Waited()
+NOT_WAITED = MapWait()
 
 
 @dataclass(eq=False)
@@ -358,7 +358,7 @@ class CostmapWait:
 
     def wait(
         self, begin: float, planning_time: float, may_wait: Callable[[], bool], *, is_retry: bool
-    ) -> Waited:
+    ) -> MapWait:
         """Wait for the map of a request made at `begin`, in monotonic seconds.
 
         `planning_time` is all that it has. If there is no map after that, the first warning says
@@ -387,15 +387,15 @@ class CostmapWait:
         limit: float,
         may_wait: Callable[[], bool],
         newer_than: float | None = None,
-    ) -> Waited:
+    ) -> MapWait:
         """Wait for up to `limit` seconds as `MapManager.wait` does; warn if that was in vain."""
         is_ready = self.maps.wait(limit, may_wait, newer_than=newer_than)
         seconds = self.clock() - begin
         if is_ready:
-            return Waited(seconds, seconds)
+            return MapWait(seconds, seconds)
         problem = 'the first map is not ready yet' if self.maps.is_preparing else NO_MAP
         said = warning.format(problem=problem, seconds=seconds)
-        return Waited(seconds, seconds, (said,))
+        return MapWait(seconds, seconds, (said,))
 
 
 def is_recent(failure: Failure, now: float) -> bool:

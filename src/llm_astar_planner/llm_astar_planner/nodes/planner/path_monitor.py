@@ -49,9 +49,9 @@ class PathMonitor:
         self._to_check: tuple[Planner, goals.CancellationToken | None, str] | None = None
         self._is_replanning = False
 
-    def start(self, taker: goals.GoalTaker) -> None:
-        """Begin; `taker` plans again."""
-        self._taker = taker
+    def start(self, goal_handler: goals.GoalHandler) -> None:
+        """Begin; `goal_handler` plans again."""
+        self._goal_handler = goal_handler
         self._thread = threading.Thread(target=self.work, name='path_monitor', daemon=True)
         self._thread.start()
 
@@ -120,7 +120,7 @@ class PathMonitor:
         watched = self._watched
         if watched is None or watched.planner is None:
             return
-        if not self._taker.is_active or token.reason:
+        if not self._goal_handler.is_active or token.reason:
             return
         digest = planner.grid_map.digest
         footprint = self.footprint.current
@@ -134,7 +134,7 @@ class PathMonitor:
         self.state = f'replanned on map {digest}: {reason}'
         self._is_replanning = True
         try:
-            response = self._taker.answer(watched.goal, token, replan_reason=self.state)
+            response = self._goal_handler.answer(watched.goal, token, replan_reason=self.state)
         finally:
             self._is_replanning = False
         if response.plan.code is ResultCode.NONE:

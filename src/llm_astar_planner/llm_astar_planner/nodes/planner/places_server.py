@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.instructions.grammar.vocabulary import check_names
-from llm_astar_planner.instructions.ground import goal_cell
+from llm_astar_planner.instructions.region_finder import goal_cell
 from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.entities import LATCHED, Entities, LoggedThread
 from llm_astar_planner.nodes.common.parameters import Parameters

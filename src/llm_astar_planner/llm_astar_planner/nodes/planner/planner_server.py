@@ -42,10 +42,10 @@ class PlannerServer:
     in both states. Those that come while the searches are being compiled wait for it.
     """
 
-    def __init__(self, node: Node, settings: Parameters, taker: goals.GoalTaker) -> None:
-        """Join the graph, not active yet; `taker` answers the goals of RViz."""
+    def __init__(self, node: Node, settings: Parameters, goal_handler: goals.GoalHandler) -> None:
+        """Join the graph, not active yet; `goal_handler` answers the goals of RViz."""
         self._node = node
-        self._taker = taker
+        self._goal_handler = goal_handler
         self._settings = settings
         self._entities = entities = Entities(node)
         self._goals = goals.PreemptingGoalSlot()
@@ -56,7 +56,7 @@ class PlannerServer:
         entities.on_close(side.destroy_node)
         self._instructions = InstructionServer(
             entities, side, settings, lambda: self._places.places, self.on_understood,
-            lambda text: self.handler.answer_question(text, self._places.places),
+            self.answer_question,
         )  # fmt: skip
         name = settings['llm_client']
         self._client = WaypointClient(entities, name, self.on_client_change) if name else None
@@ -66,10 +66,7 @@ class PlannerServer:
             node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner, compiler
         )
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
-        again = 'the footprint has changed'
-        self._footprint = RobotFootprint(
-            entities, settings, frames, lambda: self.monitor.check_again(again)
-        )
+        self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
         replans = goals.PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities, replans)
         cache = self._client.cache if self._client else None
@@ -124,7 +121,7 @@ class PlannerServer:
             (message,), fallback_start=self._initial_pose, client=goals.GOAL_POSE
         )
         # Poses are taken one at a time, in their order, so the planning is left to another thread.
-        self._node.executor.create_task(self._taker.answer, goal, token)
+        self._node.executor.create_task(self._goal_handler.answer, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
@@ -150,6 +147,14 @@ class PlannerServer:
         """Replan the last path if new maps do, as something else is asked of it now."""
         if self._settings['replan_on_map']:
             self.monitor.check_again('the instruction has changed')
+
+    def on_footprint(self) -> None:
+        """Check the last path for a footprint that has changed."""
+        self.monitor.check_again('the footprint has changed')
+
+    def answer_question(self, text: str) -> str:
+        """Return the answer to a question about the last plan. Raises QuestionError."""
+        return self.handler.answer_question(text, self._places.places)
 
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
@@ -196,7 +201,7 @@ class PlannerServer:
             'active': self.handler.is_active,
             'map_digest': planner.grid_map.digest if planner else None,
             'map_age': None if age is None else round(age, 3),
-            'llm_client_ready': self._client is not None and self._client.ready,
+            'llm_client_ready': self._client is not None and self._client.service_is_ready(),
             'last_path': self.monitor.state,
             **self._footprint.values(),
             **self._maps.landmarks.values(),

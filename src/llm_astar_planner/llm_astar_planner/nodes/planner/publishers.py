@@ -29,7 +29,8 @@ from llm_astar_planner.nodes.planner.goals import PlanResponse, PreemptingGoalSl
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.path_validator import CollisionChecker, curve_cells
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanRequest, Point, plan_report
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, PlanRequest, Point
 from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.arrays import Float64s
 
@@ -216,16 +217,13 @@ class PlanPublisher:
         self._report = entities.publisher(DiagnosticArray, '~/report', REPORTS)
         self._markers = entities.publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored = entities.publisher(GridCells, '~/explored', RELIABLE)
+        # How many want to see the expanded cells.
+        self.count_viewers: Callable[[], int] = self._explored.get_subscription_count
         self._lock = threading.Lock()
         self._to_draw: tuple[Plan, GridMap, Time] | None = None
         self._published: Path | None = None
         self._free = threading.Semaphore(MAX_REPORTS)
         self._thread = LoggedThread(entities, 'publisher')
-
-    @property
-    def wants_expanded(self) -> bool:
-        """Whether anybody subscribes to the expanded cells."""
-        return bool(self._explored.get_subscription_count())
 
     def publish_path(self, path: Path, *, is_replan: bool) -> None:
         """Publish a path, unless this very message was the last one published."""
@@ -281,7 +279,7 @@ class PlanPublisher:
             self._raw_plan.publish(write(plan.path))
         for way in plan.alternatives:
             self._alternatives.publish(write(way.path))
-        if not (self._markers.get_subscription_count() or self.wants_expanded):
+        if not (self._markers.get_subscription_count() or self.count_viewers()):
             return
         with self._lock:
             is_waiting = self._to_draw is not None
@@ -305,7 +303,7 @@ class PlanPublisher:
             reasons = reasons_of(plan, grid_map)
             markers.markers += drawing.reasons_to_markers(reasons, grid_map.frame_id, stamp)
             self._markers.publish(markers)
-        if self.wants_expanded and plan.expanded.size:
+        if self.count_viewers() and plan.expanded.size:
             self._explored.publish(drawing.expanded_to_message(plan.expanded, grid_map, stamp))
 
 

@@ -23,6 +23,7 @@ from rclpy.node import Node
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
+from llm_astar_planner.nodes.planner import map_manager
 from llm_astar_planner.nodes.planner.goals import (
     ACTION_NAMES,
     GOAL_POSE,
@@ -32,13 +33,12 @@ from llm_astar_planner.nodes.planner.goals import (
     refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
-from llm_astar_planner.nodes.planner.map_manager import NOT_WAITED, CostmapWait, MapManager, Waited
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import request_fields
-from llm_astar_planner.planning.plan_reuse import Ways
+from llm_astar_planner.planning.plan_reuse import PathHistory
 from llm_astar_planner.planning.questions import QuestionError, Questions
 from llm_astar_planner.planning.types import (
     MAX_VIA,
@@ -67,7 +67,7 @@ class RequestError(PlanningFailure):
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class AcceptedGoal:
     """A goal that is being answered, since `begin` (monotonic) for at most `limit` seconds."""
 
     goal: PlanGoal
@@ -194,7 +194,7 @@ class RequestConverter:
         return fields
 
 
-def way_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, ...]:
+def path_key(goal: PlanGoal, place: Pose2D, grid_map: GridMap) -> tuple[object, ...]:
     """Return what goals share that keep one way: client, method and place, in cells of the frame.
 
     They are counted from the frame's origin, wherever the map begins.
@@ -209,7 +209,7 @@ class RequestHandler:
 
     node: Node
     settings: Parameters
-    maps: MapManager
+    maps: map_manager.MapManager
     converter: RequestConverter
     compiler: KernelCompiler
     publisher: PlanPublisher
@@ -223,10 +223,10 @@ class RequestHandler:
         self._ready_since = 0.0
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
-        self._ways = Ways()
+        self._ways = PathHistory()
         # How many plans began at each of the last times of the clock.
         self._plans_at: dict[int, int] = {}
-        self._waits = CostmapWait(
+        self._waits = map_manager.CostmapWait(
             self.maps, lambda: self.settings.current['costmap_update_timeout']
         )
         self._last: PlanResponse | None = None
@@ -260,7 +260,7 @@ class RequestHandler:
         token = token or CancellationToken()
         stamp = self.next_stamp()
         limit = self.settings.current['max_planning_time']
-        job = Job(goal, token, stamp, max(token.arrived, self._ready_since), limit)
+        job = AcceptedGoal(goal, token, stamp, max(token.arrived, self._ready_since), limit)
         with self._ended:
             self._running.add(token)
         try:
@@ -317,20 +317,15 @@ class RequestHandler:
         seconds, nanoseconds = divmod(now + earlier, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
-    def plan(self, job: Job, replan_reason: str) -> PlanResponse:
+    def plan(self, job: AcceptedGoal, replan_reason: str) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         job.goes_on(max(job.limit, self.settings.current['first_path_time_limit']))
-        waited, maps = NOT_WAITED, self.maps
-        is_late = time.monotonic() > maps.arrivals.overdue_at
-        if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
-            # A replan follows a new map, and is no retry.
-            waited = self.wait_for_map(job, may_be_retry=not replan_reason)
+        # A replan follows a new map, and is no retry.
+        newest, waited = self.wait_for_map(job, may_be_retry=not replan_reason)
+        if waited is not map_manager.NOT_WAITED:
             job = replace(job, begin=job.begin + waited.extra)
-        newest = maps.newest
-        if newest is None:
-            raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
-        wants, grid_map = self.publisher.wants_expanded, planner.grid_map
+        wants, grid_map = self.publisher.count_viewers() > 0, planner.grid_map
         request, start, goals = self.converter.to_request(
             job.goal, grid_map, job.search_seconds, job.may_wait, want_expanded=wants
         )
@@ -338,12 +333,12 @@ class RequestHandler:
         writer = PathWriter(planner, job.stamp, start, goals[-1], keeps_heading, request)
         way: Hashable = None
         if request.switch_margin:
-            way = way_key(job.goal, goals[-1], grid_map)
+            way = path_key(job.goal, goals[-1], grid_map)
             request = self._ways.add_to(request, way)
         if self.instructions.current.instruction is not None:
             request = self.instructions.add_to(request, planner, start, goals)
         # Who calls gets one path, and RViz shows that one; so where a way may be kept.
-        shows_better = job.goal.client == GOAL_POSE and request.last_way is None
+        shows_better = job.goal.client == GOAL_POSE and request.last_path is None
         plans = planner.plans(request, job.token.stop, anytime=shows_better)
         for plan in plans:
             if not (plan.is_final or job.token.reason):
@@ -363,21 +358,32 @@ class RequestHandler:
         self.publisher.publish_views(plan, grid_map, job.stamp, writer.write)
         if not replan_reason and (self._waits.failures or not is_made):
             self._waits.note(job.goal, failed=not is_made)
-        if waited is not NOT_WAITED:
+        if waited is not map_manager.NOT_WAITED:
             warnings = (*plan.warnings, *waited.warnings)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def wait_for_map(self, job: Job, *, may_be_retry: bool) -> Waited:
-        """Wait for the map to plan on; raise RequestError where none has come for too long."""
-        limit = self.settings.current['costmap_timeout']
-        if limit > 0.0 and (problems := self.maps.arrivals.warnings(limit)):
-            message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
-            raise RequestError(ResultCode.TIMEOUT, message)
-        is_retry = may_be_retry and self._waits.is_retry(job.goal)
-        return self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+    def wait_for_map(
+        self, job: AcceptedGoal, *, may_be_retry: bool
+    ) -> tuple[map_manager.PlanningMap, map_manager.MapWait]:
+        """Return the map to plan on, and how it was waited for; mostly it is there.
 
-    def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
+        Raises RequestError where none has come for too long.
+        """
+        maps, waited = self.maps, map_manager.NOT_WAITED
+        is_late = time.monotonic() > maps.arrivals.overdue_at
+        if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
+            limit = self.settings.current['costmap_timeout']
+            if limit > 0.0 and (problems := maps.arrivals.warnings(limit)):
+                message = f'{problems[0]} (costmap_timeout is {limit:g} s)'
+                raise RequestError(ResultCode.TIMEOUT, message)
+            is_retry = may_be_retry and self._waits.is_retry(job.goal)
+            waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+        if maps.newest is None:
+            raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
+        return maps.newest, waited
+
+    def failed(self, job: AcceptedGoal, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
         newest = self.maps.newest
         frame_id = newest.planner.grid_map.frame_id if newest else ''

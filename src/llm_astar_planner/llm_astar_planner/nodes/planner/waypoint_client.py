@@ -77,6 +77,8 @@ class WaypointClient:
         service = parent.resolve_service_name(f'{client}/get_waypoints')
         exchange = parent.resolve_topic_name(f'{client}/exchange')
         self._client = self._node.create_client(GetPlan, service, qos_profile=CALLS)
+        # While it is not, a query is answered at once: that nobody is there.
+        self.service_is_ready: Callable[[], bool] = self._client.service_is_ready
         self._exchanges: Recent[tuple[int, int], ExchangeReport] = Recent(KEPT_EXCHANGES)
         self._arrived = threading.Condition()
         self._node.create_subscription(DiagnosticArray, exchange, self.on_exchange, REPORTS)
@@ -93,16 +95,6 @@ class WaypointClient:
         )
         entities.on_close(SpinThread(self._node).close)
 
-    @property
-    def ready(self) -> bool:
-        """Whether the client's service is there."""
-        return bool(self._client.service_is_ready())
-
-    @property
-    def is_away(self) -> bool:
-        """Whether an answer comes at once: that the client is not there."""
-        return not self.ready
-
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the waypoints of the last plan to the goal if they hold, else ask the client."""
         return self.cache.find(query) or self.ask(query)
@@ -110,7 +102,7 @@ class WaypointClient:
     def ask(self, query: WaypointQuery) -> WaypointReply:
         """Query the client; every failure is a status, within the query's time limit."""
         deadline = time.monotonic() + query.time_limit
-        if self.ready:
+        if self.service_is_ready():
             self.put_rules(query.costmap.config, deadline)
         begin = time.monotonic()
         exchange = None
@@ -144,7 +136,7 @@ class WaypointClient:
 
         Also when nobody waits for the answer any more.
         """
-        if not self.ready:
+        if not self.service_is_ready():
             raise ClientFailure(SourceStatus.UNREACHABLE, f'{self._client_name} is not there')
         done = threading.Event()
         time_left = max(0.0, deadline - time.monotonic())
@@ -161,7 +153,7 @@ class WaypointClient:
         """Return why a query is not waited for any longer, None while it is."""
         if query.stop is not None and query.stop[0]:
             return ClientFailure(SourceStatus.LATE, 'nobody waits for it any more')
-        if not self.ready:
+        if not self.service_is_ready():
             detail = f'{self._client_name} went away during the query'
             return ClientFailure(SourceStatus.UNREACHABLE, detail)
         if time.monotonic() >= deadline:

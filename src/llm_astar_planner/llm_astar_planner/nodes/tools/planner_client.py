@@ -270,13 +270,13 @@ class PlannerCaller(PlannerClient):
 
     def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
-        with contextlib.suppress(messages.QuestionError):
+        with contextlib.suppress(messages.QuestionFormatError):
             answer = messages.parse_object(message.data)
             self._answers.get(answer.get('id', ''), []).append(answer)
 
     def _on_places(self, message: String) -> None:
         """Keep the newest places."""
-        with contextlib.suppress(messages.QuestionError):
+        with contextlib.suppress(messages.QuestionFormatError):
             self._places = messages.parse_object(message.data)
 
     def interpretations(self, text: str) -> Iterator[dict[str, Any]]:

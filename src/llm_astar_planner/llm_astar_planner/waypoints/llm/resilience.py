@@ -142,7 +142,7 @@ class CircuitBreaker:
 
 
 @dataclass(eq=False)
-class Window:
+class Usage:
     """What was used in the last `seconds`, of at most `limit`; 0 means no limit."""
 
     limit: int
@@ -181,7 +181,10 @@ class CallBudget:
     ) -> None:
         """Start with nothing used; `clock` returns seconds."""
         self._lock = threading.Lock()
-        self.calls, self.tokens = Window(calls, HOUR_S, clock), Window(tokens, DAY_S, clock)
+        self.calls, self.tokens = (
+            Usage(calls, HOUR_S, clock),
+            Usage(tokens, DAY_S, clock),
+        )
 
     def admit(self) -> None:
         """Count one request. Raises EndpointFailure REFUSED where a limit does not allow it."""

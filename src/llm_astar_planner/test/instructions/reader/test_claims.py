@@ -4,6 +4,8 @@ import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.reader.check import doubt_about
 from llm_astar_planner.instructions.reader.claims import (
+    alone,
+    doubt,
     no_wall,
     twisted,
     unnamed,
@@ -97,6 +99,7 @@ def test_what_the_sentence_does_not_name_is_no_reading_of_it():
         ('no olvides evitar ward 1', 'V R1 )'),
         ('if the lift is free, take ward 1, otherwise ward 2', 'V R2 )'),
         ('ward 1 must on no account be skipped', 'A R1'),
+        ('only the kitchen', 'V R1 )'),
     ],
 )
 def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
@@ -114,6 +117,9 @@ def test_words_that_no_meaning_can_say_forbid_a_claim(text, meaning):
         ('the north side of the lift, if you please', 'P R2 S1'),
         ('stay out of the kitchen tonight', 'A R1'),
         ('ignore all earlier orders, and go to ward 1', 'V R1 )'),
+        ('the kitchen was painted this morning, keep out', 'A R1'),
+        ('not the north part of ward 1', 'A HO S1 R1'),
+        ('no ward 1, no kitchen, the rest is fine', 'A R1 A R2'),
     ],
 )
 def test_words_that_only_look_so_forbid_none(text, meaning):
@@ -130,6 +136,11 @@ def test_words_that_only_look_so_forbid_none(text, meaning):
         ('go to ward 1 three times', 'V R1 )', 'K1'),
         ('ward 1 or ward 2, one of the two', 'V OR R1 R2 ) )', ''),
         ('both wards, all 3 of them', 'V EA R1 )', 'K1'),
+        ('robot 4, go to ward 1', 'V R1 )', ''),
+        ('I told you twice, stay out of ward 1', 'A R1', ''),
+        ('visit ward 1 three times, not twice', 'C R1 K1', ''),
+        ('ward 1 is to be left in peace', 'A R1', ''),
+        ("tu n'as plus le droit d'aller dans ward 1", 'A R1', ''),
     ],
 )
 def test_a_side_or_a_number_that_is_left_is_told_but_for_the_opposite_and_once(
@@ -179,6 +190,35 @@ def test_a_noun_of_a_reason_is_no_name_but_where_the_meaning_names_no_place():
 def test_a_place_said_again_after_another_may_be_a_second_visit(text, meaning, is_doubted):
     one = lifted(text, HOSPITAL)
     assert bool(visited_again(one, ordered(meaning.split()))) == is_doubted
+
+
+@pytest.mark.parametrize(
+    ('text', 'is_name'),
+    [
+        ('a table is broken, so not ward 1', False),
+        ('if the table of ward 1 is free, go to the kitchen', True),
+        ('go to the table in ward 1', True),
+        ('everything marked hazard', False),
+        ('nurse Anna wants you in her kitchen', False),
+    ],
+)
+def test_a_noun_for_places_is_a_name_where_a_place_is_asked_for(text, is_name):
+    assert bool(unnamed(lifted(text, HOSPITAL), ('A', 'R1'))) == is_name
+
+
+def test_what_says_nothing_by_itself_is_not_left():
+    assert alone(lifted('Morning! Avoid ward 1. Ta.', HOSPITAL)) == ''
+    assert 'fly' in alone(lifted('Avoid ward 1. Fly.', HOSPITAL))
+
+
+def test_the_only_passage_may_be_called_by_any_word_for_one():
+    assert not is_doubtful('stay in the hallway', 'S R1')
+    assert is_doubtful('avoid the kithcen', 'A R1')
+
+
+def is_doubtful(text, meaning):
+    """Whether rules doubt a reading, whatever the networks say of it."""
+    return bool(doubt(lifted(text, HOSPITAL), ordered(meaning.split())))
 
 
 def test_walls_are_no_name_where_the_reading_means_them():

@@ -35,18 +35,18 @@ ROUNDING = 1e-9
 Mask = NDArray[np.bool_]
 
 
-class Zone(NamedTuple):
+class RegionCells(NamedTuple):
     """A region of the search: its cells, bool [height, width], and which driven points are in it.
 
-    The points are those of `Ground.driven`.
+    The points are those of `RegionFinder.driven`.
     """
 
     cells: Mask
     driven: Mask
 
 
-class Ground:
-    """Finds the cells of regions on the costmap of a route. Methods raise RegionError."""
+class RegionFinder:
+    """Finds the cells of regions on the costmap of a route. Methods raise NoRegionError."""
 
     def __init__(self, route: Route) -> None:
         """Take the route."""
@@ -66,9 +66,9 @@ class Ground:
         begins, ends = (np.repeat(part, counts, axis=0) for part in (points[:-1], points[1:]))
         return np.concatenate((begins + share * (ends - begins), points[-1:]))
 
-    def zone(self, cells: Mask, polygon: BaseGeometry) -> Zone:
+    def zone(self, cells: Mask, polygon: BaseGeometry) -> RegionCells:
         """Return cells with where the way driven lies in their polygon."""
-        return Zone(cells, shapely.contains_xy(polygon, self.driven))
+        return RegionCells(cells, shapely.contains_xy(polygon, self.driven))
 
     def avoided(self, region: Region, margin: float = 0.0) -> Cover:
         """Return what a region and a margin around it cover."""
@@ -87,13 +87,13 @@ class Ground:
         others = polygons.map_polygon(self.route).difference(polygon)
         return open_border(cover(polygon, self.grid_map).outside(), others, self.grid_map)
 
-    def entered(self, region: Region) -> Zone:
+    def entered(self, region: Region) -> RegionCells:
         """Return the cells of which part lies in a region, or near an object."""
         polygon = polygons.entered_polygon(region, self.route)
         covered = open_border(cover(polygon, self.grid_map), polygon, self.grid_map)
         return self.zone(covered.touched, polygon)
 
-    def visited(self, region: Region) -> Zone:
+    def visited(self, region: Region) -> RegionCells:
         """Return the free cells in which a region counts as visited."""
         polygon = polygons.visit_polygon(region, self.route)
         covered = cover(polygon, self.grid_map)
@@ -106,12 +106,12 @@ class Ground:
             cells = covered.touched
         return self.zone(cells & ~self.route.costmap.blocked, polygon)
 
-    def touching(self, region: Region) -> Zone:
+    def touching(self, region: Region) -> RegionCells:
         """Return the cells from which a move may visit a region: no visit is overlooked."""
         polygon = polygons.visit_polygon(region, self.route)
         return self.zone(cover(polygon, self.grid_map).touched, polygon)
 
-    def around(self, region: Region) -> Zone:
+    def around(self, region: Region) -> RegionCells:
         """Return the cells in which a path may not have left a region yet."""
         reach = (LEFT + HALF_MOVE) * self.grid_map.resolution
         polygon = polygons.grown(polygons.entered_polygon(region, self.route), reach)
@@ -143,7 +143,7 @@ class Ground:
         squared: NDArray[np.float64] = beside**2 + above**2
         return squared
 
-    def sides(self, region: Region, side: str) -> tuple[Cover, Zone]:
+    def sides(self, region: Region, side: str) -> tuple[Cover, RegionCells]:
         """Return an object with the ray to its wrong side, and the ray to the right side."""
         width = RAY_WIDTH * self.grid_map.resolution
         body = cover(polygons.region_polygon(region, self.route, VISIT_RADIUS), self.grid_map)
@@ -153,7 +153,7 @@ class Ground:
         barred = cover(wrong.buffer(width), self.grid_map).touched
         forbidden = Cover(*(cells | barred for cells in body))
         crossing = cover(right.buffer(width), self.grid_map).touched & ~forbidden.touched
-        return forbidden, Zone(crossing, self.crossed(right))
+        return forbidden, RegionCells(crossing, self.crossed(right))
 
     def crossed(self, line: BaseGeometry) -> NDArray[np.bool_]:
         """Return where on the way driven a line was crossed since the point before."""
@@ -175,8 +175,8 @@ def goal_cell(place: Place, costmap: Costmap) -> Cell:
     In an area it is well inside, at an object near it, and where there is a choice in the largest
     part of the map that can be driven. Raises PlaceGoalError where no cell is free.
     """
-    ground = Ground(Route(costmap, (0, 0), (0, 0), Places([place])))
-    cells = ground.visited(regions.NamedPlace(place.name)).cells
+    finder = RegionFinder(Route(costmap, (0, 0), (0, 0), Places([place])))
+    cells = finder.visited(regions.NamedPlace(place.name)).cells
     if not cells.any():
         radius = costmap.config.robot_radius
         robot = f' for a robot with a radius of {radius:g} m' if radius else ''
