@@ -175,9 +175,8 @@ class Bag(AbstractContextManager['Bag']):
         channels = storage.channels
         jumps = [f'{counts[n].jump} of {channels[n].topic}' for n in channels if counts[n].jump]
         for jump in jumps[:1]:
-            self.problems.note(
-                f'{storage.path}: {jump}; the file is read in the order of recording'
-            )
+            what = f'{jump}; the file is read in the order of recording'
+            self.problems.note(f'{storage.path}: {what}')
         self._files.append((storage, bool(jumps)))
         for number, channel in channels.items():
             self._add(channel, counts[number])
