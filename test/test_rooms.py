@@ -15,13 +15,13 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 36_580, 306
+ALL_LINES, ALL_MODULES = 36_570, 306
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 123, 'maps': 1_090, 'messages': 550},
     PLANNER: {
         '': 490,
-        'search': 5_460,
+        'search': 5_450,
         'costmap': 960,
         'planning': 3_990,
         'waypoints': 2_450,

@@ -110,17 +110,13 @@ class PlainSearch(SlicedSearch):
         self.bound = grid.octile(start, goal)
         self.distances, self.active = NO_DISTANCES, NONE_ACTIVE
         if landmarks is not None:
-            active = landmarks.active(grid, start, goal)
-            if active is None:
-                self.status = SearchStatus.EXHAUSTED
-            elif len(active):
-                self.distances, self.active = landmarks.distances, active
-                (row, distance), *_ = active.tolist()
-                self.bound = abs(int(landmarks.distances[row, self.start]) - distance)
+            self.distances = landmarks.distances
+            self.active, self.bound = landmarks.active(self.start, self.goal, self.bound)
         # A free goal that no move leaves cannot be entered either.
         free = grid.without_rules if grid.has_rules else grid
         enclosed = self.start != self.goal and not free.moves[self.goal]
-        if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
+        is_blocked = grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]
+        if enclosed or is_blocked or self.bound == kernels.NO_PATH:
             self.status = SearchStatus.EXHAUSTED
         self._successors = 0
         if every_move or grid.cell_surcharge.size or grid.has_rules:
@@ -255,8 +251,6 @@ class JumpSearch(PlainSearch):
         if grid.cell_surcharge.size or grid.corner_cutting:
             raise ValueError('a jump point search needs uniform costs and no corner cutting')
         super().__init__(grid, start, goal, landmarks)
-        self._control = np.zeros(jump_kernels.J_SIZE, dtype=np.int64)
-        self._control[self.BEST_SLOT] = kernels.NO_PATH
         self._heads = np.empty(jump_kernels.BUCKETS, dtype=np.int32)
         self._found = 0
 
@@ -269,7 +263,7 @@ class JumpSearch(PlainSearch):
             workspace.records, workspace.pool, self._heads, control, quota,
         )  # fmt: skip
         _, origin, bucket, self.best, self.expansions, *others = control.tolist()
-        self.storage, self._found, self.work, _ = others
+        self.storage, self._found, self.work, *_ = others
         self.bound = max(self.bound, min(origin + (bucket << jump_kernels.BUCKET_BITS), self.best))
         if ended in (kernels.FOUND, kernels.EXHAUSTED):
             ended = kernels.FOUND if self.best < kernels.NO_PATH else kernels.EXHAUSTED

@@ -60,7 +60,8 @@ class Workspace:
         # The key of each entry of the pool, for searches that are not led by f alone.
         self.keys = np.empty(self.pool.size, dtype=np.int64)
         self.heads = np.zeros(ring, dtype=np.int32)
-        self.control = np.zeros(kernels.A_SIZE, dtype=np.int64)
+        size = max(kernels.A_SIZE, jump_kernels.J_SIZE)
+        self.control = np.zeros(size, dtype=np.int64)
         self.generation = 0
 
     def grow_pool(self) -> None:
@@ -334,13 +335,13 @@ def path_length(path: Int32s) -> float:
 
 def path_cost(grid: GridGraph, path: Int32s) -> float:
     """Return the cost of a path [n, 2] of single moves in cells, not rounded but as a float."""
-    steps = np.diff(path, axis=0) != 0
-    lengths = np.where(steps[:, 0] & steps[:, 1], math.sqrt(2.0), 1.0)
     if grid.cost is None:
-        return math.fsum(lengths)
-    costs = grid.cost[path[:, 1], path[:, 0]]
-    prices = shares_of(costs, grid.unknown_cost) * grid.cost_multiplier
-    return math.fsum(lengths * (1.0 + (prices[:-1] + prices[1:]) / 2.0))
+        return path_length(path)
+    shares = shares_of(grid.cost[path[:, 1], path[:, 0]], grid.unknown_cost)
+    costs = 1.0 + (shares[:-1] + shares[1:]) * (grid.cost_multiplier / 2.0)
+    steps = path[1:] != path[:-1]
+    diagonals = costs[steps[:, 0] & steps[:, 1]]
+    return float(costs.sum() + (math.sqrt(2.0) - 1.0) * diagonals.sum())
 
 
 def cell_surcharges(
@@ -383,8 +384,9 @@ def surcharges_of(costs: NDArray[Any], cost_multiplier: float, unknown_cost: int
 
 def shares_of(costs: NDArray[Any], unknown_cost: int) -> Float64s:
     """Turn costs 0 to 100 into 0 to 1; those below 0 count as `unknown_cost`."""
-    known = np.where(costs < 0, unknown_cost, np.nan_to_num(costs.astype(np.float64)))
-    return np.asarray(np.clip(known, 0.0, 100.0) / 100.0)
+    known = np.where(costs < 0, unknown_cost, costs.astype(np.float64))
+    # Of a number and NaN, which counts as 0, fmax returns the number.
+    return np.asarray(np.minimum(np.fmax(known, 0.0), 100.0) / 100.0)
 
 
 def whole(shape: tuple[int, ...]) -> Int64s:

@@ -71,7 +71,7 @@ _MIN_PLAIN_STEP = 4
 _PLAIN_SHARE = 4
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class GuidedResult(BoundedResult):
     """A bounded result and what its expansions were for.
 
@@ -81,14 +81,6 @@ class GuidedResult(BoundedResult):
 
     guided_expansions: int = 0
     plain_expansions: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class AnytimeSolution(BoundedResult):
-    """A better path, found while the search goes on: its result if it were stopped here.
-
-    Storage, expanded cells and the first path's figures are not counted yet.
-    """
 
 
 class GuidedSearch:
@@ -115,10 +107,7 @@ class GuidedSearch:
         work_factor: float | None = None,
         recorder: ExpansionRecorder | None = None,
     ) -> None:
-        """Take the query; nothing is searched yet.
-
-        Raises ValueError for a cell off the grid and a number out of its range.
-        """
+        """Take the query; nothing is searched yet. Raises ValueError for a number out of range."""
         bound = problem.max_suboptimality
         if bound is not None and not 1.0 <= bound <= 1000.0:
             raise ValueError(f'max_suboptimality: {bound} is not in 1 to 1000')
@@ -127,8 +116,6 @@ class GuidedSearch:
         if work_factor is not None and not 0.0 <= work_factor <= 1000.0:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
         grid, landmarks = problem.grid, problem.landmarks
-        grid.index(problem.start)
-        grid.index(problem.goal)
         if landmarks is not None and landmarks.distances.shape[1] != grid.moves.size:
             raise ValueError('landmarks: are of a map of another size')
         self.problem, self.weight, self.work_factor = problem, weight, work_factor
@@ -153,10 +140,12 @@ class GuidedSearch:
         if len(points):
             self.inbox.append(points)
 
-    def solutions(self) -> Generator[AnytimeSolution, None, GuidedResult]:
+    def solutions(self) -> Generator[BoundedResult, None, GuidedResult]:
         """Run the search to its end, yield each better path as it is found, return the result.
 
+        Of a better path, storage, expanded cells and the first path's figures are not counted yet.
         Call it once. The caller may close the iterator early; `result` is then of that moment.
+        Raises ValueError for a cell off the grid.
         """
         grid, landmarks = self.problem.grid, self.problem.landmarks
         while True:
@@ -205,7 +194,7 @@ class GuidedSearch:
         self._expansions = self._plain_first = 0
         self._status = self._plain.status
         self._best = self._units = plain_kernels.NO_PATH
-        self._solution: AnytimeSolution | None = None
+        self._solution: BoundedResult | None = None
         self._first = (0, math.inf)
         is_plain = not jumps and not len(self._plain.active)
         measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
@@ -220,7 +209,7 @@ class GuidedSearch:
             most = ROUTE_WORK * self._fewest_moves
             self._along = RouteSearch(self, self._plain, borders, most)
 
-    def _step(self) -> AnytimeSolution | None:
+    def _step(self) -> BoundedResult | None:
         """Search one slice; return the path that it found, None if it is not better."""
         problem = self.problem
         deadline = problem.deadline
@@ -286,7 +275,7 @@ class GuidedSearch:
         self._fewest_moves = moves
         self._plain_first = max(moves, PLAIN_FIRST) if moves >= FAR else 0
 
-    def _take_solution(self, searched: PlainSearch | WaypointSearch) -> AnytimeSolution | None:
+    def _take_solution(self, searched: PlainSearch | WaypointSearch) -> BoundedResult | None:
         """Note the path that the records now hold and return it, None if it is a worse one.
 
         A path may cost less than the goal's g, since a cell on it may have improved after g was
@@ -301,7 +290,7 @@ class GuidedSearch:
         elif cost > self._solution.cost:
             return None
         nothing = np.zeros((0, 0), dtype=np.bool_)
-        self._solution = AnytimeSolution(
+        self._solution = BoundedResult(
             SearchStatus.STOPPED, self._expansions, 0, nothing, path, length, *proven
         )
         self._units = units
@@ -333,7 +322,7 @@ class GuidedSearch:
 
 
 @search_method(uses_waypoints=True, takes_late_waypoints=True)
-def guided_method(problem: SearchProblem) -> Generator[AnytimeSolution, None, GuidedResult]:
+def guided_method(problem: SearchProblem) -> Generator[BoundedResult, None, GuidedResult]:
     """Search along the waypoints of a problem, those included that come in meanwhile."""
     if problem.waypoints:
         problem.arrivals.appendleft(np.array(problem.waypoints, dtype=np.float64))

@@ -24,10 +24,8 @@ from llm_astar_planner.search.arrays import Int32s, Int64s, StopFlag, no_stop
 from llm_astar_planner.search.borders import Borders, Crossing
 from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.result import Cell
 
-# The number of landmarks on large maps; small maps get more, which cost little there. Where fewer
-# fit, on maps of over 1448 x 1448, the borders of tiles lead better.
+# The number of landmarks on large maps; small maps get more, which cost little there.
 COUNT = 8
 MAX_COUNT = 32
 # More than COUNT landmarks are measured only while they fit in so many bytes.
@@ -37,6 +35,8 @@ _SMALL_BYTES = 32 * 1024 * 1024
 MAX_BYTES = 64 * 1024 * 1024
 # One landmark alone proves little: only what lies on a line with it.
 MIN_COUNT = 2
+# Where fewer than COUNT fit, and from so many cells on, the borders of tiles lead better.
+BORDERS_FROM = 1200 * 1200
 # Landmarks that one query uses.
 MAX_ACTIVE = 4
 # Landmarks are measured anew when so much of the map is stricter than what they were measured on
@@ -77,7 +77,7 @@ def can_measure(grid: GridGraph, count: int | None = None, max_bytes: int = MAX_
 class Landmarks:
     """Distances from a few landmarks to every cell of a grid: int32 [count, cells], units.
 
-    Made by `Landmarks.build`, with the `borders` of tiles where few fit. They prove lower
+    Made by `Landmarks.build`, with the `borders` of tiles on large maps. They prove lower
     bounds on that grid and on every grid that only blocks more cells or raises costs; `merge` and
     `repair` make them follow others.
     """
@@ -122,7 +122,7 @@ class Landmarks:
                 return None
             nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
         borders = None
-        if count < COUNT and grid.cell_surcharge.size:
+        if grid.cell_surcharge.size and (count < COUNT or grid.moves.size >= BORDERS_FROM):
             borders = Borders(freest.cells)
             if not any(borders.measure(borders.every, stop)):
                 return None
@@ -142,16 +142,15 @@ class Landmarks:
         stricter = freest.stricter > STALE_SHARE * freest.moves.size
         return stricter or freest.new_cells > freest.free
 
-    def active(self, grid: GridGraph, start: Cell, goal: Cell) -> Int64s | None:
-        """Choose the landmarks that prove most for a query.
+    def active(self, start: int, goal: int, octile: int) -> tuple[Int64s, int]:
+        """Choose the landmarks that prove most between two cells, given by number.
 
-        Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
-        None if they prove that no path joins the cells.
+        Returns int64 [k, 2], a landmark's row and its distance to the goal, and what a path costs
+        at least, all in units: the `octile` distance or more, NO_PATH if there is none.
         """
         active = np.empty((MAX_ACTIVE, 2), dtype=np.int64)
-        cells = grid.index(start), grid.index(goal)
-        count = choose_landmarks(self.distances, *cells, grid.octile(start, goal), active)
-        return None if count < 0 else active[:count]
+        count, bound = choose_landmarks(self.distances, start, goal, octile, active)
+        return active[:count], int(bound)
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from llm_astar_planner.search.landmarks import Landmarks
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SearchProblem:
     """A path to be searched from start to goal, both free cells (x, y) that are connected.
 

@@ -79,7 +79,7 @@ class ProductProblem:
     price: Float32s | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class ProductResult(BoundedResult):
     """A bounded result of a product problem: the optimum if found, but for rounding.
 

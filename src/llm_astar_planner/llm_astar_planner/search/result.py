@@ -30,7 +30,7 @@ def empty_path() -> Int32s:
     return np.empty((0, 2), dtype=np.int32)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class SearchResult:
     """The outcome of one search on a grid.
 
@@ -48,7 +48,7 @@ class SearchResult:
     length: float = float('nan')
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class BoundedResult(SearchResult):
     """A search result with what is proven about its path.
 

@@ -109,7 +109,7 @@ class Tiles:
         if not (0 <= y < labels.shape[0] and 0 <= x < labels.shape[1]):
             return 0
         tile = (y >> shift) * counts.shape[1] + (x >> shift)
-        return int(self.components[nodes[tile] + labels[y, x]])
+        return int(self.components.item(nodes.item(tile) + labels.item(y, x)))
 
     @overload
     def __getitem__(self, index: tuple[int, int]) -> int: ...

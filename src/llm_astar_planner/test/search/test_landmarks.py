@@ -9,6 +9,7 @@ import scipy
 from grids import dijkstra, queries
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from llm_astar_planner.search._kernels.astar import NO_PATH
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.distances import relaxed
 from llm_astar_planner.search.grid_graph import GridGraph
@@ -17,11 +18,9 @@ from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 
 def lower_bound(landmarks, grid, start, goal):
     """What every path costs at least, in cells; inf: there is no path."""
-    active = landmarks.active(grid, start, goal)
-    if active is None:
-        return math.inf
-    gaps = np.abs(landmarks.distances[active[:, 0], grid.index(start)] - active[:, 1])
-    return float(gaps.max(initial=grid.octile(start, goal))) / grid.straight
+    cells = grid.index(start), grid.index(goal)
+    _, bound = landmarks.active(*cells, grid.octile(start, goal))
+    return math.inf if bound == NO_PATH else bound / grid.straight
 
 
 @settings(max_examples=150, deadline=None)

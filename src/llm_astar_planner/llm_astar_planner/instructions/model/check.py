@@ -11,7 +11,7 @@ sentence names nothing is left out, but for one where a word is not known. What 
 for is `Unknown`.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -31,13 +31,11 @@ from llm_astar_planner.instructions.grammar.pieces import Piece
 from llm_astar_planner.instructions.grammar.vocabulary import KINDS, vocabulary
 from llm_astar_planner.instructions.grammar.words import read_words
 from llm_astar_planner.instructions.reader.check import doubt_about, is_likely
-from llm_astar_planner.instructions.reader.lifting import Slot, lifted
+from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Unreadable
 from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.regions import NamedPlace, Region
 from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
-
-TOLERANCE = 1e-3
 
 
 @dataclass(eq=False)
@@ -67,11 +65,8 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
         if clauses and not doubt_about(text, places, in_json(proposed)):
             return within_limits(proposed), ''
     wanted = [usual_form(clause, places) for clause in clauses if not isinstance(clause, Unknown)]
-    parts = [
-        Part(one.at, one.piece, Translation(slots_of(one.piece, text, places), places))
-        for one in reading.parts
-        if not one.is_read
-    ]
+    unread = (one for one in reading.parts if not one.is_read)
+    parts = [Part(one.at, one.piece, translation(one.piece, text, places)) for one in unread]
     said = interpreter.known_visits(reading.parts)
     left = (
         one
@@ -82,9 +77,9 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     return put_together(reading, parts, text)
 
 
-def slots_of(piece: Piece, text: str, places: Places) -> Mapping[str, Slot]:
-    """Return the slots of what a piece of a sentence names."""
-    return lifted(text[piece.start : piece.end], places).slots
+def translation(piece: Piece, text: str, places: Places) -> Translation:
+    """Return what writes clauses with what a piece of a sentence names, and nothing else."""
+    return Translation(lifted(text[piece.start : piece.end], places).slots, places)
 
 
 def in_json(clauses: Sequence[Clause]) -> list[dict[str, Any]]:

@@ -134,11 +134,11 @@ def lifted(text: str, places: Places) -> Lifted:
         name = named(slot, slots)
         token = f'{SIGN}{slot.shown or slot.kind}{name[1:]}'
         # 'The red bathroom painted in crimson' is said once.
-        if tokens[-1:] != [token] or (between and not leads_to_tag(between)):
-            tokens += between
-            if name:
-                slots.setdefault(name, slot)
-                tokens.append(token)
+        is_again = tokens[-1:] == [token] and (not between or leads_to_tag(between))
+        if not is_again:
+            tokens += [*between, *([token] if name else [])]
+        if name:
+            slots.setdefault(name, slot)
         at = max(at, end)
     tokens += [word.text for word in read if word.start >= at]
     return Lifted(tuple(tokens), slots, tuple(lexemes), tuple(words), language)

@@ -202,22 +202,25 @@ def heap_pop(keys: Any, nodes: Any, size: int, by_node: bool) -> Any:
 @jit
 def choose_landmarks(
     landmark_distances: Int32s, start: int, goal: int, octile: int, active: Int64s
-) -> int:
-    """Fill `active` [k, 2] with the landmarks that prove most for a query; return their number.
+) -> tuple[int, int]:
+    """Fill `active` [k, 2] with the landmarks that prove most for a query.
 
     A landmark is its row and its distance to the goal. Those that prove less than half of the
-    octile distance are left out. Returns -1 if they prove that no path joins the cells.
+    octile distance are left out. Returns their number, and what a path costs at least: NO_PATH if
+    none joins the cells.
     """
     count = 0
+    bound: Any = octile
     most = active.shape[0]
     for row in range(landmark_distances.shape[0]):
         first = np.int64(landmark_distances[row, start])
         last = np.int64(landmark_distances[row, goal])
         if (first < 0) != (last < 0):
-            return -1
+            return 0, NO_PATH
         gap = abs(first - last)
         if first < 0 or 2 * gap <= octile:
             continue
+        bound = max(bound, gap)
         # Insertion into the list, the largest gap first.
         place = count
         while place > 0:
@@ -232,7 +235,7 @@ def choose_landmarks(
             active[place, 0] = row
             active[place, 1] = last
             count = min(count + 1, most)
-    return count
+    return count, bound
 
 
 @jit

@@ -68,17 +68,17 @@ def relax(
 
     `step` is 1 on the way down, where these are to the left and above, and -1 on the way up.
     """
-    back = 0 if step < 0 else 1
+    back, lanes = 0 if step < 0 else 1, gain.size
     for _ in range(count):
         by_left, by_above = costs[cell - back, 0], costs[cell - back * LINE, 1]
         by_one = costs[cell - back * (LINE + 1), 2]
         by_other = costs[cell - back * (LINE - 1), 3]
         if min(by_left, by_above, by_one, by_other) < NOWHERE:
-            at, left = np.uint64(cell * PARTS), np.uint64((cell - step) * PARTS)
-            above = np.uint64((cell - step * LINE) * PARTS)
-            one = np.uint64((cell - step * (LINE + 1)) * PARTS)
-            other = np.uint64((cell - step * (LINE - 1)) * PARTS)
-            for number in range(gain.size):
+            at, left = np.uint64(cell * lanes), np.uint64((cell - step) * lanes)
+            above = np.uint64((cell - step * LINE) * lanes)
+            one = np.uint64((cell - step * (LINE + 1)) * lanes)
+            other = np.uint64((cell - step * (LINE - 1)) * lanes)
+            for number in range(lanes):
                 part = np.uint64(number)
                 first = min(frame[left + part] + by_left, frame[above + part] + by_above)
                 second = min(frame[one + part] + by_one, frame[other + part] + by_other)
@@ -94,11 +94,12 @@ def relax_behind(
     frame: Float32s, costs: Float32s, cell: int, count: int, step: int, gain: Float32s
 ) -> None:
     """Lower the distances of a line of cells over the neighbour behind, against `relax`."""
+    lanes = gain.size
     for _ in range(count):
         cost = costs[cell if step > 0 else cell - 1, 0]
         if cost < NOWHERE:
-            at, behind = np.uint64(cell * PARTS), np.uint64((cell + step) * PARTS)
-            for number in range(gain.size):
+            at, behind = np.uint64(cell * lanes), np.uint64((cell + step) * lanes)
+            for number in range(lanes):
                 part = np.uint64(number)
                 frame[at + part] = min(frame[at + part], frame[behind + part] + cost)
         cell -= step
@@ -106,7 +107,7 @@ def relax_behind(
 
 @jit
 def settle(frame: Float32s, costs: Float32s, height: int, width: int, lanes: int) -> None:
-    """Make the distances of a frame [LINE * LINE * PARTS] final, by lines down and up."""
+    """Make the distances of a frame [LINE * LINE * lanes] final, by lines down and up."""
     gain = np.empty(lanes, dtype=np.float32)
     begun = False
     while True:
@@ -135,7 +136,7 @@ def load(
     offsets = np.array([1, width, width + 1, width - 1])
     lengths = np.array([straight, straight, diagonal, diagonal])
     bits = np.array([0, 1, 4, 5])
-    frame[: (lines + 2) * LINE * PARTS] = NOWHERE
+    frame[:] = NOWHERE
     costs[: (lines + 2) * LINE] = NOWHERE
     for y in range(lines):
         for x in range(places):
@@ -199,10 +200,10 @@ def reach_borders(cells: Cells, cell: int, found: Int64s) -> None:
     moves, width = cells.moves, cells.width
     top, left = cell // width >> SIDE_BITS << SIDE_BITS, cell % width >> SIDE_BITS << SIDE_BITS
     lines, places = min(SIDE + 1, moves.size // width - top), min(SIDE + 1, width - left)
-    frame = np.empty(LINE * LINE * PARTS, dtype=np.float32)
+    frame = np.empty((lines + 2) * LINE, dtype=np.float32)
     costs = np.empty((LINE * LINE, 4), dtype=np.float32)
     load(cells, (top, left, lines, places), frame, costs)
-    frame[((cell // width - top + 1) * LINE + cell % width - left + 1) * PARTS] = 0.0
+    frame[(cell // width - top + 1) * LINE + cell % width - left + 1] = 0.0
     settle(frame, costs, lines, places, 1)
     for side in range(4):
         for part in range(PARTS):
@@ -211,7 +212,7 @@ def reach_borders(cells: Cells, cell: int, found: Int64s) -> None:
                 across = SIDE * (side % 2)
                 y, x = (across, place) if side < 2 else (place, across)
                 if y < lines and x < places:
-                    distance = frame[((y + 1) * LINE + x + 1) * PARTS]
+                    distance = frame[(y + 1) * LINE + x + 1]
                     # As the steps of `rows`: larger ones than a float counts are cut off.
                     if distance < NOWHERE:
                         distance = min(int(distance), FAR - 1 << STEP_BITS)

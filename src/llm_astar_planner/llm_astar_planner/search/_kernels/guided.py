@@ -229,6 +229,7 @@ def advance(
     goal, generation = control[G_GOAL], control[G_GENERATION]
     weight, radius = control[G_WEIGHT], control[G_RADIUS]
     reached, lag = control[G_REACHED], control[G_LAG]
+    start, successors = control[G_START], control[G_SUCCESSORS]
     extra = diagonal - straight
     free, top, live = control[G_FREE], control[G_TOP], control[G_LIVE]
     base, bucket, shift = control[G_BASE], control[G_BUCKET], control[G_SHIFT]
@@ -246,7 +247,7 @@ def advance(
     status = shared.RUNNING
     while spent < quota:
         while live > 0:
-            while bucket < last and heads[bucket] == 0:
+            while bucket < last and heads[np.uint64(bucket)] == 0:
                 bucket += 1
             if bucket < last:
                 break
@@ -285,8 +286,8 @@ def advance(
         reached = max(reached, index)
         target_x, target_y, rest = targets[index, 0], targets[index, 1], targets[index, 2]
         # Canonical moves alone could not turn where the targets do.
-        row = control[G_SUCCESSORS] + ((state >> 32 & 7) << 8)
-        if cell == control[G_START] or control[G_SUCCESSORS] == shared.EVERY_MOVE:
+        row = successors + ((state >> 32 & 7) << 8)
+        if cell == start or successors == shared.EVERY_MOVE:
             row = np.int64(shared.EVERY_MOVE)
         mask = np.int64(CANONICAL_SUCCESSORS[np.uint64(row | moves[np.uint64(cell)])])
         price = np.int64(cell_surcharge[np.uint64(cell)]) if graded else 0
@@ -315,7 +316,7 @@ def advance(
             slot = min(max((key - base) >> shift, 0), last)
             bucket = min(bucket, slot)
             entry, free, top = push(pool, heads, slot, np.int64(other) << 32, free, top)
-            keys[entry - 1] = key
+            keys[np.uint64(entry - 1)] = key
             live += 1
     control[G_FREE], control[G_TOP], control[G_LIVE] = free, top, live
     control[G_BASE], control[G_BUCKET], control[G_REACHED] = base, bucket, reached
