@@ -172,13 +172,13 @@ class Bag(AbstractContextManager['Bag']):
         counts: defaultdict[int, RecordedTopic] = defaultdict(RecordedTopic)
         for number, time in storage.stamps():
             counts[number].add(time)
-        found = [(counts[number].jump, item) for number, item in storage.channels.items()]
-        jumps = [f'{jump} of {channel.topic}' for jump, channel in found if jump]
+        channels = storage.channels
+        jumps = [f'{counts[n].jump} of {channels[n].topic}' for n in channels if counts[n].jump]
         for jump in jumps[:1]:
             what = f'{jump}; the file is read in the order of recording'
             self.problems.note(f'{storage.path}: {what}')
         self._files.append((storage, bool(jumps)))
-        for number, channel in storage.channels.items():
+        for number, channel in channels.items():
             self._add(channel, counts[number])
             self._decoder.learn(channel)
         if storage.damage:

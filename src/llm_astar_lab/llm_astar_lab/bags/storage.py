@@ -1,20 +1,25 @@
 # Copyright 2026 The LLM-A* for ROS 2 contributors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The storage files of bags: mcap, read record by record, and sqlite3, of every version."""
+"""The storage files of bags: mcap, read record by record, and sqlite3, of every version.
+
+The readers of mcap and rosbags are for files one trusts. They decompress a chunk to whatever size
+it has, hold all messages of chunks whose times overlap, and run what a database computes: a file
+of 20 kB fills a gigabyte. `mcap.reader` opens every chunk before it yields a message in the order
+of recording, and neither reads on behind damage, or in a file that was cut off. So they are not
+used here; the records of mcap are parsed by its library.
+"""
 
 import sqlite3
 import struct
 import zlib
-from collections import deque
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heappop, heappush
-from io import SEEK_END, BytesIO
-from itertools import pairwise
-from operator import itemgetter
+from io import BytesIO
+from itertools import chain, pairwise, starmap
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import lz4.frame
 import zstandard
@@ -23,7 +28,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as McapChannel
-from mcap.records import Chunk, MessageIndex, Schema
+from mcap.records import Chunk, Schema
 
 # No message and no chunk of messages has more bytes: a chunk is held up to three times while its
 # messages are read. A map of 83 million cells fits.
@@ -32,14 +37,12 @@ LARGEST = 80 * 2**20
 MOST_HELD = 80 * 2**20
 # What a message takes besides its bytes while it is held.
 MESSAGE_BYTES = 300
-# A file with more chunks is read in the order of recording; a chunk with a larger index, in bytes,
-# is opened to count its messages.
-MOST_CHUNKS = 100_000
-MOST_INDEX_BYTES = 8 * 2**20
+# A file with more chunks, or messages outside of chunks, is read in the order of recording.
+MOST_PARTS = 100_000
 # Of topics and types in a file.
 MOST_DESCRIPTIONS = 24 * 2**20
-# A chunk after all others, without messages: its first time (ns), first byte, length and channels.
-LAST = (2**64, 0, 0, frozenset[int]())
+# A part after all others, without messages.
+LAST = (2**64, 0, 0, 0, 0)
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -52,7 +55,14 @@ DAMAGE = (
     McapError, ValueError, RuntimeError, OverflowError, MemoryError, OSError, struct.error,
     zstandard.ZstdError,
 )  # fmt: skip
-TABLES = ('messages', 'topics', 'message_definitions')
+# Of the tables of a bag, one that is a view or virtual, or that has computed columns.
+ODD_TABLE = """
+    SELECT item.name FROM sqlite_master AS item LEFT JOIN pragma_table_xinfo(item.name) AS field
+    WHERE lower(item.name) IN ('messages', 'topics', 'message_definitions')
+    AND (item.type != 'table' OR item.sql LIKE '%VIRTUAL%' OR field.hidden)
+"""
+TIMED = "typeof(timestamp) = 'integer'"
+FITS = f"typeof(data) = 'blob' AND length(data) <= {LARGEST}"
 # Texts are only read where they are no longer; no definition that is used is.
 SHORT = f'length({{}}) <= {2**20}'
 MOST_TOPICS = 10_000
@@ -97,8 +107,9 @@ class McapFile:
         self.damage: str | None = None
         # Schemas and channels by opcode and number.
         self._known: dict[int, dict[int, Any]] = {Opcode.SCHEMA: {}, Opcode.CHANNEL: {}}
-        # Of each chunk: its first time (ns), its first byte and length, its channels.
-        self._chunks: list[tuple[int, int, int, set[int]]] = []
+        # Of each chunk, or message outside of one: its first time (ns), its first byte, opcode and
+        # length, and its channels as the bits of a number, which takes less than a set.
+        self._parts: list[tuple[int, int, int, int, int]] = []
         self._has_index = False
         self._described = 0
         self._size = path.stat().st_size
@@ -113,8 +124,7 @@ class McapFile:
         found = {}
         for number, channel in self._known[Opcode.CHANNEL].items():
             schema = self._known[Opcode.SCHEMA].get(channel.schema_id, NO_SCHEMA)
-            text = schema.data.decode(errors='replace')
-            kind = (schema.name, text, schema.encoding)
+            kind = schema.name, schema.data.decode(errors='replace'), schema.encoding
             found[number] = Channel(channel.topic, *kind, channel.message_encoding)
         return found
 
@@ -123,64 +133,29 @@ class McapFile:
         self._file.close()
 
     def stamps(self) -> Iterator[tuple[int, int]]:
-        """Yield channel and time (ns) of every message, in the order of recording.
-
-        The chunks of a file that was finished are not opened if an index is behind them.
-        """
-        self._file.seek(-len(MAGIC), SEEK_END)
-        is_finished = self._file.read() == MAGIC
+        """Yield channel and time (ns) of every message, in the order of recording."""
         for opcode, place, length in self._walk():
-            if opcode == Opcode.CHUNK and is_finished:
-                yield from self._stamps_of_chunk(place, length)
-            else:
-                self._has_index = self._has_index or opcode == Opcode.CHUNK_INDEX
-                yield from (message[:2] for message in self._messages(opcode, place, length))
-        for _, place, length, channels in self._chunks:
-            # The end of the file need not repeat the topics that are in its chunks.
-            if not channels <= self._known[Opcode.CHANNEL].keys():
-                deque(self._messages(Opcode.CHUNK, place, length), maxlen=0)
-
-    def _stamps_of_chunk(self, place: int, length: int) -> Iterator[tuple[int, int]]:
-        """Yield channel and time (ns) of every message of a chunk; remember the chunk."""
-        start = int.from_bytes(self._file.read(8), 'little')
-        found: list[tuple[int, int]] = []
-        with suppress(*DAMAGE):
-            found = self._index_behind(place + length)
-        found = found or [item[:2] for item in self._messages(Opcode.CHUNK, place, length)]
-        if len(self._chunks) <= MOST_CHUNKS:
-            self._chunks.append((start, place, length, {channel for channel, _ in found}))
-        yield from found
-
-    def _index_behind(self, end: int) -> list[tuple[int, int]]:
-        """Return channel and time of the messages of the chunk before a byte, in their order.
-
-        It is empty without an index. Raises one of DAMAGE.
-        """
-        self._file.seek(end)
-        found: list[tuple[int, int, int]] = []
-        left = MOST_INDEX_BYTES
-        for opcode, _, length in walk_records(self._file, self._size):
-            left -= length
-            if opcode != Opcode.MESSAGE_INDEX:
-                break
-            if left < 0:
-                return []
-            index = MessageIndex.read(ReadDataStream(BytesIO(self._file.read(length))))
-            found += [(offset, index.channel_id, time) for time, offset in index.records]
-        return [(channel, time) for _, channel, time in sorted(found)]
+            self._has_index |= opcode == Opcode.CHUNK_INDEX
+            first, channels = LAST[0], 0
+            for channel, time, _ in self._messages(opcode, place, length):
+                first = min(first, time)
+                channels |= 1 << channel
+                yield channel, time
+            if channels and len(self._parts) <= MOST_PARTS:
+                self._parts.append((first, place, opcode, length, channels))
 
     def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
         """Yield the messages of channels by time; without an index in the order of recording."""
-        if as_recorded or not self._has_index or len(self._chunks) > MOST_CHUNKS:
-            for record in self._walk():
-                yield from (item for item in self._messages(*record) if item.channel in wanted)
+        if as_recorded or not self._has_index or len(self._parts) > MOST_PARTS:
+            found = chain.from_iterable(starmap(self._messages, self._walk()))
+            yield from (item for item in found if item.channel in wanted)
             return
         held: list[tuple[int, int, int, Record]] = []
         size = 0
-        chunks = [chunk for chunk in self._chunks if not chunk[-1].isdisjoint(wanted)]
-        chunks.sort(key=itemgetter(0, 1))
-        for (_, place, length, _), following in pairwise([*chunks, LAST]):
-            for number, message in enumerate(self._messages(Opcode.CHUNK, place, length)):
+        bits = sum(1 << channel for channel in wanted)
+        parts = sorted(part for part in self._parts if part[-1] & bits)
+        for (_, place, opcode, length, _), following in pairwise([*parts, LAST]):
+            for number, message in enumerate(self._messages(opcode, place, length)):
                 if message.channel not in wanted:
                     continue
                 cost = len(message.data) + MESSAGE_BYTES
@@ -189,19 +164,23 @@ class McapFile:
                     break
                 size += cost
                 heappush(held, (message.time, place, number, message))
-            # The next chunk is opened when its first message is due.
+            # The next part is opened when its first message is due.
             while held and held[0][:2] < following[:2]:
                 message = heappop(held)[-1]
                 size -= len(message.data) + MESSAGE_BYTES
                 yield message
 
     def _walk(self) -> Iterator[tuple[int, int, int]]:
-        """Yield opcode, first byte and length of each record, up to where the file is cut off."""
-        self._file.seek(len(MAGIC))
-        is_complete = False
-        for record in walk_records(self._file, self._size):
-            is_complete = is_complete or record[0] in (Opcode.DATA_END, Opcode.FOOTER)
-            yield record
+        """Yield opcode, first byte and length of each record, up to where the file is cut off.
+
+        Zeros, which a power cut may leave at the end of a file, end the records.
+        """
+        place, is_complete = len(MAGIC), False
+        while len(head := self._read(place, RECORD.size)) == RECORD.size and head[0]:
+            opcode, length = RECORD.unpack(head)
+            is_complete = is_complete or opcode in (Opcode.DATA_END, Opcode.FOOTER)
+            yield opcode, place + RECORD.size, length
+            place += RECORD.size + length
         if not is_complete:
             size = f'{self._size} bytes'
             self._note_damage(f'was cut off, at {size}; what was written whole before is read')
@@ -210,62 +189,59 @@ class McapFile:
         """Yield the messages in one record of the file; of a cut chunk, those before the cut."""
         if opcode not in READ:
             return
-        self._file.seek(place)
-        payload = read_payload(self._file, length, self._size)
-        is_whole = len(payload) == length
-        if opcode != Opcode.CHUNK:
-            yield from self._read_record(opcode, payload, place) if is_whole else ()
-            return
+        is_chunk = opcode == Opcode.CHUNK
+        head = 0 if is_chunk else RECORD.size
         try:
-            data = chunk_contents(payload, whole=is_whole)
+            data = self._read(place - head, head + length)
+            data = chunk_contents(data, whole=len(data) == length) if is_chunk else data
         except DAMAGE as why:
-            where = f'the chunk at byte {place - RECORD.size}'
-            self._note_damage(f'{where} is left out: {str(why) or "it is cut off"}')
+            what = 'the chunk' if is_chunk else 'a record'
+            self._leave_out(f'{what} at byte {place - RECORD.size}', why)
             return
-        stream = BytesIO(data)
-        for inner, _, size in walk_records(stream, len(data)):
-            content = read_payload(stream, size, len(data))
-            if len(content) == size:
-                yield from self._read_record(inner, content, place)
+        for kind, payload in records_in(data):
+            try:
+                if kind == Opcode.MESSAGE:
+                    channel, _, time, _ = MESSAGE.unpack_from(payload)
+                    yield Record(channel, time, payload[MESSAGE.size :])
+                elif kind in DESCRIPTIONS:
+                    self._describe(kind, payload)
+            except DAMAGE as why:  # noqa: PERF203 - the record alone is left out
+                self._leave_out(f'a record at byte {place}', why)
 
-    def _read_record(self, opcode: int, payload: bytes, place: int) -> Iterator[Record]:
-        """Yield a message; remember a schema or a channel, if they do not take too many bytes."""
-        try:
-            if opcode == Opcode.MESSAGE:
-                channel, _, time, _ = MESSAGE.unpack_from(payload)
-                yield Record(channel, time, payload[MESSAGE.size :])
-                return
-            found = DESCRIPTIONS[opcode].read(ReadDataStream(BytesIO(payload)))
-            # Files repeat them in each chunk.
-            self._described += len(payload) if found.id not in self._known[opcode] else 0
-            if self._described > MOST_DESCRIPTIONS:
-                raise ValueError(f'topics and types take over {MOST_DESCRIPTIONS} bytes')
-            self._known[opcode].setdefault(found.id, found)
-        except DAMAGE as why:
-            reason = str(why) or 'it is cut off'
-            self._note_damage(f'a record at byte {place} is left out: {reason}')
+    def _read(self, place: int, length: int) -> bytes:
+        """Read from a byte on, as far as the file goes. Raises ValueError for over LARGEST."""
+        length = max(0, min(length, self._size - place))
+        if length > LARGEST:
+            raise ValueError(f'it has {length} bytes')
+        self._file.seek(min(place, self._size))
+        return self._file.read(length)
+
+    def _describe(self, opcode: int, payload: bytes) -> None:
+        """Remember a schema or a channel. Raises one of DAMAGE, also where they take too much."""
+        known = self._known[opcode]
+        found = DESCRIPTIONS[opcode].read(ReadDataStream(BytesIO(payload)))
+        # Files repeat them in each chunk.
+        self._described += len(payload) if found.id not in known else 0
+        if self._described > MOST_DESCRIPTIONS:
+            raise ValueError(f'topics and types take over {MOST_DESCRIPTIONS} bytes')
+        known.setdefault(found.id, found)
+
+    def _leave_out(self, what: str, why: Exception) -> None:
+        self._note_damage(f'{what} is left out: {str(why) or "it is cut off"}')
 
     def _note_damage(self, what: str) -> None:
         self.damage = self.damage or f'{self.path}: {what}'
 
 
-def walk_records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, first byte and length of each record from here on.
-
-    Who takes one may read on in `stream` and elsewhere. Zeros, which a power cut may leave at the
-    end of a file, end the records.
-    """
-    while len(head := stream.read(RECORD.size)) == RECORD.size and head[0]:
+def records_in(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and contents of each record that is whole."""
+    end = 0
+    while len(head := data[end : end + RECORD.size]) == RECORD.size and head[0]:
         opcode, length = RECORD.unpack(head)
-        place = stream.tell()
-        yield opcode, place, length
-        stream.seek(min(place + length, size))
-
-
-def read_payload(stream: BinaryIO, length: int, size: int) -> bytes:
-    """Read a record, or what is there of it; nothing of one that is larger than LARGEST."""
-    length = min(length, size - stream.tell())
-    return stream.read(length) if length <= LARGEST else b''
+        begin = end + RECORD.size
+        end = begin + length
+        if end <= len(data):
+            yield opcode, data[begin:end]
 
 
 def chunk_contents(payload: bytes, *, whole: bool) -> bytes:
@@ -326,23 +302,17 @@ class SqliteFile:
 
     def stamps(self) -> Iterator[tuple[int, int]]:
         """Yield channel and time (ns) of every message, in the order of recording."""
-        for number, time in self._rows('SELECT topic_id, timestamp FROM messages ORDER BY id'):
-            if isinstance(time, int):
-                yield number, time
+        return self._rows('topic_id, timestamp', TIMED, 'id')
 
     def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
         """Yield the messages of channels, in order of time or of recording."""
-        query = (
-            'SELECT topic_id, timestamp, data FROM messages '  # noqa: S608 - numbers alone
-            f'WHERE topic_id IN ({",".join(map(str, wanted))}) AND length(data) <= {LARGEST} '
-            f'ORDER BY {"id" if as_recorded else "timestamp, id"}'
-        )
-        for number, time, data in self._rows(query):
-            if isinstance(time, int) and isinstance(data, bytes):
-                yield Record(number, time, data)
+        condition = f'{TIMED} AND {FITS} AND topic_id IN ({",".join(map(str, wanted))})'
+        order = 'id' if as_recorded else 'timestamp, id'
+        return map(Record._make, self._rows('topic_id, timestamp, data', condition, order))
 
-    def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
-        """Yield the rows of a query, up to where the file is damaged."""
+    def _rows(self, columns: str, condition: str, order: str) -> Iterator[Any]:
+        """Yield the messages that meet a condition, up to where the file is damaged."""
+        query = f'SELECT {columns} FROM messages WHERE {condition} ORDER BY {order}'  # noqa: S608
         count = 0
         try:
             for count, row in enumerate(self._database.execute(query), start=1):  # noqa: B007
@@ -377,14 +347,8 @@ def check_tables(database: sqlite3.Connection) -> None:
 
     What these yield takes as much time and memory as their author likes.
     """
-    for name in TABLES:
-        found = database.execute(
-            'SELECT type, sql FROM sqlite_master WHERE lower(name) = ?', (name,)
-        ).fetchall()
-        plain = all(kind == 'table' and 'VIRTUAL' not in str(sql).upper() for kind, sql in found)
-        columns = database.execute('SELECT hidden FROM pragma_table_xinfo(?)', (name,))
-        if not plain or any(hidden for (hidden,) in columns):
-            raise ValueError(f'{name} is no plain table')
+    if found := database.execute(ODD_TABLE).fetchone():
+        raise ValueError(f'{found[0]} is no plain table')
 
 
 Storage = McapFile | SqliteFile

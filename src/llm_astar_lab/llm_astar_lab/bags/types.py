@@ -70,14 +70,12 @@ class TypeDefinition(NamedTuple):
 def bag_types() -> Typestore:
     """Return Jazzy's message types and the events of nav_msgs/srv/GetPlan."""
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    constants, fields = store.fielddefs[EVENT_INFO_TYPE]
-    # rosidl reads `char` as uint8, also for the type's hash, but rosbags does not.
-    as_bytes: Any = (Nodetype.ARRAY, ((Nodetype.BASE, ('uint8', 0)), 16))
-    known = [(name, as_bytes if name == 'client_gid' else tree) for name, tree in fields]
-    store.fielddefs[EVENT_INFO_TYPE] = constants, known
     modules = [line for line in GET_PLAN_EVENT_IDL.splitlines() if line.startswith('module')]
     types = typesys.get_types_from_idl('\n'.join(modules))
-    store.register({name: tree for name, tree in types.items() if '/srv/' in name})
+    # rosidl reads its `char` as uint8, also for the type's hash, but rosbags does not.
+    constants, _ = store.fielddefs.pop(EVENT_INFO_TYPE)
+    types[EVENT_INFO_TYPE] = constants, types[EVENT_INFO_TYPE][1]
+    store.register({name: tree for name, tree in types.items() if name not in store.fielddefs})
     return store
 
 

@@ -4,12 +4,13 @@ import random
 import sqlite3
 import struct
 import tracemalloc
+from contextlib import closing
 
 import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag, write_split
 from llm_astar_lab.bags.reading import Bag, Problems, unpack
-from llm_astar_lab.bags.storage import LARGEST, BagError, unzstd
+from llm_astar_lab.bags.storage import LARGEST, BagError, McapFile, unzstd
 from llm_astar_lab.bags.types import bag_types, define
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
@@ -171,6 +172,29 @@ def test_files_are_read_without_parts_of_their_summary(tmp_path, index_types, op
     assert not problems.left_out
 
 
+@pytest.mark.parametrize('missing', [1, 8, 30, 200, 400])
+def test_a_file_cut_off_in_its_summary_gives_every_message(tmp_path, missing):
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.ZSTD, chunk_size=500)
+    file.write_bytes(file.read_bytes()[:-missing])
+    assert read(file)[0] == SEEN
+
+
+@pytest.mark.parametrize('opcode', [6, 7, 99])
+def test_a_record_of_another_kind_within_a_chunk_is_skipped(tmp_path, opcode):
+    record = struct.pack('<BQ', opcode, 3) + b'abc'
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE, use_chunking=False)
+    # Its header record has 8 bytes of magic before it; the data end stands before its summary.
+    data = file.read_bytes()
+    begin = 8 + 9 + struct.unpack_from('<Q', data, 9)[0]
+    content = record + data[begin : data.index(struct.pack('<BQ', 15, 4))] + record
+    head = struct.pack('<QQQII', 0, 0, len(content), 0, 0) + struct.pack('<Q', len(content))
+    chunk = struct.pack('<BQ', 6, len(head) + len(content)) + head + content
+    file.write_bytes(data[:begin] + chunk + struct.pack('<BQI', 15, 4, 0))
+    found, problems = read(file)
+    assert found == SEEN
+    assert not problems.left_out
+
+
 def test_a_cut_chunk_gives_the_messages_before_the_cut(tmp_path):
     file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE)
     whole = file.read_bytes()
@@ -204,6 +228,26 @@ def test_records_larger_than_any_message_are_not_read_into_memory(tmp_path, opco
         tracemalloc.stop()
 
 
+def test_memory_does_not_grow_with_the_chunks_that_hold_every_topic(tmp_path):
+    file = tmp_path / 'topics.mcap'
+    with file.open('wb') as stream:
+        writer = McapWriter(stream, chunk_size=8000)
+        writer.start(profile='ros2')
+        text = writer.register_schema('std_msgs/msg/String', 'ros2msg', b'string data')
+        topics = [writer.register_channel(f'/t{n}', 'cdr', text) for n in range(200)]
+        for stamp in range(200 * 200):
+            writer.add_message(topics[stamp % 200], stamp, b'\0\1\0\0', stamp)
+        writer.finish()
+    with closing(McapFile(file)) as storage:
+        next(stamps := storage.stamps())
+        tracemalloc.start()
+        try:
+            assert sum(1 for _ in stamps) == 200 * 200 - 1
+            assert tracemalloc.get_traced_memory()[0] < 500_000
+        finally:
+            tracemalloc.stop()
+
+
 def test_a_chunk_with_more_bytes_than_it_says_is_left_out(tmp_path):
     data = zstandard.ZstdCompressor().compress(bytes(1_000_000))
     chunk = struct.pack('<QQQII', 0, 1, 1000, 0, 4) + b'zstd' + struct.pack('<Q', len(data)) + data
@@ -233,6 +277,16 @@ def test_a_chunk_with_a_wrong_checksum_is_left_out_and_the_rest_is_read(tmp_path
     found, problems = read(file)
     assert found == SEEN[1:]
     assert 'its checksum is wrong' in problems.left_out[0]
+
+
+def test_an_open_bag_counts_what_can_be_read_and_names_what_cannot(tmp_path):
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE, chunk_size=100)
+    data = bytearray(file.read_bytes())
+    data[data.index(bytes(bag_types().serialize_cdr(DAY[0][2], TYPES['/map']))) + 40] ^= 0xFF
+    file.write_bytes(data)
+    with Bag(file) as bag:
+        assert bag.topics['/map'].count == 1
+        assert 'its checksum is wrong' in bag.problems.left_out[0]
 
 
 def test_a_database_that_is_cut_off_is_read_up_to_there(tmp_path):
