@@ -15,7 +15,7 @@ SOURCE = Path(__file__).resolve().parents[1] / 'src'
 ADAPTER, PLANNER, LAB = 'llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab'
 # Lines of code, without blank lines, comments and docstrings, and modules of all three packages.
 # The aim is 35,000 lines: what is deleted lowers the limits.
-ALL_LINES, ALL_MODULES = 36_570, 306
+ALL_LINES, ALL_MODULES = 36_530, 306
 # And lines of each room; '' is what lies beside a package's rooms.
 LIMITS = {
     ADAPTER: {'': 123, 'maps': 1_090, 'messages': 550},
@@ -31,7 +31,7 @@ LIMITS = {
     },
     LAB: {
         '': 20,
-        'bags': 780,
+        'bags': 740,
         'evaluation': 520,
         'datasets': 410,
         'runner': 550,

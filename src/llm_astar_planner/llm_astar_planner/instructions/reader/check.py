@@ -24,7 +24,9 @@ CERTAIN = 0.85
 # The least weight of what the grammar may claim, set in the same way.
 LIKELY = -4.0
 # The least weight of what another reader proposes: it and the networks do not err alike.
-PROPOSED = -2.0
+PROPOSED = -1.5
+# A longer meaning counts as if it had so many tokens: each of them is doubted a little.
+SHORT = 4
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
 RENUMBERED, TRUST = 1, 0.2
 Names = Mapping[str, str]
@@ -56,7 +58,8 @@ class Views:
     def opinions(self, clauses: Clauses) -> tuple[list[float], float]:
         """Return the log probability that each reader gives a meaning, and the checker's log odds.
 
-        Both on average over the numberings; the networks are asked once of each meaning.
+        Both on average over the numberings, the first as of a SHORT meaning; the networks are
+        asked once of each.
         """
         if clauses not in self._opinions:
             tokens = list(meaning.flat(clauses))
@@ -64,7 +67,8 @@ class Views:
                 meaning.told_in_turn(sentence, renamed(tokens, names))
                 for sentence, names in zip(self.sentences, self.names)
             ]
-            likely = [float(read.log_probabilities(said).mean()) for read in self.read]
+            share = min(1.0, SHORT / max(1, len(tokens)))
+            likely = [float(read.log_probabilities(said).mean()) * share for read in self.read]
             agreed = float(network.agreement(self.read[0], said).mean())
             self._opinions[clauses] = likely, agreed
         return self._opinions[clauses]

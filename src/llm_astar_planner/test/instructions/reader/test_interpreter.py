@@ -86,7 +86,7 @@ def test_only_slots_of_the_sentence_are_written():
             'reader',
             ['visit the ward 1', 'visit the ward 2', 'end in the kitchen'],
         ),
-        ('not ward 1, ward 2', 'UNSURE', 'reader', ['visit the ward 2', 'avoid the ward 1']),
+        ('not ward 1, ward 2', 'WHOLE', 'reader', ['visit the ward 2', 'avoid the ward 1']),
         ('avoid the kitchen', 'WHOLE', 'grammar', ['avoid the kitchen']),
         ('avoid x > 4', 'WHOLE', 'grammar', ['avoid the area with x above 4']),
     ],
