@@ -31,7 +31,7 @@ PLACES = {
 }
 ALIASES = {'dock': ['loading bay']}
 # Past what the grammar reads, but the names stand in it.
-FREE_WORDING = 'visit the dock and treat the lab as if it were lava'
+FREE_WORDING = 'visit the dock and regard the lab as a hornets nest'
 REPLY = '{"clauses": [{"do": "visit", "where": "dock"}, {"do": "avoid", "where": "lab"}]}'
 
 

@@ -151,8 +151,9 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     """Return the reading to use, with the seconds, tokens and reasons of all.
 
     That is a whole one without guesses, else the one with most clauses that stand in the sentence;
-    of equal ones one that the networks do not doubt, then a whole one, then the earlier, since the
-    surest interpreter comes first. Where none is whole and one has yet to answer, it is PENDING.
+    of equal ones one that the networks do not doubt, then a whole one, then one that is not of the
+    small reader, then the earlier, since the surest interpreter comes first. Where none is whole
+    and one has yet to answer, it is PENDING.
     """
     best = max(readings, key=rank)
     others = [] if best.is_read else [part.detail for part in readings if part is not best]
@@ -167,12 +168,13 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     )
 
 
-def rank(reading: Interpretation) -> tuple[bool, float, bool, bool]:
+def rank(reading: Interpretation) -> tuple[bool, float, bool, bool, bool]:
     """Return what readings are compared by; the greatest is the best. A guess counts half."""
     known = reading.specification.enforceable
     sure = reading.is_whole and bool(known) and not any(clause.unsure for clause in known)
     count = sum(0.5 if clause.unsure else 1.0 for clause in known)
-    return sure, count, reading.detail != UNLIKELY, reading.is_read
+    is_other = reading.understood_by != READER
+    return sure, count, reading.detail != UNLIKELY, reading.is_read, is_other
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:

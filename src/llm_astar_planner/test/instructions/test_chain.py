@@ -85,6 +85,14 @@ def test_the_fuller_of_two_partial_readings_is_taken_and_the_first_of_equal_ones
     assert found.detail == 'grammar; model'
 
 
+def test_of_two_questions_the_model_is_asked_about_rather_than_the_reader():
+    asked = (replace(KITCHEN, unsure='?'),)
+    reader = Scripted('reader', Understanding.UNSURE, asked)
+    model = Scripted('model', Understanding.UNSURE, asked)
+    found = ChainInterpreter([reader, model]).interpret('a', NO_PLACES, 1.0)
+    assert found.understood_by == 'model'
+
+
 def test_a_sentence_is_paid_for_once_for_the_same_places():
     model = Scripted('model')
     chain = ChainInterpreter([partial(), model])

@@ -16,6 +16,8 @@ from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.specification import from_json
 
 TEXT = 'avoid ward 2 and drive through the corridor'
+# What the networks ask about too.
+MISSPELT = 'avoid ward 2 and drive through the pharmcy'
 
 
 def read(confirmations=None, text=TEXT):
@@ -81,13 +83,13 @@ def test_the_current_instruction_is_confirmed_and_stays_so():
     changes = []
     held = CurrentInstruction(InstructionReader(None), lambda: changes.append(held.instruction))
     assert not held.confirm(True)
-    held.set(TEXT, HOSPITAL)
+    held.set(MISSPELT, HOSPITAL)
     assert held.questions
     assert held.confirm(True)
     assert held.instruction.interpretation.status is Understanding.WHOLE
     assert not held.confirm(True)
     held.set('', HOSPITAL)
-    held.set(TEXT, HOSPITAL)
+    held.set(MISSPELT, HOSPITAL)
     assert held.instruction.interpretation.status is Understanding.WHOLE
     assert len(changes) == 4
 
@@ -95,7 +97,7 @@ def test_the_current_instruction_is_confirmed_and_stays_so():
 def test_an_answer_that_cannot_be_kept_holds_all_the_same(tmp_path):
     path = tmp_path / 'answers.json'
     held = CurrentInstruction(InstructionReader(None, Confirmations(path)), lambda: None)
-    held.set(TEXT, HOSPITAL)
+    held.set(MISSPELT, HOSPITAL)
     path.write_text('spoilt')
     with pytest.raises(ConfirmationsError, match=r'answers\.json'):
         held.confirm(True)
@@ -104,7 +106,7 @@ def test_an_answer_that_cannot_be_kept_holds_all_the_same(tmp_path):
 
 def test_the_current_instruction_is_refused():
     held = CurrentInstruction(InstructionReader(None), lambda: None)
-    held.set(TEXT, HOSPITAL)
+    held.set(MISSPELT, HOSPITAL)
     held.confirm(False)
     interpretation = held.instruction.interpretation
     assert interpretation.status is Understanding.PARTLY
