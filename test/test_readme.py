@@ -207,12 +207,13 @@ def run_page(page, folder, programs, domain=1, slow=False):
     return [(command, *outcome(steps / str(number))) for number, command in enumerate(todo)]
 
 
-def call_page(page, folder, begun):
+def call_page(page, folder, programs, begun):
     """Run the commands of a page as run_page does, in this process those that had begun."""
     write_files(folder)
     todo = [one for one in commands(page) if not reason_not_to_run(one)]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setenv('PATH', str(programs), prepend=os.pathsep)
         return [(command, *call(shortened(command), begun)) for command in todo]
 
 
@@ -267,7 +268,7 @@ def run_pages(tmp_path_factory, programs, slow=False):
         ran = pool.map(run, started)
         begun = set()
         called = {
-            page.name: call_page(page, tmp_path_factory.mktemp(page.stem), begun)
+            page.name: call_page(page, tmp_path_factory.mktemp(page.stem), programs, begun)
             for page in PAGES
             if page not in started
         }
