@@ -281,7 +281,7 @@ class CompileReport:
         return f'{ANNOUNCEMENT}: {self._who_waits} wait for {EXPECTED}{where}'
 
     def finish(self, what: str = '') -> None:
-        """Report that `what` is compiled, if anything had to be."""
+        """Report the end, and `what` goes on now, if anything had to be compiled."""
         if self.is_compiling:
             then = f': {what}' if what else ''
             self._say(f'searches compiled in {time.monotonic() - self._began:.1f} s{then}')
@@ -291,7 +291,11 @@ class CompileReport:
 def compile_progress(
     say: Callable[[str], None] | None = None, who_waits: str = '', what: str = ''
 ) -> Iterator[None]:
-    """Say what this thread compiles; in a node who waits for it, and `what` is then."""
+    """Report what this thread compiles: that it begins, how far it is, and the end.
+
+    `say` gets the sentences, standard error without it. In a node `who_waits` names what waits for
+    the end, and `what` says what goes on then.
+    """
     report = CompileReport(say or partial(print, file=sys.stderr, flush=True), who_waits)
     with compilations(report.note):
         yield

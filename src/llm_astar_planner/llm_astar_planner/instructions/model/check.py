@@ -35,7 +35,12 @@ from llm_astar_planner.instructions.reader.lifting import lifted
 from llm_astar_planner.instructions.reader.meaning import UNKNOWN, Unreadable
 from llm_astar_planner.instructions.reader.translation import Translation
 from llm_astar_planner.instructions.regions import NamedPlace, Region
-from llm_astar_planner.instructions.specification import MAX_CLAUSES, MAX_VISITS, Specification
+from llm_astar_planner.instructions.specification import (
+    MAX_CLAUSES,
+    MAX_VISITS,
+    Specification,
+    clause_to_json,
+)
 
 
 @dataclass(eq=False)
@@ -84,8 +89,7 @@ def translation(piece: Piece, text: str, places: Places) -> Translation:
 
 def in_json(clauses: Sequence[Clause]) -> list[dict[str, Any]]:
     """Return clauses in JSON."""
-    found: list[dict[str, Any]] = Specification(tuple(clauses)).to_json()['clauses']
-    return found
+    return [clause_to_json(clause) for clause in clauses]
 
 
 def usual_form(clause: Clause, places: Places) -> Clause:

@@ -25,8 +25,9 @@ CERTAIN = 0.85
 LIKELY = -4.0
 # The least weight of what another reader proposes: it and the networks do not err alike.
 PROPOSED = -1.5
-# A longer meaning counts as if it had so many tokens: each of them is doubted a little.
-SHORT = 4
+# The log probability of a longer meaning is scaled as if it had so many tokens, since every token
+# adds a little doubt.
+USUAL_TOKENS = 4
 # How often the slots of a sentence are numbered anew; what the checker counts beside the readers.
 RENUMBERED, TRUST = 1, 0.2
 Names = Mapping[str, str]
@@ -58,8 +59,8 @@ class Views:
     def opinions(self, clauses: Clauses) -> tuple[list[float], float]:
         """Return the log probability that each reader gives a meaning, and the checker's log odds.
 
-        Both on average over the numberings, the first as of a SHORT meaning; the networks are
-        asked once of each.
+        Both on average over the numberings, the first scaled to USUAL_TOKENS; the networks are
+        asked once about each meaning.
         """
         if clauses not in self._opinions:
             tokens = list(meaning.flat(clauses))
@@ -67,7 +68,7 @@ class Views:
                 meaning.told_in_turn(sentence, renamed(tokens, names))
                 for sentence, names in zip(self.sentences, self.names)
             ]
-            share = min(1.0, SHORT / max(1, len(tokens)))
+            share = min(1.0, USUAL_TOKENS / max(1, len(tokens)))
             likely = [float(read.log_probabilities(said).mean()) * share for read in self.read]
             agreed = float(network.agreement(self.read[0], said).mean())
             self._opinions[clauses] = likely, agreed

@@ -11,16 +11,11 @@ Rules for conditions on places, wishes, ends and unknown words were not kept.
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from zlib import crc32
 
 from llm_astar_planner.instructions.grammar.selection import OPPOSITE, WALL
-from llm_astar_planner.instructions.grammar.vocabulary import (
-    KINDS,
-    SAID,
-    Vocabulary,
-    nouns,
-    vocabulary,
-)
+from llm_astar_planner.instructions.grammar.vocabulary import KINDS, SAID, nouns, vocabulary
 from llm_astar_planner.instructions.grammar.words import comparable, phrase_words
 from llm_astar_planner.instructions.reader.lifting import SIGN, Lifted, is_letter, slot_name
 from llm_astar_planner.instructions.reader.meaning import (
@@ -88,7 +83,7 @@ def unused(one: Lifted, tokens: Collection[str]) -> str:
     counted = {2} if 'OR' in tokens else set()
     if EACH in tokens:
         counted |= {len(one.slots[token].members) for token in tokens if token in one.slots}
-    told = {slot_name(token) for token in pruned(one) if token[0] == SIGN}
+    told = {slot_name(token) for token in relevant(one) if token[0] == SIGN}
     for name, slot in one.slots.items():
         is_said = name in tokens or name[0] == 'R' or name not in told
         is_contrast = name[0] == 'S' and slot.value in opposites
@@ -99,9 +94,9 @@ def unused(one: Lifted, tokens: Collection[str]) -> str:
     return ''
 
 
-def pruned(one: Lifted) -> list[str]:
-    """Return the tokens of a sentence without those that say nothing of the way."""
-    return SAID['idle'].sub(' ', ' '.join(one.tokens)).split()
+def relevant(one: Lifted) -> list[str]:
+    """Return the tokens of a sentence without those that say nothing about the route."""
+    return SAID['irrelevant'].sub(' ', ' '.join(one.tokens)).split()
 
 
 def leftover(one: Lifted) -> str:
@@ -117,7 +112,7 @@ def twisted(one: Lifted, meaning: Collection[str]) -> str:
     'The corner of the lab', 'no more than 2 m from it', 'when it rains, go', 'Anna will go'; and
     those that ask for what a path does not have, where the meaning leaves it out.
     """
-    rest = pruned(one)
+    rest = relevant(one)
     said = ' '.join(rest)
     found = [token for token in rest if SAID['partial'].fullmatch(token)]
     if not any(token.startswith('U_') for token in meaning):
@@ -150,8 +145,8 @@ def visited_again(one: Lifted, clauses: Sequence[Parts]) -> str:
 
 
 @dataclass(frozen=True)
-class Around:
-    """A word of a sentence between the tokens before and after it; '' where there are none."""
+class WordInContext:
+    """A word of a sentence with the tokens around it, '' where there are none."""
 
     one: Lifted
     earlier: str
@@ -159,18 +154,14 @@ class Around:
     word: str
     after: str
 
-    @property
-    def words(self) -> Vocabulary:
-        """The words of the language of the sentence."""
-        return vocabulary(self.one.language)
-
-    def kinds(self, token: str) -> set[str]:
+    def kinds(self, token: str) -> frozenset[str]:
         """Return the kinds of lexemes that a token may be."""
-        return {found[0][0] for found in self.words.phrases.exactly([token])}
+        return kinds_of(token, self.one.language)
 
     def is_article(self, token: str) -> bool:
         """Whether a token is left out before a name."""
-        return token in self.words.articles or token in self.words.any_articles
+        words = vocabulary(self.one.language)
+        return token in words.articles or token in words.any_articles
 
     @property
     def is_seen(self) -> bool:
@@ -242,6 +233,12 @@ class Around:
         return bool(SAID[name].fullmatch(self.word)) and 'WALLS' not in meaning
 
 
+@lru_cache(maxsize=4096)
+def kinds_of(token: str, language: str) -> frozenset[str]:
+    """Return the kinds of lexemes that a token may be in a language."""
+    return frozenset(found[0][0] for found in vocabulary(language).phrases.exactly([token]))
+
+
 def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     """Return a word that may be a name, or a part of one, that the map does not have; '' for none.
 
@@ -251,7 +248,7 @@ def unnamed(one: Lifted, meaning: Collection[str]) -> str:
     has_place = PLACELESS.isdisjoint(meaning)
     tokens = ('', '', *one.tokens, '')
     for around in zip(tokens, tokens[1:], one.tokens, tokens[3:]):
-        word = Around(one, *around)
+        word = WordInContext(one, *around)
         if not word.word.isalpha() or word.is_meant(meaning):
             continue
         if word.is_name(has_place=has_place):
