@@ -143,7 +143,7 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	$(BIN)/python -m pip install --disable-pip-version-check \
 		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
-	@echo 'compiling the searches'
+	@echo 'compiling the searches: a minute or two'
 	@$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \
 		c.compile_kernels(); c.compile_instruction_kernels()'
 	@touch $@
