@@ -258,17 +258,19 @@ def problem(command, code, printed):
 def run_pages(tmp_path_factory, programs, slow=False):
     """Run all pages, two at a time, each in a ROS domain of its own; return outcomes by page."""
 
+    # Made here: the first folder of two threads at once would delete the other's.
+    folders = {page: tmp_path_factory.mktemp(page.stem) for page in PAGES}
+
     def run(page):
-        folder = tmp_path_factory.mktemp(page.stem)
         domain = 1 + (os.getpid() + PAGES.index(page)) % 39
-        return run_page(page, folder, programs, domain, slow)
+        return run_page(page, folders[page], programs, domain, slow)
 
     started = [page for page in PAGES if slow or page.name in STARTED]
     with ThreadPoolExecutor(2 if slow else 1) as pool:
         ran = pool.map(run, started)
         begun = set()
         called = {
-            page.name: call_page(page, tmp_path_factory.mktemp(page.stem), programs, begun)
+            page.name: call_page(page, folders[page], programs, begun)
             for page in PAGES
             if page not in started
         }
